@@ -287,15 +287,15 @@ def stored_curve(result: CurveResult, wing_area_m2: float, idle_W: float | None 
 
     idle_W : instead of what the results know
     """
-    found = result.statistics
-    if not isinstance(found, PowerStatistics):
+    statistics = result.statistics
+    if not isinstance(statistics, PowerStatistics):
         return None
-    shared = {name: np.array(change) for name, change in found.shared.items()}
+    shared = {name: np.array(change) for name, change in statistics.shared.items()}
     return Curve(
         kind=Kind.ELECTRICAL,
         condition=Condition(result.condition.weight_N, result.condition.air_density_kgpm3, wing_area_m2),
-        V_mps=np.array(found.speed_mps),
-        power_W=Uncertain(np.array(found.power_W), np.array(found.own_covariance), shared),
+        V_mps=np.array(statistics.speed_mps),
+        power_W=Uncertain(np.array(statistics.power_W), np.array(statistics.own_covariance), shared),
         idle_W=result.idle_power_W if idle_W is None else idle_W,
     )
 

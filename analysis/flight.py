@@ -85,7 +85,7 @@ class Recorded:
 
     def known(self) -> dict[str, Any]:
         """All fields by name, for the record of the next step."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,10 +151,10 @@ class FlightPath(NamedTuple):
 def recorded(log: Log, replacements: Replacements, progress: Progress = lambda _: None) -> Recorded:
     """Raises InputError when the log lacks something that nothing replaces, or cannot be decoded."""
     check_decodable(log)
-    found = contents(log, replacements)
-    notes = (*found.notes, *receiver_notes(log))
+    log_contents = contents(log, replacements)
+    notes = (*log_contents.notes, *receiver_notes(log))
     fix = fix_of_log(log, first_ns(log))
-    return Recorded(log=log, replacements=replacements, contents=found, fix=fix, notes=notes, progress=progress)
+    return Recorded(log=log, replacements=replacements, contents=log_contents, fix=fix, notes=notes, progress=progress)
 
 
 def synchronized(flight: Recorded) -> Measured:
@@ -227,7 +227,7 @@ def flight_path(flight: Measured) -> FlightPath:
     notes = [*of_noise, *conflict_notes(conflict, trajectory)]
     stated = flight.aircraft.has("uncertainty.updraft")
     by_day = None if stated else updraft_by_day(trajectory, sun_over(flight.fix))
-    if by_day is not None and by_day.denied:
+    if by_day is not None and by_day.contradicted:
         conflict = conflict._replace(beyond={**conflict.beyond, "updraft": by_day.z})
         notes.append(by_day.note)
     if conflict.conflicting:

@@ -78,7 +78,7 @@ def parse_stretches(text: str, name: str) -> tuple[tuple[float, float], ...]:
 
     Raises InputError, beginning with `name`, for anything else.
     """
-    found = []
+    stretches = []
     for part in text.split(","):
         stretch = STRETCH.fullmatch(part)
         try:
@@ -87,8 +87,8 @@ def parse_stretches(text: str, name: str) -> tuple[tuple[float, float], ...]:
             start_s, end_s = 1.0, 0.0
         if not start_s < end_s:
             raise InputError(f'{name}: {part.strip()[:40]!r} is no stretch of time; write "120 to 180 s, 300 to 320 s"')
-        found.append((start_s, end_s))
-    return tuple(sorted(found))
+        stretches.append((start_s, end_s))
+    return tuple(sorted(stretches))
 
 
 def stretches_text(stretches_s: Iterable[tuple[float, float]]) -> str:

@@ -141,7 +141,7 @@ def paparazzi() -> bytes:
     for i in range(40):
         sent = ("AIR_DATA 95000.0 140.0 15.0 1013.0 500.0 15.1 15.4", "ENERGY 50 15.0 8.0 120 1 1",
                 "GPS 3 100 200 900 500000 1500 10")  # fmt: skip
-        lines += [f"{i / 4:.2f} 7 {one}" for one in sent]
+        lines += [f"{i / 4:.2f} 7 {message}" for message in sent]
     return "\n".join(lines).encode()
 
 
@@ -249,23 +249,23 @@ def small_log(path: Path, flown_s: float, rate_Hz: float) -> None:
     """A log in the format of its suffix, with each kind of message that is read."""
     t_s = np.arange(0.0, flown_s, 1 / rate_Hz)
     time_us = np.round(1e6 * (10 + t_s)).astype(np.uint64)
-    zero, one, wave = 0 * t_s, 0 * t_s + 1, np.sin(0.3 * t_s)
+    zero, unity, wave = 0 * t_s, 0 * t_s + 1, np.sin(0.3 * t_s)
     airspeed, course = 15 + 3 * wave, np.radians(10 * t_s % 360)
     static, current = 1e5 - 100 * np.sin(0.1 * t_s), 10 + 5 * wave
     if path.suffix == ".ulg":
-        axes = {f"xyz[{i}]": x for i, x in enumerate((wave, zero, -9.8 * one))}
+        axes = {f"xyz[{i}]": x for i, x in enumerate((wave, zero, -9.8 * unity))}
         topics = {
-            "airspeed_validated": {"indicated_airspeed_m_s": airspeed, "airspeed_source": one},
-            "differential_pressure": {"differential_pressure_pa": 0.6 * airspeed**2, "temperature": 20 * one},
-            "vehicle_air_data": {"baro_pressure_pa": static, "baro_temp_celcius": 40 * one},
-            "battery_status": {"voltage_v": 15 * one, "current_a": current},
-            "esc_status": {f"esc[0].esc_{name}": x for name, x in (("rpm", 6000 * one), ("voltage", 15 * one),
+            "airspeed_validated": {"indicated_airspeed_m_s": airspeed, "airspeed_source": unity},
+            "differential_pressure": {"differential_pressure_pa": 0.6 * airspeed**2, "temperature": 20 * unity},
+            "vehicle_air_data": {"baro_pressure_pa": static, "baro_temp_celcius": 40 * unity},
+            "battery_status": {"voltage_v": 15 * unity, "current_a": current},
+            "esc_status": {f"esc[0].esc_{name}": x for name, x in (("rpm", 6000 * unity), ("voltage", 15 * unity),
                                                                    ("current", current))},
             "vehicle_acceleration": axes,
             "vehicle_thrust_setpoint": {"xyz[0]": 0.5 + 0.4 * wave},
             "vehicle_gps_position": {"vel_n_m_s": airspeed * np.cos(course), "vel_e_m_s": airspeed * np.sin(course),
-                                     "vel_d_m_s": zero, "fix_type": 3 * one},
-            "vehicle_status": {"vehicle_type": 2 * one, "system_type": one, "in_transition_mode": zero},
+                                     "vel_d_m_s": zero, "fix_type": 3 * unity},
+            "vehicle_status": {"vehicle_type": 2 * unity, "system_type": unity, "in_transition_mode": zero},
         }  # fmt: skip
         write_ulog(path, UlogContents([
             UlogTopic(name, time_us, {key: np.asarray(x, dtype=np.float32) for key, x in columns.items()})
@@ -274,17 +274,17 @@ def small_log(path: Path, flown_s: float, rate_Hz: float) -> None:
         return
     kinds = {
         "MSG": ("QZ", {"Message": np.full(2, b"ArduPlane V4.5.7")}),
-        "PARM": ("QNf", {"Name": np.full(2, b"ARSPD_RATIO"), "Value": 2 * one[:2]}),
-        "ARSP": ("QBffcBBB", {"I": zero, "Airspeed": airspeed, "DiffPress": airspeed**2 / 2, "Temp": 20 * one,
-                              "U": one, "H": one, "Pri": zero}),
-        "BARO": ("QBfcB", {"I": zero, "Press": static, "Temp": 40 * one, "Health": one}),
-        "BAT": ("QBff", {"Inst": zero, "Volt": 15 * one, "Curr": current}),
+        "PARM": ("QNf", {"Name": np.full(2, b"ARSPD_RATIO"), "Value": 2 * unity[:2]}),
+        "ARSP": ("QBffcBBB", {"I": zero, "Airspeed": airspeed, "DiffPress": airspeed**2 / 2, "Temp": 20 * unity,
+                              "U": unity, "H": unity, "Pri": zero}),
+        "BARO": ("QBfcB", {"I": zero, "Press": static, "Temp": 40 * unity, "Health": unity}),
+        "BAT": ("QBff", {"Inst": zero, "Volt": 15 * unity, "Curr": current}),
         "CTUN": ("Qf", {"ThO": 50 + 40 * wave}),
-        "MODE": ("QMB", {"Mode": 10 * one[:2], "ModeNum": 10 * one[:2]}),
-        "ESC": ("QBfff", {"Instance": zero, "RPM": 6000 * one, "Volt": 15 * one, "Curr": 0.9 * current}),
+        "MODE": ("QMB", {"Mode": 10 * unity[:2], "ModeNum": 10 * unity[:2]}),
+        "ESC": ("QBfff", {"Instance": zero, "RPM": 6000 * unity, "Volt": 15 * unity, "Curr": 0.9 * current}),
         "SIM2": ("Qf", {"As": airspeed}),
-        "IMU": ("QBfff", {"I": zero, "AccX": wave, "AccY": zero, "AccZ": -9.8 * one}),
-        "GPS": ("QBBfff", {"I": zero, "Status": 3 * one, "Spd": airspeed, "GCrs": np.degrees(course), "VZ": zero}),
+        "IMU": ("QBfff", {"I": zero, "AccX": wave, "AccY": zero, "AccZ": -9.8 * unity}),
+        "GPS": ("QBBfff", {"I": zero, "Status": 3 * unity, "Spd": airspeed, "GCrs": np.degrees(course), "VZ": zero}),
     }  # fmt: skip
     logged = []
     for name, (codes, columns) in kinds.items():
@@ -429,8 +429,8 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
         for number in range(first, stop):
             if time.time() > until:
                 break
-            one = target.packed(altered(data, number, target.is_text))
-            path.write_bytes(one)
+            content = target.packed(altered(data, number, target.is_text))
+            path.write_bytes(content)
             began = time.process_time()
             signal.setitimer(signal.ITIMER_PROF, SLOWEST_S)
             try:
@@ -449,7 +449,7 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
                 tally.last = f"{target.name} {number}\n{traceback.format_exc(limit=-4)}"
                 kept = KEPT / target.name
                 kept.mkdir(parents=True, exist_ok=True)
-                (kept / f"altered-{number}{target.suffix}").write_bytes(one)
+                (kept / f"altered-{number}{target.suffix}").write_bytes(content)
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0)
             took_s = time.process_time() - began

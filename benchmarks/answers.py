@@ -109,9 +109,9 @@ def one_flight(setup: Setup, *, blind: bool = False) -> Rows:
     V = speeds(aircraft)[1:]
     full = full_throttle_performance(model, at)
     level = level_flight(model, at, V)
-    found = (level.battery, full.maximum_speed, full.best_climb)
-    value = np.hstack([one.value for one in found])
-    half = np.hstack([one.hi - one.value for one in found])
+    answers = (level.battery, full.maximum_speed, full.best_climb)
+    value = np.hstack([answer.value for answer in answers])
+    half = np.hstack([answer.hi - answer.value for answer in answers])
     assert np.isfinite([value, half]).all()
     truth = truth_of(aircraft, drawn.deviations, at.rho, V, full.best_climb_speed)
     return [(setup.plan, 100 * np.stack([value / truth - 1, half / truth]))]

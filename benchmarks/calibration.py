@@ -73,8 +73,8 @@ def probe_records(seeds: range, jobs: int = 1) -> list[Record]:
     records: list[Record] = []
     for name, errors in zip(("alpha, deg", "beta, deg", "dynamic pressure, %"), worst, strict=True):
         half, most = np.percentile(errors, (50, 95))
-        found = {"half of the tunnels below": half, "95 % below": most, "all below": errors.max()}
-        records.append({"largest error of": name} | {title: rounded(value, 3) for title, value in found.items()})
+        shares = {"half of the tunnels below": half, "95 % below": most, "all below": errors.max()}
+        records.append({"largest error of": name} | {title: rounded(value, 3) for title, value in shares.items()})
     half, most = np.percentile(np.abs(slopes), (50, 95))
     covered, _ = counted(np.abs(slopes) < NORMAL_95 * stated)
     return [
@@ -142,10 +142,10 @@ def lag_of(seed: int, diameter_mm: float, rate_Hz: float, steps: int) -> tuple[f
     """A line's lag from the bursts of a log, and the ends of its interval, over the true one."""
     line = _line(diameter_mm)
     true_s = low_frequency_lag_s([line], SEA_LEVEL)
-    found = fit_lag(
+    lag = fit_lag(
         *find_steps(*bursts(line, full=True, rate_Hz=rate_Hz, seed=seed, steps=steps)), through(line, SEA_LEVEL)
     )
-    return found.lag_s / true_s, found.lo_s / true_s, found.hi_s / true_s
+    return lag.lag_s / true_s, lag.lo_s / true_s, lag.hi_s / true_s
 
 
 def _line(diameter_mm: float) -> PneumaticLine:
@@ -156,9 +156,9 @@ def tubing_record(seeds: range, diameter_mm: float, rate_Hz: float, steps: int, 
     """Errors of a line's lag over logs, beside the Cramér-Rao bound."""
     line = _line(diameter_mm)
     with ProcessPoolExecutor(jobs) as pool:
-        asked = partial(lag_of, diameter_mm=diameter_mm, rate_Hz=rate_Hz, steps=steps)
-        found = np.array(list(pool.map(asked, seeds)))
-    lag, low, high = found.T
+        lag_of_seed = partial(lag_of, diameter_mm=diameter_mm, rate_Hz=rate_Hz, steps=steps)
+        lags = np.array(list(pool.map(lag_of_seed, seeds)))
+    lag, low, high = lags.T
     covered, counting = counted((low < 1) & (high > 1))
     return {
         "lag, ms": rounded(1e3 * low_frequency_lag_s([line], SEA_LEVEL), 1), "Hz": f"{rate_Hz:g}", "bursts": steps,

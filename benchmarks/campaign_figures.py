@@ -66,10 +66,10 @@ def pooled(lines: list[dict[str, Any]]) -> JointPool:
     return joint_pool([{"evidence": [], **line["results"]} for line in lines])
 
 
-def errors(found: Polar, pool: JointPool, lines: list[dict[str, Any]], V: Array) -> tuple[Array, Array]:
+def errors(polar: Polar, pool: JointPool, lines: list[dict[str, Any]], V: Array) -> tuple[Array, Array]:
     """Error and half the 95 % interval of a polar, each (speeds,), in percent of the true power."""
     truth = np.mean([line["power_W"] for line in lines], axis=0)
-    power, error = power_required(V, found, pool.condition)
+    power, error = power_required(V, polar, pool.condition)
     return 100 * (power / truth - 1), 100 * NORMAL_95 * error / truth
 
 
@@ -85,12 +85,12 @@ def mean_polar(pool: JointPool) -> Polar:
 def pools_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
     """Records for each number of flights pooled; with too few flights, the half width they promise."""
     V, out = speeds(load_aircraft("nexstar")), []
-    for (world, weather, configuration), found in sorted(campaigns.items()):
+    for (world, weather, configuration), campaign_lines in sorted(campaigns.items()):
         if configuration != "A":
             continue
         for number in NUMBERS:
             of_pool, of_mean, p = [], [], []
-            for flights in found.values():
+            for flights in campaign_lines.values():
                 for lines in groups(flights, number):
                     pool = pooled(lines)
                     of_pool.append(errors(pool.polar, pool, lines, V))
@@ -105,7 +105,7 @@ def pools_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
             if of_pool:
                 record |= _of_pools(of_pool, of_mean, p)
             else:
-                promise = [promised(list(flights.values()), number, V) for flights in found.values()]
+                promise = [promised(list(flights.values()), number, V) for flights in campaign_lines.values()]
                 record |= {"pools": "promised", "half width": rounded(np.median(promise, axis=0), 1)}
             out.append(record)
     return out
@@ -131,9 +131,9 @@ def singles_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
     """Each flight of A alone, by world."""
     V = speeds(load_aircraft("nexstar"))
     flights: dict[str, dict[float, list[Points]]] = {}
-    for (world, weather, configuration), found in sorted(campaigns.items()):
+    for (world, weather, configuration), lines in sorted(campaigns.items()):
         if configuration == "A":
-            pools = [(pooled([line]), [line]) for of_campaign in found.values() for line in of_campaign.values()]
+            pools = [(pooled([line]), [line]) for of_campaign in lines.values() for line in of_campaign.values()]
             flights.setdefault(world, {})[weather] = [errors(pool.polar, pool, line, V) for pool, line in pools]
     return world_records(flights)
 
@@ -147,13 +147,13 @@ def promised(lines: list[dict[str, Any]], number: int, V: Array) -> Array:
 def comparison_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
     """A against B, and A against other flights of A of the same campaign, which must not differ."""
     out: list[Record] = []
-    for (world, weather, configuration), found in sorted(campaigns.items()):
+    for (world, weather, configuration), lines in sorted(campaigns.items()):
         if configuration != "A":
             continue
         others = campaigns.get((world, weather, "B"), {})
         for each in EACH:
             seen, difference, half, alarms, to_see = [], [], [], [], []
-            for campaign, flights in found.items():
+            for campaign, flights in lines.items():
                 own = [pooled(lines) for lines in groups(flights, each)]
                 others_of = [pooled(lines) for lines in groups(others.get(campaign, {}), each)]
                 for a, b in zip(own, others_of, strict=False):
@@ -183,32 +183,32 @@ def false_name_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record
     """Flights of another installation, whose files name that of A: comparisons, and pools of one flight of each, that
     do not believe it, and those of which evidence says so."""
     out: list[Record] = []
-    for (world, weather, configuration), found in sorted(campaigns.items()):
+    for (world, weather, configuration), lines in sorted(campaigns.items()):
         others = campaigns.get((world, weather, "C"), {})
         for each in EACH:
             pairs = [
                 pair
-                for campaign in sorted(found.keys() & others.keys())
-                for pair in zip(groups(found[campaign], each), groups(others[campaign], each), strict=False)
+                for campaign in sorted(lines.keys() & others.keys())
+                for pair in zip(groups(lines[campaign], each), groups(others[campaign], each), strict=False)
             ]
             if configuration != "A" or not pairs:
                 continue
             compared = [compare(pooled(ours), pooled(theirs)) for ours, theirs in pairs]
-            error = np.array([one.difference_percent for one in compared]) - 100 * TO_SEE
-            half = np.array([one.half_width_percent for one in compared])
+            error = np.array([comparison.difference_percent for comparison in compared]) - 100 * TO_SEE
+            half = np.array([comparison.half_width_percent for comparison in compared])
             pools = [pooled([ours[0], theirs[0]]) for ours, theirs in pairs]
-            denied, named, anew = (
+            contradicted, named, remounted = (
                 100 * np.mean(of_all)
                 for of_all in (
-                    [one.denied is not None for one in compared],
-                    [bool(one.evidence()) for one in compared],
-                    [bool(pool.anew) for pool in pools],
+                    [comparison.contradicted is not None for comparison in compared],
+                    [bool(comparison.evidence()) for comparison in compared],
+                    [bool(pool.remounted) for pool in pools],
                 )
             )
             out.append({
                 "world": world, "W20, kt": f"{weather:g}", "flights each": each, "comparisons": len(pairs),
-                "denied, %": rounded(denied), "named, %": rounded(named), "coverage, %": _covered(error, half),
-                "half width": rounded(np.median(half, axis=0), 1), "pools denied, %": rounded(anew),
+                "denied, %": rounded(contradicted), "named, %": rounded(named), "coverage, %": _covered(error, half),
+                "half width": rounded(np.median(half, axis=0), 1), "pools denied, %": rounded(remounted),
             })  # fmt: skip
     return out
 
@@ -233,8 +233,8 @@ def drawn_records(flown: list[dict[str, Any]], campaigns: int) -> list[Record]:
             for _ in range(campaigns):
                 shared = draws.shared()
                 pool = draws.pool(shared, number)
-                for found, kept in ((pool.polar, of_pool), (mean_polar(pool), of_mean)):
-                    power, error = power_required(V, found, condition)
+                for estimate, kept in ((pool.polar, of_pool), (mean_polar(pool), of_mean)):
+                    power, error = power_required(V, estimate, condition)
                     kept.append((100 * (power / truth - 1), 100 * NORMAL_95 * error / truth))
                 p += [pool.homogeneity.p] if pool.homogeneity else []
                 alarms.append(compare(pool, draws.pool(shared, number)).differs)

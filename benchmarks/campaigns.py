@@ -180,7 +180,7 @@ def one_flight(job: Job) -> dict[str, Any]:
     }  # fmt: skip
 
 
-class Asked(NamedTuple):
+class Study(NamedTuple):
     """What is flown. most: flights a campaign of each configuration; of B and C in the calmest weather alone."""
 
     worlds: Sequence[str]
@@ -189,23 +189,23 @@ class Asked(NamedTuple):
     most: Mapping[str, int]
 
 
-def jobs_of(asked: Asked) -> Iterator[Job]:
+def jobs_of(study: Study) -> Iterator[Job]:
     """All flights, five a campaign before more of any: an interrupted run has some of everything."""
-    versions = {name: version(name) for name in asked.worlds}
-    for block in range(0, max(asked.most.values()), 5):
-        for campaign in asked.campaigns:
-            for world in asked.worlds:
-                for weather in asked.weather_kt:
-                    for configuration in asked.most if weather == min(asked.weather_kt) else "A":
-                        for flight in range(block, min(block + 5, asked.most[configuration])):
+    versions = {name: version(name) for name in study.worlds}
+    for block in range(0, max(study.most.values()), 5):
+        for campaign in study.campaigns:
+            for world in study.worlds:
+                for weather in study.weather_kt:
+                    for configuration in study.most if weather == min(study.weather_kt) else "A":
+                        for flight in range(block, min(block + 5, study.most[configuration])):
                             yield Job(world, weather, configuration, campaign, flight, versions[world])
 
 
-def flown(asked: Asked, file: Path, jobs: int) -> list[dict[str, Any]]:
+def flown(study: Study, file: Path, jobs: int) -> list[dict[str, Any]]:
     """The lines of all flights asked for; those that the file lacks are flown."""
-    wanted = {tuple(job): job for job in jobs_of(asked)}
+    wanted = {tuple(job): job for job in jobs_of(study)}
     done = flights.fly_missing(file, wanted, one_flight, lambda line: tuple(line[name] for name in Job._fields),
-                               jobs=jobs, told=lambda line: line.get("refused", ""))  # fmt: skip
+                               jobs=jobs, summary=lambda line: line.get("refused", ""))  # fmt: skip
     return [done[identity] for identity in wanted]
 
 
@@ -225,15 +225,15 @@ def main(
     ] = True,
 ) -> None:
     """Fly what is missing and print the figures."""
-    asked = Asked(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns),
+    study = Study(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns),
                   {"A": most, "B": with_B, "C": with_C})  # fmt: skip
     if not fly_missing:
-        places = {tuple(job)[:-1] for job in jobs_of(asked)}  # by any version
+        places = {tuple(job)[:-1] for job in jobs_of(study)}  # by any version
         campaign_figures.print_figures(
             [line for line in flights.known_lines(file) if tuple(line[n] for n in Job._fields[:-1]) in places], drawn
         )
         return
-    campaign_figures.print_figures(flown(asked, file, jobs), drawn)
+    campaign_figures.print_figures(flown(study, file, jobs), drawn)
 
 
 if __name__ == "__main__":

@@ -47,16 +47,18 @@ def one_flight(setup: Setup, *, hardware: bool = True) -> Rows:
         log, report = folder / "log.mcap", folder / "log.report"
         run("analyze", log, "--quiet")
         truth = read_truth(folder)
-        found = {"all runs": compared(read_results(report), truth, V)}
+        curves = {"all runs": compared(read_results(report), truth, V)}
         runs = tomllib.loads((report / "runs.toml").read_text("utf-8"))["run"]
         for title, kind in ALONE.items():
             edited = folder / f"{kind}.toml"
             edited.write_text(alone(runs, kind), "utf-8")
             answered = run("analyze", log, "--quiet", "--runs", edited, "-o", folder / kind, may_refuse=True)
-            found[title] = compared(read_results(folder / kind), truth, V) if answered else np.full((2, len(V)), np.nan)
+            curves[title] = (
+                compared(read_results(folder / kind), truth, V) if answered else np.full((2, len(V)), np.nan)
+            )
     direct = dict(estimators.one_flight(setup))
     rows = []
-    for title, figures in found.items():
+    for title, figures in curves.items():
         apart = np.stack([figures[0] - direct[title][0], np.full(len(V), np.nan)])
         rows += [(title, figures), (f"{title}, direct", direct[title]), (f"{title}, chain less direct", apart)]
     return rows
@@ -77,8 +79,8 @@ def alone(runs: list[dict], kind: str) -> str:
         start, end = (float(run[name].removesuffix(" s")) for name in ("start", "end"))
         return end - start
 
-    one = max((run for run in runs if run["kind"] == kind and run["keep"]), key=duration_s)
-    return f'[[run]]\nkind = "{kind}"\nstart = "{one["start"]}"\nend = "{one["end"]}"\nkeep = true\n'
+    run = max((run for run in runs if run["kind"] == kind and run["keep"]), key=duration_s)
+    return f'[[run]]\nkind = "{kind}"\nstart = "{run["start"]}"\nend = "{run["end"]}"\nkeep = true\n'
 
 
 def read_results(report: Path) -> dict[str, Any]:
@@ -107,7 +109,7 @@ def compared(results: dict[str, Any], truth: np.ndarray, V: np.ndarray) -> np.nd
     # The curve itself: between its points it is no straight line, nor level beyond the last.
     at = Condition(*results["test"].values(), results["aircraft"]["wing_area_m2"])
     A = np.array([results["drag_polar"][name] for name in ("A0", "A1", "A2")])
-    found, _ = power_required(V, Polar(A, np.zeros((3, 3))), at)
+    power_W, _ = power_required(V, Polar(A, np.zeros((3, 3))), at)
     true = np.interp(V, *truth.T)
-    figures = np.stack([found / true - 1, np.interp(V, flown, high / power - 1) * found / true])
+    figures = np.stack([power_W / true - 1, np.interp(V, flown, high / power - 1) * power_W / true])
     return np.where((V > flown[0] - 0.2) & (V < flown[-1] + 0.2), 100 * figures, np.nan)

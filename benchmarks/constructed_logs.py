@@ -46,7 +46,7 @@ WRONG = [(autopilot, file, faults) for autopilot, file in (("ardupilot", BIN), (
          for faults in ("no-airspeed no-gps", "dead-meter")]  # fmt: skip
 
 
-class Found(NamedTuple):
+class Checked(NamedTuple):
     """Result of one log: speeds with the true power inside, half width [%], what else is inside."""
 
     title: str
@@ -58,7 +58,7 @@ class Found(NamedTuple):
     speeds: bool = False
 
 
-def found_of(job: tuple[int, tuple[str, str, str]]) -> Found:
+def outcome_of(job: tuple[int, tuple[str, str, str]]) -> Checked:
     seed, (autopilot, file, faults) = job
     title = f"{autopilot} {file.removeprefix('log')} {faults}"
     setup = Setup("nexstar", "study", (CLOSED_LOOP, "ordinary-flight")[seed % 2], (0.0, 3.0, 8.0)[seed % 3], seed)
@@ -73,27 +73,27 @@ def found_of(job: tuple[int, tuple[str, str, str]]) -> Found:
             recording = read(log)
             table = flight_table(recording, weight, geometry.wing_area_m2)
         except InputError as refused:
-            return Found(title, str(refused).removeprefix(f"{log}: "))
-    found = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
-    at = np.linspace(0, len(found.V_mps) - 1, 7).round().astype(int)
-    truth = true_power(aircraft, flight, errors, found.V_mps[at], found.conditions.rho)
-    error, half = found.power_W[at] - truth, NORMAL_95 * found.standard_error_W[at]
+            return Checked(title, str(refused).removeprefix(f"{log}: "))
+    electrical = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
+    at = np.linspace(0, len(electrical.V_mps) - 1, 7).round().astype(int)
+    truth = true_power(aircraft, flight, errors, electrical.V_mps[at], electrical.conditions.rho)
+    error, half = electrical.power_W[at] - truth, NORMAL_95 * electrical.standard_error_W[at]
     known = np.isfinite(truth)
     inside = np.abs(error) < half
-    power = f"{np.sum(inside & known)} of {known.sum()}, ± {100 * np.median(half / found.power_W[at]):.1f} %"
-    every = true_power(aircraft, flight, errors, found.V_mps, found.conditions.rho)
-    cruise_mps = float(found.V_mps[int(np.nanargmin(every / found.V_mps))])
-    best_range = found.curve.best(Cost.ENERGY_PER_METER)
-    values = flight_values(found, best_range, recording.parameters)
+    power = f"{np.sum(inside & known)} of {known.sum()}, ± {100 * np.median(half / electrical.power_W[at]):.1f} %"
+    every = true_power(aircraft, flight, errors, electrical.V_mps, electrical.conditions.rho)
+    cruise_mps = float(electrical.V_mps[int(np.nanargmin(every / electrical.V_mps))])
+    best_range = electrical.curve.best(Cost.ENERGY_PER_METER)
+    values = flight_values(electrical, best_range, recording.parameters)
     assert values.airspeed_factor is not None
     factor = 1 / (1 + errors.values.V_scale)
-    moved = factor * (1 + found.airspeed.scale)  # from the airspeed found to the true one
-    to_equivalent = float(np.sqrt(found.conditions.rho / SEA_LEVEL_DENSITY))
-    speeds = [(one, moved * one.value) for one in (values.slowest, values.fastest)]
+    moved = factor * (1 + electrical.airspeed.scale)  # from the airspeed found to the true one
+    to_equivalent = float(np.sqrt(electrical.conditions.rho / SEA_LEVEL_DENSITY))
+    speeds = [(speed, moved * speed.value) for speed in (values.slowest, values.fastest)]
     speeds.append((values.cruise, to_equivalent * cruise_mps))
-    return Found(
+    return Checked(
         title, "", power, bool(inside[known].all()), bool(inside[3]), _inside(values.airspeed_factor, factor),
-        all(_inside(*one) for one in speeds),
+        all(_inside(*speed) for speed in speeds),
     )  # fmt: skip
 
 
@@ -105,18 +105,18 @@ def _inside(interval: Interval, value: float) -> bool:
 def main(seed: Annotated[int, typer.Option(help="The first; development uses those below 1000.")] = 5200) -> None:
     jobs = list(enumerate([*RIGHT, *WRONG], seed))
     with ProcessPoolExecutor(2) as pool:
-        found = []
-        for one in pool.map(found_of, jobs):
-            found.append(one)
-            told = f"refused: {one.refusal}" if one.refusal else f"power inside at {one.power}"
-            missed = [name for name, good in (("ratio", one.ratio), ("speeds", one.speeds)) if not good]
-            print(f"{one.title:60} {told}{'; outside: ' + ', '.join(missed) if missed and not one.refusal else ''}",
+        outcomes = []
+        for log in pool.map(outcome_of, jobs):
+            outcomes.append(log)
+            verdict = f"refused: {log.refusal}" if log.refusal else f"power inside at {log.power}"
+            missed = [name for name, good in (("ratio", log.ratio), ("speeds", log.speeds)) if not good]
+            print(f"{log.title:60} {verdict}{'; outside: ' + ', '.join(missed) if missed and not log.refusal else ''}",
                   flush=True)  # fmt: skip
-    right, wrong = found[: len(RIGHT)], found[len(RIGHT) :]
-    print(f"{len(right)} right logs: power inside at the middle speed in {sum(one.middle for one in right)}, "
-          f"at all in {sum(one.inside for one in right)}; ratio in "
-          f"{sum(one.ratio for one in right)}, speeds in {sum(one.speeds for one in right)}; "
-          f"{sum(bool(one.refusal) for one in wrong)} of {len(wrong)} wrong ones refused")  # fmt: skip
+    right, wrong = outcomes[: len(RIGHT)], outcomes[len(RIGHT) :]
+    print(f"{len(right)} right logs: power inside at the middle speed in {sum(log.middle for log in right)}, "
+          f"at all in {sum(log.inside for log in right)}; ratio in "
+          f"{sum(log.ratio for log in right)}, speeds in {sum(log.speeds for log in right)}; "
+          f"{sum(bool(log.refusal) for log in wrong)} of {len(wrong)} wrong ones refused")  # fmt: skip
 
 
 if __name__ == "__main__":

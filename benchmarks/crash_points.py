@@ -165,7 +165,7 @@ def record(folder: Path, seconds: float) -> tuple[list[tuple[float, int]], float
 
 def writes_of(log: Path) -> list[Write]:
     """The log of writes in order."""
-    found = []
+    writes = []
     with log.open("rb") as stream:
         magic, _, _, sector = SUPER.unpack(stream.read(SUPER.size))
         assert magic == LOG_MAGIC, f"not a log of writes: {magic:#x}"
@@ -178,8 +178,8 @@ def writes_of(log: Path) -> list[Write]:
             stream.seek(at + sector)
             data = b"" if flags & DISCARD else stream.read(count * sector)
             at += sector + len(data)
-            found.append(Write(first * sector, data, bool(flags & FLUSH), at))
-    return found
+            writes.append(Write(first * sector, data, bool(flags & FLUSH), at))
+    return writes
 
 
 def surviving(writes: list[Write], instant: int, kind: str, rng: random.Random) -> list[Write]:

@@ -91,11 +91,11 @@ def soaked(seconds: float, rate: float, *, fifo: bool, serve: Sequence[str] = ()
             daemon = subprocess.Popen([str(part) for part in command], stderr=subprocess.PIPE, text=True)
             memory, cpu = watch(daemon)
             assert daemon.stderr is not None
-            said = daemon.stderr.read()
+            log_text = daemon.stderr.read()
         finally:
             tray.send_signal(signal.SIGTERM)
             tray.wait(10)
-        print(said.strip(), file=sys.stderr)
+        print(log_text.strip(), file=sys.stderr)
         ticks = ticks_of(sorted((folder / "logs").glob("*.mcap")))
     begin, end = next((s for s in cpu if s[0] > 5.0), cpu[0]), cpu[-1]
     after_minute = next((kib for at_s, kib in memory if at_s >= min(60.0, seconds / 3)), memory[-1][1])

@@ -90,10 +90,10 @@ def threads(seconds: float = 20.0, rate: float = 25.0, fifo: bool = True, before
             versions = {"now": ROOT}
             if before:
                 versions = {before: checked_out(before, folder / "before"), **versions}
-            found: dict[str, list[list[tuple[float, float]]]] = defaultdict(list)
+            intervals: dict[str, list[list[tuple[float, float]]]] = defaultdict(list)
             for _ in range(rounds):
                 for version, code in versions.items():
-                    found[version].append(account(code, folder / "tray.toml", seconds, rate, fifo=fifo))
+                    intervals[version].append(account(code, folder / "tray.toml", seconds, rate, fifo=fifo))
         finally:
             fakes.send_signal(signal.SIGTERM)
             fakes.wait(10)
@@ -101,7 +101,7 @@ def threads(seconds: float = 20.0, rate: float = 25.0, fifo: bool = True, before
     title = f"CPU time and changes of thread a tick at {rate:g} Hz, load {os.getloadavg()[0]:.1f}"
     table = Table("thread", *columns, box=None, title=title, title_justify="left")
     rows = [
-        [(median(run[i][0] for run in runs), median(run[i][1] for run in runs)) for runs in found.values()]
+        [(median(run[i][0] for run in runs), median(run[i][1] for run in runs)) for runs in intervals.values()]
         for i in range(len(THREADS))
     ]
     for thread, row in zip(THREADS, rows, strict=True):

@@ -46,11 +46,11 @@ def significance_limits(folder: Path) -> dict[str, list[tuple[float, float]]]:
     kept = folder / "significance.json"
     if not kept.exists():
         aircraft = load_aircraft("astraeus-hs")
-        found = {
+        limits = {
             name: [(factor, estimation.significance_limit(aircraft, run, factor, DRAWS).snr) for factor in FACTORS]
             for name, run in estimation.maneuvers("astraeus-hs").items()
         }
-        kept.write_text(json.dumps(found), "utf-8")
+        kept.write_text(json.dumps(limits), "utf-8")
     return {name: [(f, snr) for f, snr in points] for name, points in json.loads(kept.read_text("utf-8")).items()}
 
 
@@ -100,12 +100,12 @@ def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> di
             })  # fmt: skip
     by_noise = []
     for factor in NOISE_FACTORS:
-        flight, found = flights[FlightName("nexstar", "two-pairs", factor)], []
+        flight, rows = flights[FlightName("nexstar", "two-pairs", factor)], []
         for fit in flight.fits:
             truth = np.interp(fit.curve.V, flight.truth.V, flight.truth.power)
-            found.append(100 * np.abs(fit.curve.power / truth - 1).max())
+            rows.append(100 * np.abs(fit.curve.power / truth - 1).max())
         of_dynamic = of_curve(flight, "dynamic").get("largest error, %")
-        by_noise.append({"noise": factor, "each run by two states, %": rounded(found, 1), "dynamic, %": of_dynamic})
+        by_noise.append({"noise": factor, "each run by two states, %": rounded(rows, 1), "dynamic, %": of_dynamic})
     of_limits = [{"maneuver": name, "noise": factor, "significant above an SNR of": rounded(snr, 2)}
                  for name, points in limits.items() for factor, snr in points]  # fmt: skip
     return {"curves": curves, "significance": significance, "channels": channels, "estimates": estimates,

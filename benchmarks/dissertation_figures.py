@@ -155,15 +155,15 @@ def signal_to_noise(flights: Flights, limits: dict[str, list[tuple[float, float]
     """
     figure = _panels(["pitch rate of the runs", "C_Lq significant above"], 2, 440)
     for i, aircraft in enumerate(AIRCRAFT.values()):
-        found = [fit for name, flight in flights.items() if name.aircraft == aircraft for fit in flight.fits
+        fits = [fit for name, flight in flights.items() if name.aircraft == aircraft for fit in flight.fits
                  if name.noise == 1]  # fmt: skip
         for kind, color, symbol in (("acceleration", RED, "circle"), ("deceleration", PURPLE, "square")):
-            snr = [fit.snr for fit in found if fit.run.startswith(kind)]
+            snr = [fit.snr for fit in fits if fit.run.startswith(kind)]
             figure.add_scatter(
                 x=i + np.linspace(-0.2, 0.2, len(snr)), y=snr, mode="markers", name=kind, showlegend=i == 0,
                 marker={"color": color, "symbol": symbol, "size": 8}, row=1, col=1,
             )  # fmt: skip
-        significant = [(fit.snr, kind) for fit in found if abs(fit.t_CLq) > 1.96]
+        significant = [(fit.snr, kind) for fit in fits if abs(fit.t_CLq) > 1.96]
         figure.add_scatter(
             x=[i + 0.3] * len(significant), y=[snr for snr, _ in significant], mode="markers", name="C_Lq significant",
             marker={"color": BLACK, "symbol": "x", "size": 9}, showlegend=i == 0, row=1, col=1,
@@ -201,8 +201,8 @@ def estimates(flights: Flights) -> Any:
                 x=[i - 0.4, i + 0.4], y=[truth[name]] * 2, mode="lines", name="simulator's truth",
                 line={"color": BLACK, "dash": "dash"}, showlegend=i == j == 0, **where,
             )  # fmt: skip
-            spread = [fit.estimates[name][0] for one in AIRCRAFT.values() for fit in
-                      flights[FlightName(one, "two-pairs")].fits]  # fmt: skip
+            spread = [fit.estimates[name][0] for aircraft in AIRCRAFT.values() for fit in
+                      flights[FlightName(aircraft, "two-pairs")].fits]  # fmt: skip
             low, high = min([*spread, truth[name]]), max([*spread, truth[name]])
             figure.update_yaxes(range=[low - 0.5 * (high - low), high + 0.5 * (high - low)], **where)
     figure.update_xaxes(tickvals=[0, 1, 2], ticktext=["LS", "HS", "Nexstar"])
@@ -227,8 +227,10 @@ def noise(flights: Flights) -> Any:
                      SPEED, ["error of power required, W"])  # fmt: skip
     for factor, color in zip(NOISE_FACTORS, (BLUE, GREEN, RED, PURPLE), strict=True):
         flight = flights[FlightName("nexstar", "two-pairs", factor)]
-        found = [_first(flight, kind).curve for kind in ("acceleration", "deceleration")] + [flight.curves["two-state"]]
-        for i, curve in enumerate(found, start=1):
+        curves = [_first(flight, kind).curve for kind in ("acceleration", "deceleration")] + [
+            flight.curves["two-state"]
+        ]
+        for i, curve in enumerate(curves, start=1):
             truth = np.interp(curve.V, flight.truth.V, flight.truth.power)
             _line(figure, curve.V, curve.power - truth, f"noise × {factor:g}", color, (1, i))
     return figure

@@ -125,32 +125,32 @@ def shown(name: FlightName, folder: Path) -> Shown:
     path = flown(name, folder)
     kept = path / "shown.pickle"
     if not kept.exists():
-        found = _shown(name, path)
-        kept.write_bytes(pickle.dumps(found))
+        flight = _shown(name, path)
+        kept.write_bytes(pickle.dumps(flight))
     return pickle.loads(kept.read_bytes())
 
 
 def _shown(name: FlightName, path: Path) -> Shown:
     log = read_log(path / "log.mcap")
-    found = analyze_runs(log, by_likelihood=True)
-    aircraft, results = found.aircraft, found.results
+    analysis = analyze_runs(log, by_likelihood=True)
+    aircraft, results = analysis.aircraft, analysis.results
     at = Condition(results.test.weight_N, results.test.air_density_kgpm3, aircraft.geometry.wing_area_m2)
     truth = pd.read_csv(path / "truth_power_required.csv")
     curves = {method.name: _curve(method.power_required) for method in results.methods if method.power_required}
     curves["dynamic"] = _curve(results.power_required)
     sigma, w = at.rho / 1.225, at.weight_N / aircraft.mass.standard_weight_N
     points = [p for method in results.methods if method.name == "piw-viw" for p in method.points]
-    table = found.table
+    table = analysis.table
     return Shown(
         name,
         curves,
         Curve(truth["speed_mps"].to_numpy(), truth["power_W"].to_numpy(), np.zeros(len(truth))),
         np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points], dtype=float),
         (sigma**0.5 / w**1.5, (sigma / w) ** 0.5),
-        [_run_fit(found, run, at) for run in found.maneuvers.level_runs],
+        [_run_fit(analysis, run, at) for run in analysis.maneuvers.level_runs],
         results.pitch_rate.t if results.pitch_rate else np.nan,
-        {run.name: _noise(table.iloc[run.rows]) for run in found.maneuvers.of(*LEVEL_RUNS, STANDING)},
-        {run.name: table.iloc[run.rows] for run in found.maneuvers.of(*LEVEL_RUNS, STANDING)},
+        {run.name: _noise(table.iloc[run.rows]) for run in analysis.maneuvers.of(*LEVEL_RUNS, STANDING)},
+        {run.name: table.iloc[run.rows] for run in analysis.maneuvers.of(*LEVEL_RUNS, STANDING)},
     )
 
 
@@ -168,17 +168,17 @@ def _noise(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _run_fit(found: Analysis, run: Maneuver, at: Condition) -> RunFit:
+def _run_fit(analysis: Analysis, run: Maneuver, at: Condition) -> RunFit:
     """One run alone, as the source fits them."""
-    rows = found.table.iloc[run.rows]
+    rows = analysis.table.iloc[run.rows]
     CL = 2 * at.weight_N / (rows["rho"] * rows["V_mps"] ** 2 * at.wing_area_m2)
     flown_CL = tuple(float(x) for x in np.nanpercentile(CL, (2.0, 98.0)))
-    alone = replace(found, maneuvers=Maneuvers([run]), flown_CL=flown_CL)
-    one = likelihood.estimate(alone, (likelihood.TWO_STATE,))
-    fit = one.fits[likelihood.TWO_STATE.name]
-    without, free = (one.fits[name] for name in (likelihood.AS_MEASURED_FIT, likelihood.CLQ_FIT))
+    alone = replace(analysis, maneuvers=Maneuvers([run]), flown_CL=flown_CL)
+    estimate = likelihood.estimate(alone, (likelihood.TWO_STATE,))
+    fit = estimate.fits[likelihood.TWO_STATE.name]
+    without, free = (estimate.fits[name] for name in (likelihood.AS_MEASURED_FIT, likelihood.CLQ_FIT))
     V = np.linspace(*(np.sqrt(2 * at.weight_N / (at.rho * cl * at.wing_area_m2)) for cl in flown_CL[::-1]), 40)
-    power, error = power_required(V, one.methods[0].polar, at)
+    power, error = power_required(V, estimate.methods[0].polar, at)
     outputs = fit.model.outputs
     return RunFit(
         run.name,
@@ -188,9 +188,9 @@ def _run_fit(found: Analysis, run: Maneuver, at: Condition) -> RunFit:
         dict(zip(outputs, fit.segment_fits[0].response.y.T, strict=True)),
         dict(zip(outputs, (free.segment_fits[0].response.y - without.segment_fits[0].response.y).T, strict=True)),
         _estimates(fit),
-        one.pitch_rate.CLq,
-        one.pitch_rate.t,
-        one.pitch_rate.signal_to_noise[run.name],
+        estimate.pitch_rate.CLq,
+        estimate.pitch_rate.t,
+        estimate.pitch_rate.signal_to_noise[run.name],
     )
 
 
@@ -207,7 +207,7 @@ def _estimates(fit: Fit) -> dict[str, tuple[float, float, float]]:
     white = uncertainty.delta_method(uncertainty.cramer_rao(fit), function)
     colored = uncertainty.delta_method(uncertainty.morelli_klein(fit), function)
     rows = zip(SHOWN, white.value, white.standard_error, colored.standard_error, strict=True)
-    return {name: (float(value), float(one), float(other)) for name, value, one, other in rows}
+    return {name: (float(value), float(standard_error), float(other)) for name, value, standard_error, other in rows}
 
 
 def true_estimates(aircraft: str) -> dict[str, float]:

@@ -83,7 +83,7 @@ class _InTurningWind(_FlightSimulation):
     def _fly_segment(self, segment: Any, index: int) -> None:
         turned = self.turn_rad / len(self.plan.segments) * (index > 0)
         air = dataclasses.replace(self.plan.air, wind_from_rad=self.plan.air.wind_from_rad + turned)
-        self.plan, self.plant = (dataclasses.replace(one, air=air) for one in (self.plan, self.plant))
+        self.plan, self.plant = (dataclasses.replace(item, air=air) for item in (self.plan, self.plant))
         if self.airborne:
             x, commands = self.stepper.x.tolist(), self.stepper.commands.tolist()
             self.stepper = Stepper(self.plant, self.dt, self.plan.integrator)
@@ -143,7 +143,7 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
     name = "blind" if blind else "electrical"
     flights, rows = [_pooled_flight(setup, aircraft, n, name) for n in range(max(pools))], []
     for size in pools:
-        pool = pool_results([found for found, _, _ in flights[:size]])
+        pool = pool_results([flight for flight, _, _ in flights[:size]])
         at = np.linspace(0, len(pool.curve.V_mps) - 1, SPEEDS).round().astype(int)
         _, flight, errors = flights[0]
         truth = true_power(aircraft, flight, errors, pool.curve.V_mps[at], pool.curve.condition.rho)
@@ -153,15 +153,15 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
         drag = {part: (1 + MORE_DRAG) * aircraft.aerodynamics[part] for part in ("CD0", "K")}
         draggy = dataclasses.replace(aircraft, aerodynamics={**aircraft.aerodynamics, **drag})
         b = [_pooled_flight(setup, draggy, 100 + n, name) for n in range(changed)]
-        a = [found for found, _, _ in flights[:changed]]
-        found = compare(pool_results(a), pool_results([one for one, _, _ in b])).results()
-        V = np.array([row.speed_mps for row in found.differences])
-        true = [true_power(of, one[1], one[2], V, found.test.air_density_kgpm3)
-                for of, one in ((aircraft, flights[0]), (draggy, b[0]))]  # fmt: skip
-        error = np.array([row.difference_percent for row in found.differences]) - 100 * (true[1] / true[0] - 1)
-        half = np.array([row.hi_percent - row.lo_percent for row in found.differences]) / 2
+        a = [flight for flight, _, _ in flights[:changed]]
+        comparison = compare(pool_results(a), pool_results([flight for flight, _, _ in b])).results()
+        V = np.array([row.speed_mps for row in comparison.differences])
+        true = [true_power(of, flight[1], flight[2], V, comparison.test.air_density_kgpm3)
+                for of, flight in ((aircraft, flights[0]), (draggy, b[0]))]  # fmt: skip
+        error = np.array([row.difference_percent for row in comparison.differences]) - 100 * (true[1] / true[0] - 1)
+        half = np.array([row.hi_percent - row.lo_percent for row in comparison.differences]) / 2
         rows.append((f"difference, {changed} flights each", np.stack([error, half])))
-        rows.append((f"{MORE_DRAG:.0%} of drag {'seen' if found.differs else 'not seen'}", np.empty((2, 0))))
+        rows.append((f"{MORE_DRAG:.0%} of drag {'seen' if comparison.differs else 'not seen'}", np.empty((2, 0))))
         halves = compare(pool_results(a[::2]), pool_results(a[1::2]))
         rows.append((f"equal configurations found {'different' if halves.differs else 'equal'}", np.empty((2, 0))))
     return rows
@@ -169,9 +169,9 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
 
 def _pooled_flight(setup: Setup, aircraft: CompleteAircraft, n: int, of: str) -> tuple[Results, Flight, DrawnErrors]:
     """Flight n of a campaign: errors of the aircraft as in its first, air and zeros of its own."""
-    one = setup._replace(seed=1000 * setup.seed + n)
-    errors = dataclasses.replace(one.drawn, values=setup.drawn.values)
-    flight, sensors, _ = flown(aircraft, errors, one.plan, one.seed, one.turbulence_kt)
+    flight_setup = setup._replace(seed=1000 * setup.seed + n)
+    errors = dataclasses.replace(flight_setup.drawn, values=setup.drawn.values)
+    flight, sensors, _ = flown(aircraft, errors, flight_setup.plan, flight_setup.seed, flight_setup.turbulence_kt)
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
         write_px4_log(log, flight, sensors, errors)
@@ -180,7 +180,7 @@ def _pooled_flight(setup: Setup, aircraft: CompleteAircraft, n: int, of: str) ->
     table = flight_table(recording, known.weight_N, known.wing_area_m2)
     estimated = Found(table, estimate(table, known.weight_N, known.wing_area_m2, known.span_m))
     provenance = provenance_of_file(Path(__file__), "", None, "")
-    results = assemble_energy_balance(Path(f"flight {one.seed}"), known, estimated, provenance)
+    results = assemble_energy_balance(Path(f"flight {flight_setup.seed}"), known, estimated, provenance)
     return results, flight, errors
 
 
@@ -190,17 +190,17 @@ def columns(_: Aircraft) -> list[str]:
 
 def _without(recording: FlightRecording, of: str) -> FlightRecording:
     """Without the channel, or the samples, that this quantity goes without."""
-    channels = {name: one for name, one in recording.channels.items() if name != WITHOUT.get(of)}
+    channels = {name: channel for name, channel in recording.channels.items() if name != WITHOUT.get(of)}
     if of == "torn":
         noise = channels[AIRSPEED_PRESSURE].value[:8].view(np.uint32)  # each flight loses at other times
-        rng, end_s = np.random.default_rng(noise), max(float(one.t_s[-1]) for one in channels.values())
+        rng, end_s = np.random.default_rng(noise), max(float(channel.t_s[-1]) for channel in channels.values())
         kept_s, lost_s = rng.exponential(((KEPT_S,), (LOST_S,)), (2, round(end_s / KEPT_S)))
         starts_s = np.cumsum(kept_s + lost_s) - kept_s - lost_s
-        for name, one in channels.items():
-            sent = np.flatnonzero(np.diff(np.floor(one.t_s)) > 0)
-            of_pair = np.clip(np.searchsorted(starts_s, one.t_s[sent]) - 1, 0, None)
-            received = sent[one.t_s[sent] - starts_s[of_pair] < kept_s[of_pair]]
-            channels[name] = Channel(one.t_s[received], one.value[received])
+        for name, channel in channels.items():
+            sent = np.flatnonzero(np.diff(np.floor(channel.t_s)) > 0)
+            of_pair = np.clip(np.searchsorted(starts_s, channel.t_s[sent]) - 1, 0, None)
+            received = sent[channel.t_s[sent] - starts_s[of_pair] < kept_s[of_pair]]
+            channels[name] = Channel(channel.t_s[received], channel.value[received])
     return dataclasses.replace(recording, channels=channels, by_radio=of == "torn")
 
 
@@ -210,16 +210,16 @@ def _errors(
     weight, geometry = aircraft.mass.weight_N, aircraft.geometry
     recording = _without(recording, of)
     table = flight_table(recording, weight, geometry.wing_area_m2)
-    found = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
-    at = np.linspace(0, len(found.V_mps) - 1, SPEEDS).round().astype(int)
+    electrical = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
+    at = np.linspace(0, len(electrical.V_mps) - 1, SPEEDS).round().astype(int)
     if of in ("rpm", "motor"):
         propeller, constants = load_propeller(aircraft.propulsion.propeller), motor_constants(aircraft.propulsion)
-        drag = drag_estimate(table, found, geometry.span_m, ThrustSource(propeller, constants))
+        drag = drag_estimate(table, electrical, geometry.span_m, ThrustSource(propeller, constants))
         assert not isinstance(drag, DragWithheld), drag
-        required, V = flight.power_required, found.V_mps[at]
-        slower = V / np.sqrt(required["density_kgpm3"].iloc[0] / found.conditions.rho)
+        required, V = flight.power_required, electrical.V_mps[at]
+        slower = V / np.sqrt(required["density_kgpm3"].iloc[0] / electrical.conditions.rho)
         truth = V * np.interp(slower, required["speed_mps"], required["drag_N"], left=np.nan)
         return 100 * (drag.power_W[at] / truth - 1), 100 * drag.curve.power_W.half_width[at] / truth
-    power, half = found.power_W[at], NORMAL_95 * found.standard_error_W[at]
-    truth = true_power(aircraft, flight, errors, found.V_mps[at], found.conditions.rho)
+    power, half = electrical.power_W[at], NORMAL_95 * electrical.standard_error_W[at]
+    truth = true_power(aircraft, flight, errors, electrical.V_mps[at], electrical.conditions.rho)
     return 100 * (power / truth - 1), 100 * half / truth

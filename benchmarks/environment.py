@@ -61,8 +61,8 @@ def link_equal_files(packages: Path) -> None:
 
 def size_bytes(folder: Path) -> int:
     """Size of all files, each counted once, whatever its names."""
-    found = {(info.st_dev, info.st_ino): info.st_size for path in folder.rglob("*") if (info := path.lstat())}
-    return sum(found.values())
+    sizes = {(info.st_dev, info.st_ino): info.st_size for path in folder.rglob("*") if (info := path.lstat())}
+    return sum(sizes.values())
 
 
 if __name__ == "__main__":

@@ -54,13 +54,13 @@ def speed() -> None:
         return fit_output_error(timed.MODEL, segments, start=start)
 
     fit(run_s[0])
-    one = processor_time_s(lambda: fit(run_s[0]), 10)
-    table.add_row("500 samples, 2 states, 4 outputs, 12 parameters", f"{1e3 * one:.0f} ms", "20 ms")
+    single_s = processor_time_s(lambda: fit(run_s[0]), 10)
+    table.add_row("500 samples, 2 states, 4 outputs, 12 parameters", f"{1e3 * single_s:.0f} ms", "20 ms")
     table.add_row("20 such runs jointly", f"{processor_time_s(lambda: fit(run_s), 2):.2f} s", "2 s")
     theirs, evaluations, above = general_optimizer(run_s[1])
     table.add_row(
         "trust-constr with finite differences, one run",
-        f"{theirs:.1f} s, {theirs / one:.0f} times ours, {evaluations} evaluations, cost {above:+.3f}",
+        f"{theirs:.1f} s, {theirs / single_s:.0f} times ours, {evaluations} evaluations, cost {above:+.3f}",
         "100 times ours",
     )
     segment = disturbed.linear_record(0)
@@ -87,7 +87,7 @@ def _import_s() -> float:
         subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=_root())
         for _ in range(3)
     ]
-    return min(float(one.stdout) for one in ran)
+    return min(float(result.stdout) for result in ran)
 
 
 def _root() -> Path:
@@ -227,8 +227,8 @@ def trajectory() -> None:
     for turbulence_kt in (0.0, 3.0, 15.0):
         flown = flights.flown(aircraft, flights.drawn(load_budget("study"), 0), PLAN, 0, turbulence_kt)
         air, still, _ = flights.air_of(flown.table, aircraft, probe)
-        one = processor_time_s(lambda: reconstruct(air, still), 2)  # noqa: B023 -- called at once
-        table.add_row(f"W20 = {turbulence_kt:g} kt", f"{one * 1200 / float(air.index[-1]):.2f} s", "2 s")
+        single_s = processor_time_s(lambda: reconstruct(air, still), 2)  # noqa: B023 -- called at once
+        table.add_row(f"W20 = {turbulence_kt:g} kt", f"{single_s * 1200 / float(air.index[-1]):.2f} s", "2 s")
     CONSOLE.print(table)
 
 

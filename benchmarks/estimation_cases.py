@@ -141,18 +141,18 @@ def optima(starts: Annotated[int, typer.Option(help="Starts of each case.")] = 8
     table = Table(f"{starts} starts", "at the best optimum", "elsewhere, told", "elsewhere, silent", box=None)
     for name, (fit, truth, factor) in cases.items():
         rng = np.random.default_rng(seed)
-        found: list[Fit | None] = []
+        fits: list[Fit | None] = []
         for _ in range(starts):
             start = {key: value * factor ** rng.uniform(-1, 1) for key, value in truth.items()}
             try:
-                found.append(fit(start))
+                fits.append(fit(start))
             except InputError:  # it says that the response is not finite
-                found.append(None)
-        best = _cheapest([fit(truth), *found])
-        at_best = sum(f is not None and f.negative_log_likelihood < best + 0.01 and f.verdict.ok for f in found)
+                fits.append(None)
+        best = _cheapest([fit(truth), *fits])
+        at_best = sum(f is not None and f.negative_log_likelihood < best + 0.01 and f.verdict.ok for f in fits)
         silent = sum(
             f is not None and f.negative_log_likelihood >= best + 0.01 and f.verdict.ok and not f.verdict.hints
-            for f in found
+            for f in fits
         )
         table.add_row(name, str(at_best), str(starts - at_best - silent), str(silent))
     CONSOLE.print(table)
@@ -169,14 +169,14 @@ def _second_starts(starts: int = 40) -> None:
         row: list[str] = []
         for second in (True, False):
             options = replace(case.options, second_start=second)
-            found = []
+            output_errors = []
             for start in [case.truth, *case.starts(starts, FIRST_SEED)]:
                 try:
-                    found.append(fit_output_error(case.model, case.record, start=start, options=options))
+                    output_errors.append(fit_output_error(case.model, case.record, start=start, options=options))
                 except InputError:
                     continue
-            least = min(f.negative_log_likelihood for f in found if f.verdict.ok) + VERDICT.same_optimum
-            converged = [f for f in found[1:] if f.verdict.ok]
+            least = min(f.negative_log_likelihood for f in output_errors if f.verdict.ok) + VERDICT.same_optimum
+            converged = [f for f in output_errors[1:] if f.verdict.ok]
             elsewhere = [f for f in converged if f.negative_log_likelihood >= least]
             row += [str(len(converged) - len(elsewhere)), str(len(elsewhere))]
             row += [str(sum(not f.verdict.hints for f in elsewhere))] if second else []
@@ -189,14 +189,14 @@ def _second_starts_of_filter_error(starts: int) -> None:
     """Runs the cases by filter error. The best optimum: parameters within a tenth of their standard errors."""
     table = Table("filter error", "at the best optimum", "elsewhere, told", "elsewhere, silent", box=None)
     for name, case in bimodal.cases(FIRST_SEED).items():
-        found = [
+        filter_errors = [
             fit_filter_error(
                 case.model, case.record, case.noise, start=start, options=case.options, test_significance=False
             )
             for start in [case.truth, *case.starts(starts, FIRST_SEED)]
         ]
-        best = min((f for f in found if f.verdict.ok), key=lambda f: f.negative_log_likelihood)
-        elsewhere = [f for f in found[1:] if not f.verdict.ok or not _same_parameters(f, best, case.truth)]
+        best = min((f for f in filter_errors if f.verdict.ok), key=lambda f: f.negative_log_likelihood)
+        elsewhere = [f for f in filter_errors[1:] if not f.verdict.ok or not _same_parameters(f, best, case.truth)]
         silent = sum(f.verdict.ok and not f.verdict.hints for f in elsewhere)
         table.add_row(name, str(starts - len(elsewhere)), str(len(elsewhere) - silent), str(silent))
     CONSOLE.print(table)
@@ -204,7 +204,7 @@ def _second_starts_of_filter_error(starts: int) -> None:
 
 def _same_parameters(fit: Fit, best: Fit, names: Iterable[str]) -> bool:
     pairs = [(fit.parameters[name], best.parameters[name]) for name in names]
-    return all(abs(one.value - other.value) < 0.1 * other.standard_error for one, other in pairs)
+    return all(abs(first.value - other.value) < 0.1 * other.standard_error for first, other in pairs)
 
 
 def _cheapest(fits) -> float:

@@ -168,8 +168,8 @@ def ratios() -> None:
         difference = np.abs(values - fit.values[: len(values)]) / np.sqrt(np.diag(fit.covariance))[: len(values)]
         table.add_row(name, f"{seconds:.2f} s", f"{seconds / ours:.0f}", f"{difference.max():.2g}")
 
-    found = optimize.least_squares(residuals, theta0, x_scale=np.abs(theta0) + 0.01)
-    row("scipy least_squares", processor_time_s(lambda: optimize.least_squares(residuals, theta0), 1), found.x)
+    solution = optimize.least_squares(residuals, theta0, x_scale=np.abs(theta0) + 0.01)
+    row("scipy least_squares", processor_time_s(lambda: optimize.least_squares(residuals, theta0), 1), solution.x)
     if importlib.util.find_spec("aeroid") is None:
         table.add_row("aeroid", "not installed", "", "")
     else:

@@ -132,7 +132,7 @@ def trajectory_errors(
     slow = flown & (V < slow_mps)
     bias, slope = trajectory.value("alpha_bias"), trajectory.value("alpha_scale") - 2 * trajectory.value("V_scale")
     by_slope = (measured_slope - bias) / (1 + slope)
-    found = air["alpha_rad"] - bias - slope * by_slope
+    alpha_rad = air["alpha_rad"] - bias - slope * by_slope
     of_slope, qbar_Pa = by_slope[slow].mean(), air["qbar_Pa"][slow].mean()
     by_V_scale = -2 * of_slope + (2 * air["alpha_by_upwash_rad"] + air["alpha_by_rotation_rad"])[slow].mean()
     changes = {
@@ -143,7 +143,7 @@ def trajectory_errors(
         "q_c_zero": by_V_scale / (2 * qbar_Pa),
     }
     by = np.array([changes.get(name, 0.0) for name in SENSOR_ERRORS])
-    off = np.mean((found - alpha + tilt)[slow])
+    off = np.mean((alpha_rad - alpha + tilt)[slow])
     figures[f"path, angle of attack below {slow_mps:.0f} m/s [deg]"] = np.degrees(
         with_half_interval(off, np.sqrt(by @ trajectory.covariance @ by))
     )

@@ -107,30 +107,33 @@ def judged(record: Record, low: int, high: int) -> Record:
 
 def accuracy(run: Run) -> Tables:
     """The curve of whole and short flights from their logs, all methods, and aircraft of other sizes."""
-    asked = worlds.Study(["study"], run.weather_kt, tuple({run.whole, SHORT}), run.n, SEED)
-    cells = worlds.cell_records(worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs))
-    curves = without([judged(one, *ASKED["study"]) for one in cells], "world", "refused", "warnings", "alarms, %",
+    flights = worlds.Study(["study"], run.weather_kt, tuple({run.whole, SHORT}), run.n, SEED)
+    cells = worlds.cell_records(worlds.flown(flights, run.folder / "worlds.jsonl", run.jobs))
+    curves = without([judged(cell, *ASKED["study"]) for cell in cells], "world", "refused", "warnings", "alarms, %",
                      "verdicts", "evidence", "asked")  # fmt: skip
     fewer = max(2 * run.n // 3, 1)
     methods, sizes = [], []
     for kt in run.weather_kt[:2]:
         todo = [Setup("nexstar", "study", run.whole, kt, SEED + i) for i in range(fewer)]
-        found = study.figures("methods", todo, {}, run.jobs).curves
-        methods += with_lead({"W20, kt": f"{kt:g}"}, [_short(one, "method") for one in found])
+        all_curves = study.figures("methods", todo, {}, run.jobs).curves
+        methods += with_lead({"W20, kt": f"{kt:g}"}, [_short(curve, "method") for curve in all_curves])
     for aircraft in AIRCRAFT_OF_OTHER_SIZE:
         for kt in run.weather_kt[:2]:
             todo = [Setup(aircraft, "study", run.whole, kt, SEED + i) for i in range(max(run.n // 2, 1))]
-            found = [one for one in study.figures("estimators", todo, {}, run.jobs).curves if one["of"] == "all runs"]
+            all_curves = [
+                curve for curve in study.figures("estimators", todo, {}, run.jobs).curves if curve["of"] == "all runs"
+            ]
             sizes += with_lead(
-                {"aircraft": aircraft, "W20, kt": f"{kt:g}"}, without([_short(one, "runs") for one in found], "runs")
+                {"aircraft": aircraft, "W20, kt": f"{kt:g}"},
+                without([_short(curve, "runs") for curve in all_curves], "runs"),
             )
     return {"curves": curves, "by_method": _by_weather(methods), "methods": methods, "sizes": sizes}
 
 
 def _by_weather(methods: Sequence[Record]) -> list[Record]:
     """One row a method: its coverage, and error and half width at the middle speed, in each weather."""
-    weathers = list(dict.fromkeys(one["W20, kt"] for one in methods))
-    cells = {(one["method"], one["W20, kt"]): one for one in methods}
+    weathers = list(dict.fromkeys(record["W20, kt"] for record in methods))
+    cells = {(record["method"], record["W20, kt"]): record for record in methods}
 
     def of(method: str, get: Callable[[Record], Any]) -> list[Any]:
         return [get(cells[method, kt]) if (method, kt) in cells else None for kt in weathers]
@@ -138,11 +141,13 @@ def _by_weather(methods: Sequence[Record]) -> list[Record]:
     return [
         {
             "method": method,
-            f"coverage at {' / '.join(weathers)} kt, %": of(method, lambda one: one["coverage, %"]),
-            "error": of(method, lambda one: one["error"][len(one["error"]) // 2]),
-            "half width": of(method, lambda one: one["half width"] and one["half width"][len(one["half width"]) // 2]),
+            f"coverage at {' / '.join(weathers)} kt, %": of(method, lambda record: record["coverage, %"]),
+            "error": of(method, lambda record: record["error"][len(record["error"]) // 2]),
+            "half width": of(
+                method, lambda record: record["half width"] and record["half width"][len(record["half width"]) // 2]
+            ),
         }
-        for method in dict.fromkeys(one["method"] for one in methods)
+        for method in dict.fromkeys(record["method"] for record in methods)
     ]
 
 
@@ -157,11 +162,13 @@ def unassumed(run: Run) -> Tables:
     names = worlds.chosen(defects=False)
     tables, judged_ones = {}, {}
     for name, plan, n in (("short", SHORT, 2 * run.n), ("whole", run.whole, run.n)):
-        asked = worlds.Study(names[:1] if run.quick else names, run.weather_kt, (plan,), n, SEED)
-        lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
+        flights = worlds.Study(names[:1] if run.quick else names, run.weather_kt, (plan,), n, SEED)
+        lines = worlds.flown(flights, run.folder / "worlds.jsonl", run.jobs)
         judged_ones[name] = judgments(lines)
-        found = worlds.world_records(worlds.points_by_world(lines, plan))
-        tables[name] = [judged(one, *ASKED.get(one["world"], ASKED_ELSEWHERE)) for one in found]
+        world_records = worlds.world_records(worlds.points_by_world(lines, plan))
+        tables[name] = [
+            judged(world_record, *ASKED.get(world_record["world"], ASKED_ELSEWHERE)) for world_record in world_records
+        ]
     what = [{"world": name, "differs from the assumptions by": load_world(name).title} for name in names]
     judgment = [row for name, rows in judged_ones.items() for row in with_lead({"plan": name}, rows)]
     return {"what": what, "coverage": _beside(tables), "judged": judgment, **tables}
@@ -170,26 +177,26 @@ def unassumed(run: Run) -> Tables:
 def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
     """One row a world: short and whole flights beside each other, at the speed where each is worst."""
     rows: dict[str, Record] = {}
-    for name, found in tables.items():
-        for one in found:
-            row = rows.setdefault(one["world"], {"world": one["world"], "flights": []})
-            row["flights"] = [*row["flights"], one["flights"]]
-            row[f"{name}: coverage, %"] = f"{one['coverage, %']} ± {one['±']:.0f}"
-            row["error" if name == "short" else "error "] = _largest(one["error"])
-            row["half width" if name == "short" else "half width "] = _largest(one["half width"])
+    for name, records in tables.items():
+        for record in records:
+            row = rows.setdefault(record["world"], {"world": record["world"], "flights": []})
+            row["flights"] = [*row["flights"], record["flights"]]
+            row[f"{name}: coverage, %"] = f"{record['coverage, %']} ± {record['±']:.0f}"
+            row["error" if name == "short" else "error "] = _largest(record["error"])
+            row["half width" if name == "short" else "half width "] = _largest(record["half width"])
     return list(rows.values())
 
 
 def _largest(values: Sequence[float | None]) -> float | None:
     """At the worst speed at which the flights have a curve."""
-    return max((one for one in values if one is not None), default=None)
+    return max((value for value in values if value is not None), default=None)
 
 
 def defects(run: Run) -> Tables:
     """What the verdict says of each world with one defect."""
     names = worlds.chosen(defects=True)
-    asked = worlds.Study(names[:1] if run.quick else names, run.weather_kt[:2], (SHORT,), run.n, SEED)
-    lines = worlds.flown(asked, run.folder / "worlds.jsonl", run.jobs)
+    flights = worlds.Study(names[:1] if run.quick else names, run.weather_kt[:2], (SHORT,), run.n, SEED)
+    lines = worlds.flown(flights, run.folder / "worlds.jsonl", run.jobs)
     return {"verdicts": worlds.verdict_records(lines), "judged": judgments(lines)}
 
 
@@ -208,21 +215,21 @@ def judgments(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
     bounds = {"right": (0.0, 1.0), "wrong by 1.0 to 1.5 half widths": (1.0, 1.5), "by more": (1.5, np.inf)}
     worst = [(line, max(abs(e) / h for e, h in zip(line["error"], line["half"], strict=True) if e is not None))
              for line in lines if "error" in line]  # fmt: skip
-    found: list[Record] = []
+    records: list[Record] = []
     for title, (low, high) in bounds.items():
         of_these = [line for line, ratio in worst if low <= ratio < high]
         record: Record = {"curve": title, "flights": len(of_these)}
         record |= {level.value: sum(line["trust"] == level for line in of_these) for level in Trust}
         in_worlds = dict.fromkeys(line["world"] for line in of_these if (low < 1.0) == (line["trust"] != Trust.TRUSTED))
         where = f"{'doubted' if low < 1.0 else 'trusted'}: {', '.join(in_worlds)}" if in_worlds else None
-        found.append(record | {"where": where})
-    return found
+        records.append(record | {"where": where})
+    return records
 
 
 def flown_by_others(run: Run) -> Tables:
     """Logs of real flights, where their files are; the dissertation's own are not among them."""
-    found = _alone("real_flights", "records", *([["Daredevil, 5 July"]] if run.quick else []))
-    return {"flights": found or [{"flight": "not run: the files are not here"}]}
+    records = _alone("real_flights", "records", *([["Daredevil, 5 July"]] if run.quick else []))
+    return {"flights": records or [{"flight": "not run: the files are not here"}]}
 
 
 def autopilots(run: Run) -> Tables:
@@ -231,32 +238,34 @@ def autopilots(run: Run) -> Tables:
     logs, pools = [], []
     for kt in run.weather_kt:
         todo = [Setup("nexstar", "study", "ordinary-flight", kt, SEED + i) for i in range(run.n)]
-        found = study.figures("autopilot-logs", todo, options, run.jobs)
-        logs += with_lead({"W20, kt": f"{kt:g}"}, [_short(one, "log, quantity") for one in found.curves])
-        refused = sum(one["flights"] for one in found.counts)
+        figures = study.figures("autopilot-logs", todo, options, run.jobs)
+        logs += with_lead({"W20, kt": f"{kt:g}"}, [_short(curve, "log, quantity") for curve in figures.curves])
+        refused = sum(count["flights"] for count in figures.counts)
         logs += [{"W20, kt": f"{kt:g}", "log, quantity": "refused", "flights": refused}] if refused else []
     sizes = {"sizes": "1,2", "changed": 1} if run.quick else {"sizes": "1,3,10", "changed": 5}
     for kt in WEATHER_KT[1:2]:
         todo = [Setup("nexstar", "study", "ordinary-flight", kt, SEED + i) for i in range(max(run.n // 5, 1))]
-        found = study.figures("autopilot-pools", todo, sizes, run.jobs)
-        pools += with_lead({"W20, kt": f"{kt:g}"}, [_short(one, "of") for one in found.curves])
-        pools += [{"W20, kt": f"{kt:g}", "of": one["found"], "flights": one["flights"]} for one in found.counts]
+        figures = study.figures("autopilot-pools", todo, sizes, run.jobs)
+        pools += with_lead({"W20, kt": f"{kt:g}"}, [_short(curve, "of") for curve in figures.curves])
+        pools += [{"W20, kt": f"{kt:g}", "of": count["found"], "flights": count["flights"]} for count in figures.counts]
     return {"logs": logs, "pools": pools}
 
 
 def pooled(run: Run) -> Tables:
     """Pools of flights of one installation, differences of configurations, and what a fleet shows."""
     most = {"A": 2, "B": 1} if run.quick else {"A": 10, "B": 5}
-    asked = campaigns.Asked(["study"], [3.0], range(SEED // 100, SEED // 100 + run.n), most)
-    found = campaign_figures.by_campaign(campaigns.flown(asked, run.folder / "campaigns.jsonl", run.jobs))
-    pools = [one for one in campaign_figures.pools_records(found) if one["pools"] != "promised"]
+    flights = campaigns.Study(["study"], [3.0], range(SEED // 100, SEED // 100 + run.n), most)
+    lines = campaign_figures.by_campaign(campaigns.flown(flights, run.folder / "campaigns.jsonl", run.jobs))
+    pools = [
+        pools_record for pools_record in campaign_figures.pools_records(lines) if pools_record["pools"] != "promised"
+    ]
     changes = _alone("fleet", "change_records", 1 if run.quick else 2 * run.n, SEED, [1.0])
     coverage = _alone("fleet", "coverage_records", *((3, 3, 1) if run.quick else (50, 10, 2 * run.n)), SEED)
     sizes = _alone("fleet", "size_records", [100] if run.quick else [100, 1000, 10000], 10 if run.quick else 50, SEED)
     return {
-        "singles": campaign_figures.singles_records(found),
+        "singles": campaign_figures.singles_records(lines),
         "pools": without(pools, "world", "W20, kt"),
-        "differences": without(campaign_figures.comparison_records(found), "world", "W20, kt"),
+        "differences": without(campaign_figures.comparison_records(lines), "world", "W20, kt"),
         "changes": without(changes, "noise"),
         "coverage": coverage,
         "sizes": sizes,
@@ -266,19 +275,19 @@ def pooled(run: Run) -> Tables:
 def planned(run: Run) -> Tables:
     """Planned flights against the shipped one of the same length."""
     cells = [(0.0, 8.0)] if run.quick else [(0.0, 8.0), (3.0, 8.0), (3.0, 21.0)]
-    asked = plans.Asked("nexstar", "curve", cells, range(SEED, SEED + run.n))
-    found = plans.records(plans.flown(asked, run.folder / "plans.jsonl", run.jobs))
-    return {"plans": without(found, "aircraft, question", "lost")}
+    flights = plans.Study("nexstar", "curve", cells, range(SEED, SEED + run.n))
+    records = plans.records(plans.flown(flights, run.folder / "plans.jsonl", run.jobs))
+    return {"plans": without(records, "aircraft, question", "lost")}
 
 
 def missions(run: Run) -> Tables:
     """Missions against their prediction, by the curve of one flight, and a third as many by that of five."""
     aircraft, curves = (routes.AIRCRAFT[:1], {1: 1}) if run.quick else (routes.AIRCRAFT, {1: 1, 5: 3})
-    found: list[Record] = []
+    records: list[Record] = []
     for curve, fewer in curves.items():
         seeds = range(SEED, SEED + max(run.n // (fewer * len(aircraft)), 1))
-        found += routes.records(aircraft, "study", seeds, curve, run.jobs)
-    return {"missions": found}
+        records += routes.records(aircraft, "study", seeds, curve, run.jobs)
+    return {"missions": records}
 
 
 def calibrations(run: Run) -> Tables:
@@ -287,7 +296,7 @@ def calibrations(run: Run) -> Tables:
     lags = [(25.0, 8), (25.0, 36)]
     return {
         "probe": calibration.probe_records(seeds, run.jobs),
-        "tubing": [calibration.tubing_record(seeds, 0.4, *one, run.jobs) for one in lags[: 1 if run.quick else 2]],
+        "tubing": [calibration.tubing_record(seeds, 0.4, *lag, run.jobs) for lag in lags[: 1 if run.quick else 2]],
     }
 
 
@@ -295,8 +304,11 @@ def performance(run: Run) -> Tables:
     """Time and memory of an analysis, of a long log, and of the simulator. n: rounds."""
     now = speed.records(None, [], 0.0, run.n)
     if not run.quick:
-        longer = {one["step"]: one["now"] for one in speed.records(None, [], 2.0, 1)}
-        now = [{"step": one["step"], "21 minutes": one["now"], "2 hours": longer.get(one["step"])} for one in now]
+        longer = {record["step"]: record["now"] for record in speed.records(None, [], 2.0, 1)}
+        now = [
+            {"step": record["step"], "21 minutes": record["now"], "2 hours": longer.get(record["step"])}
+            for record in now
+        ]
     return {"analysis": now, "simulator": _alone("simulator", "records", log=not run.quick)}
 
 
@@ -307,9 +319,9 @@ def reliability(run: Run) -> Tables:
     with ProcessPoolExecutor(len(rates)) as pool:  # both at once: they mostly wait
         soaks = list(pool.map(_soaked, rates, [seconds] * len(rates))) if os.geteuid() == 0 else []
     faults = [] if run.quick else _alone("daemon", "fault_records")
-    lost = {"faults": len(faults), "ticks missed": sum(one["missed"] for one in faults),
-            "readings lost by other sensors": sum(one["lost by others"] for one in faults),
-            "longest until back, s": max([one["back after, s"] for one in faults], default=None)}  # fmt: skip
+    lost = {"faults": len(faults), "ticks missed": sum(fault["missed"] for fault in faults),
+            "readings lost by other sensors": sum(fault["lost by others"] for fault in faults),
+            "longest until back, s": max([fault["back after, s"] for fault in faults], default=None)}  # fmt: skip
     return {
         "soaks": soaks or [{"min": "not run: needs root"}],
         "faults": [lost],
@@ -326,23 +338,25 @@ def source(run: Run) -> Tables:
     """The dissertation's results from simulated flights; `make dissertation` draws their figures."""
     if run.quick:
         return {name: [] for name in ("cases", "curves", "estimates", "limits", "by_noise")}
-    found = dissertation.tables(*dissertation.analyzed(run.folder / version() / "dissertation"))
+    tables = dissertation.tables(*dissertation.analyzed(run.folder / version() / "dissertation"))
     middle, largest = "in the middle half of the speeds, W", "largest error, %"
-    of_cases = [one for one in found["curves"] if one["plan"].startswith("case")]
-    pairs = [one for one in found["curves"] if one["plan"] == "two-pairs" and one["noise"] == 1]
+    of_cases = [curve for curve in tables["curves"] if curve["plan"].startswith("case")]
+    pairs = [curve for curve in tables["curves"] if curve["plan"] == "two-pairs" and curve["noise"] == 1]
     return {
         "cases": _by_method(of_cases, middle),
         "curves": _by_method(pairs, largest),
-        **{name: found[name] for name in ("estimates", "limits", "by_noise")},
+        **{name: tables[name] for name in ("estimates", "limits", "by_noise")},
     }
 
 
 def _by_method(curves: Sequence[Record], value: str) -> list[Record]:
     """A row a flight, a column a method: a value, and the share of the speeds that are covered [%]."""
     rows: dict[tuple[str, str], Record] = {}
-    for one in curves:
-        row = rows.setdefault((one["plan"], one["aircraft"]), {"plan": one["plan"], "aircraft": one["aircraft"]})
-        row[one["method"]] = f"{one[value]} ({one['speeds covered, %']})" if value in one else None
+    for curve in curves:
+        row = rows.setdefault(
+            (curve["plan"], curve["aircraft"]), {"plan": curve["plan"], "aircraft": curve["aircraft"]}
+        )
+        row[curve["method"]] = f"{curve[value]} ({curve['speeds covered, %']})" if value in curve else None
     return list(rows.values())
 
 
@@ -387,9 +401,9 @@ def version() -> str:
 
 def machine() -> str:
     """Cores, Python and kind of processor."""
-    found = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text()) if sys.platform == "linux" else None
+    match = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text()) if sys.platform == "linux" else None
     python = ".".join(platform.python_version_tuple()[:2])
-    return f"{os.cpu_count()} cores, Python {python}, {found[1] if found else platform.machine()}"
+    return f"{os.cpu_count()} cores, Python {python}, {match[1] if match else platform.machine()}"
 
 
 def run_part(name: str, data: Path, jobs: int, *, quick: bool) -> None:
@@ -401,7 +415,7 @@ def run_part(name: str, data: Path, jobs: int, *, quick: bool) -> None:
     began, used = time.monotonic(), _processor_s()
     n = part.quick if quick else part.n
     tables = part.tables(Run(n, jobs, KEPT / "quick" if quick else KEPT, quick))
-    found = {
+    content = {
         "command": f"python benchmarks/evidence.py --only {name}" + (" --quick" if quick else ""),
         "commit": commit,
         "date": date.today().isoformat(),
@@ -414,14 +428,20 @@ def run_part(name: str, data: Path, jobs: int, *, quick: bool) -> None:
     }
     data.mkdir(parents=True, exist_ok=True)
     before = json.loads(path.read_text("utf-8")) if path.exists() else {}
-    written = json.dumps(found, indent=1, ensure_ascii=False)
+    written = json.dumps(content, indent=1, ensure_ascii=False)
     path.write_text(written + "\n", "utf-8")
-    print(f"{name}: {found['minutes']} min, {found['processor_minutes']} of a processor", file=sys.stderr, flush=True)
+    print(
+        f"{name}: {content['minutes']} min, {content['processor_minutes']} of a processor", file=sys.stderr, flush=True
+    )
     if "tables" in before:
         moved = differing(before["tables"], json.loads(written)["tables"])
         places = f"{len(moved)} place{'s' if len(moved) > 1 else ''}"
-        said = f"differ at {places} from those of commit {before['commit']}, first at {moved[0]}" if moved else ""
-        print(f"{name}: its figures {said or 'are those of commit ' + before['commit']}", file=sys.stderr, flush=True)
+        difference = f"differ at {places} from those of commit {before['commit']}, first at {moved[0]}" if moved else ""
+        print(
+            f"{name}: its figures {difference or 'are those of commit ' + before['commit']}",
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 def differing(before: object, after: object, where: str = "") -> list[str]:
@@ -462,8 +482,8 @@ def rendered(page: str, data: Path) -> str:
         path = data / f"{name}.json"
         content = f"Not run yet: `python benchmarks/evidence.py --only {name}`."
         if path.exists():
-            found = json.loads(path.read_text("utf-8"))
-            content = _table(found["tables"], table) if table else _told(found)
+            stored = json.loads(path.read_text("utf-8"))
+            content = _table(stored["tables"], table) if table else _summary_sentence(stored)
         return f"{mark[1]}{mark[3]}{content}{mark[3]}{mark[4]}"
 
     return MARK.sub(between, page)
@@ -475,20 +495,20 @@ def _table(tables: Tables, name: str) -> str:
         records = tables[name.removesuffix("-in-words")]
         return _flights_in_words(records) if "flight" in records[0] else _in_words(records)
     if not name.endswith("-not-met"):
-        return markdown([_with_counting_error(one) for one in tables[name]])
+        return markdown([_with_counting_error(table) for table in tables[name]])
     by_met: dict[str, list[str]] = {}
     always = 0
-    for one in tables[name.removesuffix("-not-met")]:
-        if one["met"] == "open" and one["coverage, %"] == 100:
+    for table in tables[name.removesuffix("-not-met")]:
+        if table["met"] == "open" and table["coverage, %"] == 100:
             always += 1
         else:
-            by_met.setdefault(one["met"], []).append(f"`{one['world']}` {text(one['coverage, %'])} %")
-    told = (
+            by_met.setdefault(table["met"], []).append(f"`{table['world']}` {text(table['coverage, %'])} %")
+    sentence = (
         ("too seldom", "Covered too seldom"),
         ("too often", "Covered too often"),
         ("open", "Open, outside by less than two counting errors"),
     )
-    lines = [f"- {title}: {', '.join(by_met[met])}." for met, title in told if met in by_met]
+    lines = [f"- {title}: {', '.join(by_met[met])}." for met, title in sentence if met in by_met]
     lines += [f"- Covered in all of so few flights that 98 % is not excluded: {always} worlds."] if always else []
     return "\n".join(lines) or "- All are met."
 
@@ -507,13 +527,15 @@ def _with_counting_error(record: Record) -> Record:
 
 def without(records: Sequence[Record], *names: str) -> list[Record]:
     """The records without these columns, which are the same in all."""
-    return [{name: value for name, value in one.items() if name not in names} for one in records]
+    return [{name: value for name, value in record.items() if name not in names} for record in records]
 
 
 def _in_words(curves: Sequence[Record]) -> str:
     """What the README says of whole simulated flights in light and in strong turbulence."""
-    light, strong = (next(one for one in curves if (one["plan"], one["W20, kt"]) == (WHOLE, kt)) for kt in ("3", "15"))
-    (low, high), (least, most) = ((min(one["error"]), max(one["error"])) for one in (light, strong))
+    light, strong = (
+        next(curve for curve in curves if (curve["plan"], curve["W20, kt"]) == (WHOLE, kt)) for kt in ("3", "15")
+    )
+    (low, high), (least, most) = ((min(record["error"]), max(record["error"])) for record in (light, strong))
     return textwrap.fill(
         "In flights of 21 minutes, each with errors of sensors, installation and propeller of its own, 95 % of the"
         f" errors of power required were below {low} to {high} %, depending on speed, in light turbulence (3 kt of wind"
@@ -525,13 +547,13 @@ def _in_words(curves: Sequence[Record]) -> str:
 
 def _flights_in_words(records: Sequence[Record]) -> str:
     """What the README says of real flights."""
-    errors = {one["flight"]: [abs(float(end)) for end in one["error, %"].split(" to ")]
-              for one in records if "error, %" in one}  # fmt: skip
+    errors = {record["flight"]: [abs(float(end)) for end in record["error, %"].split(" to ")]
+              for record in records if "error, %" in record}  # fmt: skip
     titles = ("its decelerations alone", "Daredevil, 10 July", "Daredevil, 5 July", "Cyclone")
     if not errors.keys() >= set(titles):
         return "not run by this version"
     citation, wing, again, tailsitter = (errors[title] for title in titles)
-    inside = next(one["inside"] for one in records if one["flight"] == "Cyclone")
+    inside = next(record["inside"] for record in records if record["flight"] == "Cyclone")
     least, most = min(tailsitter), max(tailsitter)
     return textwrap.fill(
         f"power required of a Cessna Citation II by its decelerations is within {max(citation):.1f} %, thrust given;"
@@ -542,11 +564,13 @@ def _flights_in_words(records: Sequence[Record]) -> str:
     )
 
 
-def _told(found: Mapping[str, Any]) -> str:
+def _summary_sentence(content: Mapping[str, Any]) -> str:
     """How the tables of a file came about."""
-    took = f", {found['minutes']} minutes" if found["minutes"] is not None else ""
-    what = f"{found['count']} {found['of']}; commit {found['commit']}, {found['date']}{took}, {found['machine']}"
-    return f"`{found['command']}`: {what}."
+    took = f", {content['minutes']} minutes" if content["minutes"] is not None else ""
+    what = (
+        f"{content['count']} {content['of']}; commit {content['commit']}, {content['date']}{took}, {content['machine']}"
+    )
+    return f"`{content['command']}`: {what}."
 
 
 def render(pages: Path, figures: Path) -> None:

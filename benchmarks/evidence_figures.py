@@ -20,22 +20,22 @@ def _svg(height: int, parts: Iterator[str]) -> str:
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{background}\n{body}\n</svg>\n'
 
 
-def coverage_by_world(records: Sequence[Record], asked: tuple[int, int]) -> str:
+def coverage_by_world(records: Sequence[Record], nominal: tuple[int, int]) -> str:
     """Coverage of each world with twice its counting error, and the band that is asked."""
-    rows = sorted(records, key=lambda one: one["coverage, %"])
+    rows = sorted(records, key=lambda record: record["coverage, %"])
     step, height = 18, 18 * len(rows) + 40
 
     def x(share: float) -> float:
         return LEFT + (WIDTH - LEFT - RIGHT) * (min(max(share, LEAST), 100.0) - LEAST) / (100.0 - LEAST)
 
     def parts() -> Iterator[str]:
-        low, high = asked
+        low, high = nominal
         yield f'<rect x="{x(low):.0f}" y="8" width="{x(high) - x(low):.0f}" height="{height - 36}" fill="#d7ead7"/>'
-        for i, one in enumerate(rows):
-            y, share, error = 20 + step * i, one["coverage, %"], 2 * one["±"]
-            yield f'<text x="{LEFT - 10}" y="{y + 4}" text-anchor="end">{one["world"]}</text>'
+        for i, row in enumerate(rows):
+            y, share, error = 20 + step * i, row["coverage, %"], 2 * row["±"]
+            yield f'<text x="{LEFT - 10}" y="{y + 4}" text-anchor="end">{row["world"]}</text>'
             yield f'<path d="M{x(share - error):.0f} {y}H{x(share + error):.0f}" stroke="#555"/>'
-            yield f'<circle cx="{x(share):.0f}" cy="{y}" r="4" fill="{OF_MET.get(one["met"], RED)}"/>'
+            yield f'<circle cx="{x(share):.0f}" cy="{y}" r="4" fill="{OF_MET.get(row["met"], RED)}"/>'
         for share in range(LEAST, 101, 10):
             yield f'<text x="{x(share):.0f}" y="{height - 8}" text-anchor="middle">{share} %</text>'
 
@@ -44,7 +44,7 @@ def coverage_by_world(records: Sequence[Record], asked: tuple[int, int]) -> str:
 
 def error_by_speed(records: Sequence[Record], plan: str) -> str:
     """Figure of a plan's flights: 95 % of errors (points), half widths (lines), by speed and weather."""
-    rows, height = [one for one in records if one["plan"] == plan], 300
+    rows, height = [record for record in records if record["plan"] == plan], 300
 
     def x(over_stall: float) -> float:
         share = (over_stall - OVER_STALL[0]) / (OVER_STALL[-1] - OVER_STALL[0])
@@ -60,13 +60,13 @@ def error_by_speed(records: Sequence[Record], plan: str) -> str:
             yield f'<text x="{LEFT - 90}" y="{y(percent) + 4:.0f}" text-anchor="end">{percent} %</text>'
         for speed in OVER_STALL:
             yield f'<text x="{x(speed):.0f}" y="{height - 20}" text-anchor="middle">{speed} V_stall</text>'
-        for one, color in zip(rows, (BLUE, ORANGE, RED), strict=False):
-            known = [(s, e, h) for s, e, h in zip(OVER_STALL, one["error"], one["half width"], strict=True) if e and h]
+        for row, color in zip(rows, (BLUE, ORANGE, RED), strict=False):
+            known = [(s, e, h) for s, e, h in zip(OVER_STALL, row["error"], row["half width"], strict=True) if e and h]
             line = " ".join(f"{x(speed):.0f},{y(half):.0f}" for speed, _, half in known)
             yield f'<polyline points="{line}" fill="none" stroke="{color}" stroke-width="2"/>'
             for speed, error, _ in known:
                 yield f'<circle cx="{x(speed):.0f}" cy="{y(error):.0f}" r="4" fill="{color}"/>'
             speed, _, half = known[-1]
-            yield f'<text x="{x(speed) + 10:.0f}" y="{y(half) + 4:.0f}" fill="{color}">{one["W20, kt"]} kt</text>'
+            yield f'<text x="{x(speed) + 10:.0f}" y="{y(half) + 4:.0f}" fill="{color}">{row["W20, kt"]} kt</text>'
 
     return _svg(height, parts())

@@ -35,7 +35,7 @@ FLIGHTS = {"calm": "arduplane-4.6-dev-sitl-calm.BIN.gz", "4 m/s of wind": "ardup
 class OfFlight(NamedTuple):
     """error, half : of power, in percent of the truth, at SPEEDS_MPS          ratio : least and greatest to type in"""
 
-    found: ElectricalEstimate
+    electrical: ElectricalEstimate
     error: Array
     half: Array
     ratio: tuple[float, float]
@@ -48,23 +48,25 @@ def of_flight(path: Path) -> OfFlight:
         log.write_bytes(gzip.decompress(path.read_bytes()))
         recording = read_ardupilot(log)
     table = flight_table(recording, WEIGHT_N, AREA_M2)
-    found = estimate(table, WEIGHT_N, AREA_M2, SPAN_M)
-    power, sigma = (np.interp(SPEEDS_MPS, found.V_mps, of) for of in (found.power_W, found.standard_error_W))
-    parameters, _ = typed_in(flight_values(found, UNKNOWN_SPEED, recording.parameters))
-    (ratio,) = (one for one in parameters if one.name == "ARSPD_RATIO")
+    electrical = estimate(table, WEIGHT_N, AREA_M2, SPAN_M)
+    power, sigma = (
+        np.interp(SPEEDS_MPS, electrical.V_mps, of) for of in (electrical.power_W, electrical.standard_error_W)
+    )
+    parameters, _ = typed_in(flight_values(electrical, UNKNOWN_SPEED, recording.parameters))
+    (ratio,) = (parameter for parameter in parameters if parameter.name == "ARSPD_RATIO")
     error, half = 100 * (power / TRUTH_W - 1), 100 * NORMAL_95 * sigma / TRUTH_W
-    return OfFlight(found, error, half, (ratio.lo, ratio.hi), compared(recording, table, found))
+    return OfFlight(electrical, error, half, (ratio.lo, ratio.hi), compared(recording, table, electrical))
 
 
 def main(folder: Path) -> None:
     print("true airspeed, m/s  ", *(f"{V:6.1f}" for V in SPEEDS_MPS))
     for name, file in FLIGHTS.items():
-        one = of_flight(folder / file)
-        print(f"{name:13} error, %", *(f"{x:+6.1f}" for x in one.error))
-        print(f"{'':9} half width, %", *(f"{x:6.1f}" for x in one.half))
-        inside = int((np.abs(one.error) < one.half).sum())
-        print(f"  inside at {inside} of {len(SPEEDS_MPS)}; ARSPD_RATIO {one.ratio[0]:.3f} to {one.ratio[1]:.3f}, "
-              f"true {TRUE_RATIO}; {one.simulated.sentence() if one.simulated else ''}")  # fmt: skip
+        flight = of_flight(folder / file)
+        print(f"{name:13} error, %", *(f"{x:+6.1f}" for x in flight.error))
+        print(f"{'':9} half width, %", *(f"{x:6.1f}" for x in flight.half))
+        inside = int((np.abs(flight.error) < flight.half).sum())
+        print(f"  inside at {inside} of {len(SPEEDS_MPS)}; ARSPD_RATIO {flight.ratio[0]:.3f} to {flight.ratio[1]:.3f}, "
+              f"true {TRUE_RATIO}; {flight.simulated.sentence() if flight.simulated else ''}")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -96,9 +96,9 @@ def size_records(flights: Sequence[int], airframes_: int, seed: int) -> list[Rec
                 start = time.process_time()
                 dataset.add(drawn)
                 added += time.process_time() - start
-            one = flights_of("airframe-00", seed - 1, 1, like=like)
+            later = flights_of("airframe-00", seed - 1, 1, like=like)
             start = time.process_time()
-            dataset.add(one)
+            dataset.add(later)
             one_more = time.process_time() - start
             start = time.process_time()
             results = fleet_results(airframes(dataset, 1.0, []), [])
@@ -130,20 +130,20 @@ def page(
     for i in range(airframes_):
         polar = POLAR * (1 + AMONG * rng.standard_normal())
         drawn = flights_of(f"airframe-{i:02d}", seed + i, flights // airframes_, polar=polar, like=like)
-        fleet.append(airframe(f"airframe-{i:02d}", "", [read_statistics(one) for one in drawn], 1.0))
+        fleet.append(airframe(f"airframe-{i:02d}", "", [read_statistics(flight) for flight in drawn], 1.0))
     with tempfile.TemporaryDirectory() as folder, browser.started() as window:
         file = Path(folder) / "fleet.html"
         file.write_text(render_fleet(fleet_results(fleet, [])), "utf-8")
-        told = []
+        lines = []
         for _ in range(rounds):
             window.show(file, 1280)
             window.wait_for("performance.getEntriesByName('first-contentful-paint').length")
-            told.append(window.value_of(OPENED))
+            lines.append(window.value_of(OPENED))
         size = file.stat().st_size / 1e6
     record: Record = {"flights": flights, "airframes": airframes_, "page, MB": rounded(size, 1)}
     record |= {
         f"{name}, s": rounded(np.median(of_rounds) / 1000, 2)
-        for name, of_rounds in zip(("first paint", "DOM complete", "loaded"), zip(*told, strict=True), strict=True)
+        for name, of_rounds in zip(("first paint", "DOM complete", "loaded"), zip(*lines, strict=True), strict=True)
     }
     print(markdown([record | {"within 2 s": "met" if record["loaded, s"] < 2 else "not met"}]))
 
@@ -176,12 +176,12 @@ def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[R
             by_theory = expected_delay(like_these, grown, (drag, thrust))
             for i in range(airframes_):
                 drawn = flights_of("one", seed + i, count, drag=drag * grown, thrust=thrust * grown, like=like)
-                found = find_changes(series(joint_pool(drawn)), np.arange(float(count)), A_YEAR)
-                early = [one for one in found if one.found < BEFORE]
-                late = [one for one in found if one.found >= BEFORE]
-                false += len(found) if name == "none" else len(early)
+                changes = find_changes(series(joint_pool(drawn)), np.arange(float(count)), A_YEAR)
+                early = [change for change in changes if change.detected < BEFORE]
+                late = [change for change in changes if change.detected >= BEFORE]
+                false += len(changes) if name == "none" else len(early)
                 if late and name != "none":
-                    delays.append(late[0].found - BEFORE + 1)
+                    delays.append(late[0].detected - BEFORE + 1)
                     right += late[0].what is (What.DRAG if drag else What.PROPULSION)
             flown = airframes_ * (count if name == "none" else BEFORE)
             record: Record = {"change": name, "noise": factor, "airframes": airframes_}
@@ -224,7 +224,7 @@ def coverage(
 def coverage_records(airframes_: int, flights: int, draws: int, seed: int) -> list[Record]:
     """Shares of speeds, with counting errors: of airframes one an airframe, of the others one a fleet. Asked is 95 %
     within 2 %, and the counting error is added."""
-    like, found = RowModel(measured_row()), defaultdict[str, list[float]](list)
+    like, errors = RowModel(measured_row()), defaultdict[str, list[float]](list)
     widths, zero = defaultdict[str, list[float]](list), np.zeros((len(POLAR), len(POLAR)))
     for draw in range(draws):
         rng = np.random.default_rng(seed + draw)
@@ -232,19 +232,21 @@ def coverage_records(airframes_: int, flights: int, draws: int, seed: int) -> li
         fleet = []
         for i, polar in enumerate(polars[:-1]):
             drawn = flights_of(f"{i:02d}", int(rng.integers(2**31)), flights, polar=polar, like=like)
-            fleet.append(airframe(f"{i:02d}", "", [read_statistics(one) for one in drawn], 1.0))
+            fleet.append(airframe(f"{i:02d}", "", [read_statistics(flight) for flight in drawn], 1.0))
         curve = fleet_curve(fleet)
         at = fleet[0].pool
         V, condition = at.curve.V_mps, at.condition
-        told = [("each airframe", one.pool.polar, polar) for one, polar in zip(fleet, polars, strict=False)]
-        told += [("mean of the fleet", curve.mean, POLAR), ("another airframe", curve.of_another, polars[-1])]
-        for name, polar_told, polar in told:
-            power, error = power_required(V, polar_told, condition)
+        compared = [
+            ("each airframe", airframe.pool.polar, polar) for airframe, polar in zip(fleet, polars, strict=False)
+        ]
+        compared += [("mean of the fleet", curve.mean, POLAR), ("another airframe", curve.of_another, polars[-1])]
+        for name, polar_reported, polar in compared:
+            power, error = power_required(V, polar_reported, condition)
             true, _ = power_required(V, Polar(polar, zero), condition)
-            found[name].append(float(np.mean(np.abs(power - true) < NORMAL_95 * error)))
+            errors[name].append(float(np.mean(np.abs(power - true) < NORMAL_95 * error)))
             widths[name].append(float(np.mean(100 * NORMAL_95 * error / true)))
     records = []
-    for name, shares in found.items():
+    for name, shares in errors.items():
         share, error = counted(shares)
         records.append({
             "interval": name, "drawn": len(shares), "half width, %": rounded(np.mean(widths[name]), 2),
@@ -264,13 +266,13 @@ def generator(
     keep: Annotated[bool, typer.Option(help="Take the mean of their rows for all flights drawn from now on.")] = False,
 ) -> None:
     """Flights of three airframes, simulated and analyzed (21 minutes in 3 kt), against 30 airframes that are drawn."""
-    asked = campaigns.Asked(["study"], [3.0], range(first, first + 3), {"A": flights // 3})
+    study = campaigns.Study(["study"], [3.0], range(first, first + 3), {"A": flights // 3})
     flown = defaultdict[int, list[dict[str, Any]]](list)
-    for line in campaigns.flown(asked, file, 1) if fly else simulated_flights.known_lines(file):
+    for line in campaigns.flown(study, file, 1) if fly else simulated_flights.known_lines(file):
         if "results" in line:
             flown[line["campaign"]].append(line["results"])
     if keep:
-        rows = [read_statistics(one) for of_airframe in flown.values() for one in of_airframe]
+        rows = [read_statistics(content) for of_airframe in flown.values() for content in of_airframe]
         FILE.write_text(written(mean_row(rows), "python benchmarks/fleet.py generator --keep"), "utf-8")
     print(markdown(generator_records(list(flown.values()), noise)))
 
@@ -303,21 +305,21 @@ def _mean_and_spread(figure: NDArray[np.float64]) -> str:
 
 def figures_of(fleet: Iterable[list[dict[str, Any]]]) -> dict[str, NDArray[np.float64]]:
     """Figures (flights,): drag and thrust by each flight of an airframe, and the scatter of its estimates."""
-    found = defaultdict[str, list[float]](list)
+    by_name = defaultdict[str, list[float]](list)
     for of_airframe in fleet:
         values, by_truth, errors = series(joint_pool(of_airframe))
         n, sigma, weights = len(values), np.sqrt(np.einsum("fkk->fk", errors.own)), np.linalg.inv(errors.own)
         mean = np.linalg.solve(weights.sum(axis=0), np.einsum("fij,fj->i", weights, values))
         residual = (values - mean) * np.sqrt(n / (n - 1))
         for k, name in enumerate(("drag", "thrust")):
-            found[f"stated error of {name}, %"] += (100 * sigma[:, k]).tolist()
-            found[f"share of a change of {name} that is seen"] += by_truth[:, k, k].tolist()
-            found[f"(scatter of {name} / its stated error)²"] += ((residual[:, k] / sigma[:, k]) ** 2).tolist()
-        found["correlation of both errors"] += (errors.own[:, 0, 1] / sigma.prod(axis=1)).tolist()
-        found["misfit of both: chi-square by degree"] += (
+            by_name[f"stated error of {name}, %"] += (100 * sigma[:, k]).tolist()
+            by_name[f"share of a change of {name} that is seen"] += by_truth[:, k, k].tolist()
+            by_name[f"(scatter of {name} / its stated error)²"] += ((residual[:, k] / sigma[:, k]) ** 2).tolist()
+        by_name["correlation of both errors"] += (errors.own[:, 0, 1] / sigma.prod(axis=1)).tolist()
+        by_name["misfit of both: chi-square by degree"] += (
             np.einsum("fi,fij,fj->f", residual, weights, residual) / 2
         ).tolist()
-    return {name: np.array(of_flights) for name, of_flights in found.items()}
+    return {name: np.array(of_flights) for name, of_flights in by_name.items()}
 
 
 @app.command()
@@ -336,12 +338,12 @@ def cluster(
     scheduler = [*dask, "scheduler", "--port", str(many_logs.PORT), "--no-dashboard"]
     worker = [*dask, "worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
     worker += ["--local-directory", str(out / "dask")]
-    with s3_server.running() as store, (out / "dask.log").open("w") as told:
+    with s3_server.running() as store, (out / "dask.log").open("w") as log_file:
         store.objects |= {f"fleet/{path.name}": path.read_bytes() for path in given}
         os.environ |= store.environment
 
         def begin(words: list[str]) -> subprocess.Popen[bytes]:
-            return subprocess.Popen(words, stdout=told, stderr=told, start_new_session=True)
+            return subprocess.Popen(words, stdout=log_file, stderr=log_file, start_new_session=True)
 
         def done(share: float, process: subprocess.Popen[bytes]) -> None:
             many_logs.wait_for(lambda: len(many_logs.written_at(remote)) >= share * flights, process)
@@ -363,9 +365,9 @@ def cluster(
                 f" {len(many_logs.contents(remote))} files {many_logs.equal(remote, local)}"
             )
         finally:
-            for one in started:
-                one.kill()
-                one.wait()
+            for computer in started:
+                computer.kill()
+                computer.wait()
 
 
 @app.command()
@@ -375,14 +377,14 @@ def listing(keys: int = 100_000) -> None:
         store.objects |= {f"fleet/airframe-{i % 50:02d}/{i:06d}.mcap": b"1" for i in range(keys)}
         os.environ |= store.environment
         start = time.process_time()
-        found = find_logs(["s3://fleet/"])
+        logs = find_logs(["s3://fleet/"])
         listed = time.process_time() - start
-        count = len(set(names([place(log) for log in found.logs])))
+        count = len(set(names([place(log) for log in logs.logs])))
         named = time.process_time() - start - listed
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(
         f"{count} logs: listed in {listed:.1f} s of processor time, the store's included, with"
-        f" {store.asked['fleet']} requests; named in {named:.1f} s; at most {memory:.0f} MB"
+        f" {store.requests['fleet']} requests; named in {named:.1f} s; at most {memory:.0f} MB"
     )
 
 

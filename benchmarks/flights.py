@@ -118,8 +118,8 @@ def flown(
         plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=turbulence_kt * KNOT_MPS))
     if wind_too:
         plan = dataclasses.replace(plan, air=dataclasses.replace(plan.air, wind_mps=turbulence_kt * KNOT_MPS))
-    found = _flown(pickle.dumps((aircraft, errors, plan, seed)))
-    return found._replace(table=found.table.copy())
+    flight = _flown(pickle.dumps((aircraft, errors, plan, seed)))
+    return flight._replace(table=flight.table.copy())
 
 
 @lru_cache(maxsize=4)
@@ -150,12 +150,12 @@ def sensor_table(sensor_truth: FlightSensorTruth, aircraft: Aircraft) -> pd.Data
     table["n_revps"] = sensor_truth.motor_speed_revps(t)
     pulses = sensor_truth.servo_pulses_us(t)[:, aircraft.elevator.channel - 1]
     table["elevator_rad"] = np.array([aircraft.elevator.angle_of_pulse_rad(pulse) for pulse in pulses])
-    asked = np.arange(0, sensor_truth.duration_s, GPS_S)
+    times_s = np.arange(0, sensor_truth.duration_s, GPS_S)
     magnetic = sensor_truth.magnetic_field_T(t)
     table |= {f"mag_{axis}_T": magnetic[:, i] for i, axis in enumerate("xyz")}
-    velocity = sensor_truth.gps(asked).velocity_ned_mps
+    velocity = sensor_truth.gps(times_s).velocity_ned_mps
     for i, axis in enumerate(("north", "east", "down")):
-        table[f"gps_{axis}_mps"] = CubicSpline(asked, velocity[:, i])(t)
+        table[f"gps_{axis}_mps"] = CubicSpline(times_s, velocity[:, i])(t)
     return pd.DataFrame(table, index=pd.Index(t, name="t_s"))
 
 
@@ -197,11 +197,11 @@ def transducers_of(errors: DrawnErrors, seed: int) -> TransducerCalibration:
     offsets = np.array([errors.zero[name] for name in CHANNELS])
     noise_Pa = np.array([errors.noise.alpha_Pa, errors.noise.beta_Pa, errors.noise.airspeed_Pa])
     rng = np.random.default_rng([seed, 21])
-    found = []
+    plateaus = []
     for k, p in enumerate([0.0, *true_Pa.tolist(), 0.0]):
         means = offsets + slopes * p + noise_Pa / np.sqrt(PLATEAU_SAMPLES) * rng.standard_normal(3)
-        found.append(Plateau(10.0 * k, 10.0 * k + 8.0, tuple(means.tolist()), open=p == 0))
-    calibration, unsupported = calibrate_transducers(found, as_read(true_Pa, seed), COLUMN_SCALE, COLUMN)
+        plateaus.append(Plateau(10.0 * k, 10.0 * k + 8.0, tuple(means.tolist()), open=p == 0))
+    calibration, unsupported = calibrate_transducers(plateaus, as_read(true_Pa, seed), COLUMN_SCALE, COLUMN)
     if unsupported:
         raise InputError(unsupported)
     return calibration
@@ -218,7 +218,7 @@ def known_lines(path: Path) -> list[dict[str, Any]]:
 
 def fly_missing(
     file: Path, wanted: Mapping[Key, Job], one_flight: Callable[[Job], Line], key: Callable[[Line], Key], *, jobs: int,
-    told: Callable[[Line], str],
+    summary: Callable[[Line], str],
 ) -> dict[Key, Line]:  # fmt: skip
     """All lines of a file by their keys. Flights that it lacks are flown; each is a line as soon as it is done."""
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -235,7 +235,7 @@ def fly_missing(
             stream.write(json.dumps(line) + "\n")
             stream.flush()
             left_min = (time.monotonic() - began) / count * (len(missing) - count) / 60
-            print(f"{count}/{len(missing)}, {left_min:.0f} min left: {told(line)}", file=sys.stderr, flush=True)
+            print(f"{count}/{len(missing)}, {left_min:.0f} min left: {summary(line)}", file=sys.stderr, flush=True)
     return done
 
 

@@ -165,7 +165,7 @@ def run(inputs: int = 1_000_000, seed: int = 1) -> None:
     from tests.fuzz_targets import TARGETS
 
     total = sum(SHARE.get(name, 1.0) for name in TARGETS)
-    found, done = [], 0
+    defects, done = [], 0
     for name in TARGETS:
         count = round(inputs * SHARE.get(name, 1.0) / total)
         command = [sys.executable, __file__, "one", name, "--inputs", str(count), "--seed", str(seed)]
@@ -173,12 +173,12 @@ def run(inputs: int = 1_000_000, seed: int = 1) -> None:
         done += count
         print(f"{name:15} {count:8} inputs: {'no defect' if not finished.returncode else 'DEFECT'}", flush=True)
         if finished.returncode:
-            found.append(name)
+            defects.append(name)
             print("\n".join(finished.stderr.splitlines()[-25:]), flush=True)
         elif not any((KEPT / name).iterdir()):
             (KEPT / name).rmdir()
-    print(f"{done} inputs, {len(found)} targets with defects: {', '.join(found) or 'none'}")
-    raise typer.Exit(bool(found))
+    print(f"{done} inputs, {len(defects)} targets with defects: {', '.join(defects) or 'none'}")
+    raise typer.Exit(bool(defects))
 
 
 if __name__ == "__main__":

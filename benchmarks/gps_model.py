@@ -32,9 +32,9 @@ main()
 """
 
 
-def power_errors(folder: Path, *options: str, told: bool) -> tuple[np.ndarray, np.ndarray]:
+def power_errors(folder: Path, *options: str, configured: bool) -> tuple[np.ndarray, np.ndarray]:
     """Errors of power and half widths of its interval [%] over the speeds of one flight."""
-    command = (*COMMAND, "sim") if told else (sys.executable, "-c", AS_AT_THE_FACTORY)
+    command = (*COMMAND, "sim") if configured else (sys.executable, "-c", AS_AT_THE_FACTORY)
     subprocess.run([*command, "fly", *options, "-o", folder, "--replace"], check=True, capture_output=True)
     log, report = folder / "log.mcap", folder / "report"
     subprocess.run([*COMMAND, "analyze", log, "--quiet", "-o", report], capture_output=True)
@@ -52,14 +52,16 @@ def main(
 ) -> None:
     with tempfile.TemporaryDirectory() as name:
         for plan in ("accel-decel", "full-test-flight"):
-            for told in (True, False):
+            for is_set in (True, False):
                 flights = [
-                    power_errors(Path(name), "--plan", plan, "--errors", "study", "--seed", str(seed), told=told)
+                    power_errors(
+                        Path(name), "--plan", plan, "--errors", "study", "--seed", str(seed), configured=is_set
+                    )
                     for seed in range(first_seed, first_seed + count)
                 ]
                 errors, half = (np.concatenate(each) for each in zip(*flights, strict=True))
                 print(
-                    f"{plan:18} {'airborne' if told else 'portable'}: error rms {np.sqrt(np.mean(errors**2)):.2f} %,"
+                    f"{plan:18} {'airborne' if is_set else 'portable'}: error rms {np.sqrt(np.mean(errors**2)):.2f} %,"
                     f" mean {errors.mean():+.2f} %, largest {np.abs(errors).max():.1f} %,"
                     f" half width {half.mean():.2f} %, covered {100 * np.mean(np.abs(errors) <= half):.0f} %",
                     flush=True,

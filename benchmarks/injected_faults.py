@@ -33,7 +33,7 @@ sys.path.append(str(ROOT / "tests" / "hw_fakes"))
 from analytic_sensor_truth import AnalyticSensorTruth, sine  # noqa: E402
 
 BEGIN_S, END_S = 9.0, 19.0  # of the fault, and of the flight
-TOLD_S = 5.0
+REPORTED_S = 5.0
 IMU, MAG, BARO, STATIC = (ADDRESSES[name] for name in ("imu", "magnetometer", "baro", "static"))
 AIRSPEED = ADDRESSES["airspeed"]
 MERIDIAN_M = 111_320.0  # a degree of latitude
@@ -122,7 +122,7 @@ class Fault:
     from_start: bool = False
     shown_after_s: float = 0.0
     hidden: str = ""
-    told: bool = True
+    reported: bool = True
     tray: Callable[[str], str] = lambda text: text
     kept: dict[Any, Any] = field(default_factory=dict)
 
@@ -199,8 +199,8 @@ def registers(**values: int) -> Callable[[FakeTray, int], None]:
 def frozen(address: int, sent: bytes, size: int | None = None) -> Any:
     """The last reply again and again, of an FIFO the last sample."""
 
-    def again(fault: Fault, to: int, asked: bytes, reply: bytes) -> bytes:
-        if (to, asked) != (address, sent):
+    def again(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
+        if (to, request) != (address, sent):
             return reply
         kept = fault.kept.setdefault("frozen", fault.kept["before"][(address, sent)])
         return (kept[: size or len(kept)] * (len(reply) // (size or len(kept)) + 1))[: len(reply)]
@@ -208,9 +208,9 @@ def frozen(address: int, sent: bytes, size: int | None = None) -> Any:
     return again
 
 
-def frozen_pressure(fault: Fault, to: int, asked: bytes, reply: bytes) -> bytes:
+def frozen_pressure(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
     """The barometer's last pressure; the temperature goes on."""
-    if to != STATIC or asked != b"\0":
+    if to != STATIC or request != b"\0":
         return reply
     value = int.from_bytes(reply, "big")
     pressure = fault.kept.setdefault("pressure", value if abs(value - 6_400_000) < 900_000 else None)
@@ -223,7 +223,7 @@ def frozen_pressure(fault: Fault, to: int, asked: bytes, reply: bytes) -> bytes:
 def shifted(share: float, *addresses: int) -> Any:
     """Replies shifted by a bit, as the Raspberry Pi's controller does where a part stretches the clock."""
 
-    def shift(fault: Fault, to: int, asked: bytes, reply: bytes) -> bytes:
+    def shift(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
         if to not in addresses or DRAWN.random() >= share:
             return reply
         return (int.from_bytes(reply, "big") >> 1).to_bytes(len(reply), "big")
@@ -234,7 +234,7 @@ def shifted(share: float, *addresses: int) -> Any:
 def one_wrong_bit(share: float, *addresses: int) -> Any:
     """One bit of a reply is wrong."""
 
-    def flip(fault: Fault, to: int, asked: bytes, reply: bytes) -> bytes:
+    def flip(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
         if to not in addresses or DRAWN.random() >= share:
             return reply
         place = int(DRAWN.integers(len(reply)))
@@ -243,7 +243,7 @@ def one_wrong_bit(share: float, *addresses: int) -> Any:
     return flip
 
 
-def second_part(fault: Fault, to: int, asked: bytes, reply: bytes) -> bytes:
+def second_part(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
     """Another transducer at the address: both pull the line down."""
     other = (8192 << 16 | 900 << 5).to_bytes(4, "big")
     return bytes(a & b for a, b in zip(reply, other, strict=True)) if to == AIRSPEED else reply
@@ -357,17 +357,17 @@ FAULTS = [
     Fault("imu_bypass_lost", registers(x37=0)),
     Fault("imu_loses_supply", lambda fake, now_ns: fake.imu.power_cycle(now_ns)),
     Fault("imu_frozen", reply=frozen(IMU, b"\x74", 14)),
-    Fault("imu_shifted", reply=shifted(0.01, IMU), told=False),
-    Fault("imu_wrong_bit", reply=one_wrong_bit(0.05, IMU), told=False),
+    Fault("imu_shifted", reply=shifted(0.01, IMU), reported=False),
+    Fault("imu_wrong_bit", reply=one_wrong_bit(0.05, IMU), reported=False),
     Fault("mag_frozen", reply=frozen(MAG, b"\x02"), shown_after_s=1.05, hidden=HELD),
-    Fault("mag_shifted", reply=shifted(0.02, MAG), told=False),
+    Fault("mag_shifted", reply=shifted(0.02, MAG), reported=False),
     Fault("static_frozen", reply=frozen_pressure, shown_after_s=1.05, hidden=HELD),
-    Fault("static_shifted", reply=shifted(0.02, STATIC, BARO), told=False),
+    Fault("static_shifted", reply=shifted(0.02, STATIC, BARO), reported=False),
     Fault("baro_is_an_ms5607", variant=TrayVariant(ms5607=True), from_start=True),
-    Fault("baro_resets", lambda fake, now_ns: fake.baro.power_cycle(now_ns), told=False),
+    Fault("baro_resets", lambda fake, now_ns: fake.baro.power_cycle(now_ns), reported=False),
     Fault("airspeed_frozen", reply=frozen(AIRSPEED, b""), shown_after_s=1.05, hidden=HELD),
-    Fault("airspeed_shifted", reply=shifted(0.05, AIRSPEED), told=False),
-    Fault("airspeed_wrong_bit_above_10_Pa", reply=one_wrong_bit(0.02, AIRSPEED), told=False, shown_after_s=99,
+    Fault("airspeed_shifted", reply=shifted(0.05, AIRSPEED), reported=False),
+    Fault("airspeed_wrong_bit_above_10_Pa", reply=one_wrong_bit(0.02, AIRSPEED), reported=False, shown_after_s=99,
           hidden="a wrong bit of less than 10 Pa is a gust, for all that one reading shows"),
     Fault("airspeed_second_part", reply=second_part),
     Fault("airspeed_latched_fault", lambda fake, now_ns: setattr(fake.airspeed, "fault", True)),
@@ -376,7 +376,7 @@ FAULTS = [
           received=solutions(frozen_solution)),
     Fault("gps_restarts_at_1_Hz", restarted(1000), shown_after_s=3.0,
           hidden="velocity is smoothed until the filter is set again; its model is logged as unknown meanwhile"),
-    Fault("gps_restarts_at_10_Hz", restarted(100), shown_after_s=3.0, told=False,
+    Fault("gps_restarts_at_10_Hz", restarted(100), shown_after_s=3.0, reported=False,
           hidden="as before; if no solution is missing, the model is found wrong within 2 s"),
     Fault("gps_refuses_the_rate", refuses(0x08), from_start=True),
     Fault("gps_does_5_Hz", does_5_Hz, from_start=True),
@@ -384,15 +384,15 @@ FAULTS = [
     Fault("gps_300_mps", received=solutions(patched(north=(48, "<i", 300_000)))),
     Fault("gps_damaged_line", received=damaged_line(GPS_PORT, 0.02)),
     Fault("autopilot_streams_slowly", slow_streams),
-    Fault("autopilot_gimbal", received=sender(1, 154, GIMBAL), told=False),
-    Fault("autopilot_other_vehicle", received=sender(2, 1, GIMBAL, VEHICLE, HEARTBEAT), told=False),
+    Fault("autopilot_gimbal", received=sender(1, 154, GIMBAL), reported=False),
+    Fault("autopilot_other_vehicle", received=sender(2, 1, GIMBAL, VEHICLE, HEARTBEAT), reported=False),
     Fault("autopilot_65535", received=sender(1, 1, mavlink.MAVLink_servo_output_raw_message(0, 0, *[65535] * 8))),
     Fault("autopilot_attitude_of_1e9", received=sender(1, 1, mavlink.MAVLink_attitude_message(0, 0, 1e9, 0, 0, 0, 0))),
     Fault("autopilot_frozen_attitude", frozen_attitude, shown_after_s=1.05, hidden=HELD),
     Fault("rpm_frozen", received=frozen_period, shown_after_s=1.05, hidden=HELD),
-    Fault("rpm_wrong_bits_with_crc", received=damaged_line(ESC_PORT, 0.02), variant=FRAMED, told=False,
+    Fault("rpm_wrong_bits_with_crc", received=damaged_line(ESC_PORT, 0.02), variant=FRAMED, reported=False,
           tray=lambda text: text.replace("framed = false", "framed = true")),
-    Fault("rpm_wrong_bits_without_crc", received=damaged_line(ESC_PORT, 0.005), told=False, shown_after_s=99,
+    Fault("rpm_wrong_bits_without_crc", received=damaged_line(ESC_PORT, 0.005), reported=False, shown_after_s=99,
           hidden="without a CRC, a wrong bit of less than 5 % is the speed of another moment"),
 ]  # fmt: skip
 
@@ -475,9 +475,9 @@ def outcomes(begin: str = "") -> Iterator[tuple[Fault, Outcome]]:
             yield fault, run(fault)
 
 
-def is_told(fault: Fault, outcome: Outcome) -> bool:
-    """Whether events and state had it within TOLD_S."""
-    return not fault.told or all(s is not None and s <= TOLD_S for s in (outcome.event_s, outcome.state_s))
+def is_reported(fault: Fault, outcome: Outcome) -> bool:
+    """Whether events and state had it within REPORTED_S."""
+    return not fault.reported or all(s is not None and s <= REPORTED_S for s in (outcome.event_s, outcome.state_s))
 
 
 def main(begin: str = typer.Argument("")) -> None:
@@ -486,7 +486,7 @@ def main(begin: str = typer.Argument("")) -> None:
     print(f"{'fault':32} {'ok':>5} {'hidden':>6} {'wrong':>5} {'event':>6} {'state':>6}")
     for fault, outcome in outcomes(begin):
         times = [f"{s:6.1f}" if s is not None else "     -" for s in (outcome.event_s, outcome.state_s)]
-        good = not outcome.wrong and is_told(fault, outcome)
+        good = not outcome.wrong and is_reported(fault, outcome)
         failed += not good
         print(
             f"{fault.name:32} {outcome.ok:5} {outcome.hidden:6} {outcome.wrong:5} {' '.join(times)}"

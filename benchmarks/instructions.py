@@ -198,12 +198,12 @@ def main() -> None:
     debian, counted = made(folder), []
     for length_s in LENGTHS_S:
         record_replies(length_s, folder / "replies")
-        said = run(
+        output = run(
             "qemu-aarch64", "-L", debian, "-plugin", folder / "count.so", "-d", "plugin",
             "-E", f"PYTHONHOME={debian}/usr", "-E", f"PYTHONPATH={folder}/library:{ROOT}",
             debian / "usr/bin/python3.11", __file__, "play", folder / "replies", str(length_s),
         )  # fmt: skip
-        counted.append(tuple(int(re.search(rf"{what} (\d+)", said)[1]) for what in ("instructions", "ticks")))  # type: ignore[index]
+        counted.append(tuple(int(re.search(rf"{what} (\d+)", output)[1]) for what in ("instructions", "ticks")))  # type: ignore[index]
     (few, few_ticks), (many, many_ticks) = counted
     each = (many - few) / (many_ticks - few_ticks)
     print(

@@ -91,9 +91,9 @@ def copy(log: Path, to: Path, number: int) -> None:
             if opcode == Opcode.DATA_END:
                 break
             if opcode == Opcode.ATTACHMENT:
-                one = Attachment.read(ReadDataStream(io.BytesIO(data[at + RECORD_HEAD.size : end])))
-                content = heavier(one.data, number) if one.name == "aircraft.toml" else one.data
-                writer.attach(one.name, content, one.media_type, one.create_time)
+                attachment = Attachment.read(ReadDataStream(io.BytesIO(data[at + RECORD_HEAD.size : end])))
+                content = heavier(attachment.data, number) if attachment.name == "aircraft.toml" else attachment.data
+                writer.attach(attachment.name, content, attachment.media_type, attachment.create_time)
             elif opcode != Opcode.HEADER:
                 writer.append(data[at:end])
             at = end
@@ -103,16 +103,16 @@ def copy(log: Path, to: Path, number: int) -> None:
 def heavier(aircraft: bytes, number: int) -> bytes:
     """An aircraft file with 0.1 % of weight more for each number."""
 
-    def more(found: re.Match[str]) -> str:
-        return f'{found[1]}"{float(found[2]) * (1 + 0.001 * number):.5f} {found[3]}"'
+    def more(match: re.Match[str]) -> str:
+        return f'{match[1]}"{float(match[2]) * (1 + 0.001 * number):.5f} {match[3]}"'
 
     return re.sub(r'^(weight = )"([\d.]+) (\w+)"', more, aircraft.decode(), count=1, flags=re.MULTILINE).encode()
 
 
 def contents(out: Path) -> dict[str, bytes]:
     """Every file of a campaign but the lock and the records, which name the logs."""
-    found = (path for path in out.rglob("*") if path.is_file() and path.name not in ("inputs.json", ".lock"))
-    return {path.relative_to(out).as_posix(): path.read_bytes() for path in found}
+    paths = (path for path in out.rglob("*") if path.is_file() and path.name not in ("inputs.json", ".lock"))
+    return {path.relative_to(out).as_posix(): path.read_bytes() for path in paths}
 
 
 def equal(out: Path, other: Path) -> str:
@@ -137,11 +137,11 @@ def processors(logs: list[Path], folder: Path) -> None:
         out = folder / f"jobs-{jobs}"
         shutil.rmtree(out, ignore_errors=True)
         before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-        said = subprocess.run(command(*ANALYZE, *logs, "-o", out, "--jobs", jobs), check=True, capture_output=True)
+        result = subprocess.run(command(*ANALYZE, *logs, "-o", out, "--jobs", jobs), check=True, capture_output=True)
         elapsed[jobs] = time.monotonic() - start
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         alone = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime  # of the first process, without jobs
-        analyses = float(re.search(rb"analyzed in ([\d.]+) s", said.stderr)[1])  # type: ignore[index]
+        analyses = float(re.search(rb"analyzed in ([\d.]+) s", result.stderr)[1])  # type: ignore[index]
         ideal[jobs] = alone + analyses / jobs
         console.print(
             f"--jobs {jobs}: {len(logs)} flights in {elapsed[jobs]:.0f} s; processor time {alone:.1f} s of the first"
@@ -219,9 +219,9 @@ def memory(log: Path, folder: Path) -> None:
     out = folder / "memory"
     shutil.rmtree(out, ignore_errors=True)
     words = command(*ANALYZE, *copies([log], folder / "two", 2), "-o", out, "--jobs", 1)
-    said = subprocess.run(words, check=True, capture_output=True, text=True).stderr
-    told = next(line for line in said.splitlines() if "memory" in line)
-    console.print(f"{log.stat().st_size / 1e6:.0f} MB of log: {told}")
+    output = subprocess.run(words, check=True, capture_output=True, text=True).stderr
+    line = next(line for line in output.splitlines() if "memory" in line)
+    console.print(f"{log.stat().st_size / 1e6:.0f} MB of log: {line}")
 
 
 @dataclass(frozen=True)

@@ -79,13 +79,15 @@ def fly(
 
 def analyzed(aircraft: Aircraft, flown: Flown) -> Analyzed:
     propeller = load_propeller(aircraft.propulsion.propeller)
-    found = find(flown.table, flown.still)
-    level = found.of(*LEVEL_RUNS)
+    maneuvers = find(flown.table, flown.still)
+    level = maneuvers.of(*LEVEL_RUNS)
     trajectory = reconstruct(flown.table, flown.still)
     estimate = estimate_polar(trajectory, level, aircraft, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
     at, flown_CL = flown_condition(rows, aircraft), flown_lift(rows, aircraft)
-    others = every_method(trajectory, found.maneuvers, aircraft, propeller, at, dynamic=estimate, dynamic_CL=flown_CL)
+    others = every_method(
+        trajectory, maneuvers.maneuvers, aircraft, propeller, at, dynamic=estimate, dynamic_CL=flown_CL
+    )
     return Analyzed(estimate, flown_CL, others.by_method, others.one_by_one, others.disagreements, at)
 
 
@@ -110,7 +112,10 @@ def one_flight(setup: Setup, **wrong: float) -> Rows:
     curves += [(e.method.title, e.polar, e.flown_CL) for e in result.estimates if e.polar is not None]
     curves += [("each run alone", e.polar, e.flown_CL) for e in result.one_by_one if e.polar is not None]
     figures = [(title, compared(polar, flown_CL, V, truth, result.at)) for title, polar, flown_CL in curves]
-    causes = [f"{one.methods[0]} - {one.methods[1]}: {one.culprit}" for one in result.disagreements]
+    causes = [
+        f"{disagreement.methods[0]} - {disagreement.methods[1]}: {disagreement.culprit}"
+        for disagreement in result.disagreements
+    ]
     return [*figures, *((cause, np.empty((2, 0))) for cause in causes)]
 
 

@@ -150,8 +150,8 @@ def import_graph() -> dict[Path, set[Path]]:
 
 def tests_by_distance(file: Path) -> list[Path]:
     """All test files: the nearest by imports first, as `make near` has them, then those that no import leads to."""
-    found = near.nearest(file, import_graph(), [file], sys.maxsize)
-    return found + sorted({p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")} - {*found})
+    nearest = near.nearest(file, import_graph(), [file], sys.maxsize)
+    return nearest + sorted({p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")} - {*nearest})
 
 
 def run(copy: Path, arguments: list[str], timeout_s: float) -> subprocess.CompletedProcess[str] | None:
@@ -221,7 +221,7 @@ def main(
     if dry_run:
         print("\n".join(map(str, islice(draw, count))))
         return
-    found = 0
+    noticed = 0
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "copy"
         tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
@@ -231,13 +231,13 @@ def main(
         for made in islice((m for m in draw if can_be_imported(m, copy)), count):
             begin = time.monotonic()
             test = killer(made, copy, tests_by_distance(made.file)[: nearest or None], timeout_s)
-            found += test is not None
+            noticed += test is not None
             print(
                 f"{'killed' if test else 'SURVIVED':8} {made}  [{test or ''}] {time.monotonic() - begin:.0f} s",
                 flush=True,
             )
-    print(f"{found} of {count} killed")
-    if found < killed:
+    print(f"{noticed} of {count} killed")
+    if noticed < killed:
         raise typer.Exit(1)
 
 

@@ -63,10 +63,10 @@ class Bench:
             [str(word) for word in command], cwd=cwd or self.folder, capture_output=True, text=True,
             stdin=subprocess.DEVNULL, env=clean_environment() | environment,
         )  # fmt: skip
-        said = (done.stdout + done.stderr).strip()
-        seen = f"{time.monotonic() - begin_s:.0f} s" if done.returncode == 0 else f"{done.returncode}: {said[-300:]}"
+        output = (done.stdout + done.stderr).strip()
+        seen = f"{time.monotonic() - begin_s:.0f} s" if done.returncode == 0 else f"{done.returncode}: {output[-300:]}"
         self.add(what, done.returncode == 0, seen)
-        return said
+        return output
 
     def add(self, what: str, good: bool, seen: str) -> None:
         self.rows.append(Row(what, good, seen))
@@ -125,8 +125,8 @@ def built(bench: Bench) -> tuple[Path, Path]:
     bench.add("wheels equal to the byte", digests[0] == digests[1], " ".join(digests))
     bench.run("twine", tools / "twine", "check", "--strict", sdist, wheel)
     bench.run("check-wheel-contents", tools / "check-wheel-contents", "--config", ROOT / "pyproject.toml", wheel)
-    said = bench.run("pyroma", tools / "pyroma", "--min", LEAST_RATING, sdist)
-    bench.add("pyroma's rating", "rating" in said, "".join(re.findall(r"rating: (\S+)", said)))
+    output = bench.run("pyroma", tools / "pyroma", "--min", LEAST_RATING, sdist)
+    bench.add("pyroma's rating", "rating" in output, "".join(re.findall(r"rating: (\S+)", output)))
     return wheel, sdist
 
 
@@ -161,8 +161,8 @@ def environment(bench: Bench, python: Path, wheel: Path, extras: str, folder: Pa
 
 def tried(bench: Bench, python: Path, wheel: Path) -> None:
     """What a user does, from the wheel, with one Python."""
-    asked = subprocess.run([python, "-c", "import sys; print(*sys.version_info[:2], sep='.')"], capture_output=True)
-    version = asked.stdout.decode().strip()
+    outcome = subprocess.run([python, "-c", "import sys; print(*sys.version_info[:2], sep='.')"], capture_output=True)
+    version = outcome.stdout.decode().strip()
     place = bench.folder / version
     work = place / "work"
     work.mkdir(parents=True)
@@ -230,8 +230,8 @@ def page(bench: Bench, version: str, commands: Path, work: Path) -> None:
 def test_sdist(bench: Bench, sdist: Path) -> None:
     """`make test` in the unpacked sdist, which is no checkout."""
     source = unpacked(sdist, bench.folder / "tested")
-    said = bench.run("tests of the sdist", "make", "test", cwd=source)
-    bench.add("tests of the sdist counted", " passed" in said, "".join(re.findall(r"\d+ passed.*", said)[-1:]))
+    output = bench.run("tests of the sdist", "make", "test", cwd=source)
+    bench.add("tests of the sdist counted", " passed" in output, "".join(re.findall(r"\d+ passed.*", output)[-1:]))
 
 
 if __name__ == "__main__":

@@ -47,7 +47,7 @@ def main(
         )  # fmt: skip
         try:
             assert served.stdout
-            address = next(found[0] for line in served.stdout if (found := re.search(r"http://\S+", line)))
+            address = next(match[0] for line in served.stdout if (match := re.search(r"http://\S+", line)))
             take(browser, address, (BELOW_THE_FOLDER, 1100, 900), output / "local-page.webp", CURVE_DONE)
         finally:
             served.terminate()

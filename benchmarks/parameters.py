@@ -43,7 +43,7 @@ class Value(NamedTuple):
     """A value with its interval, and the truth."""
 
     name: str
-    found: Interval
+    estimate: Interval
     truth: float
 
 
@@ -53,7 +53,10 @@ def values_of(
     """required: true speed [m/s] and power required [W], (n, 2)"""
     rho, weight_N = results.test.air_density_kgpm3, results.test.weight_N
     to_equivalent = (rho / SEA_LEVEL_DENSITY) ** 0.5
-    own = {one.name: Interval(value=one.value, lo=one.lo, hi=one.hi) for one in results.autopilot_parameters}
+    own = {
+        parameter.name: Interval(value=parameter.value, lo=parameter.lo, hi=parameter.hi)
+        for parameter in results.autopilot_parameters
+    }
     cruise_mps = own["FW_AIRSPD_TRIM"].value / to_equivalent
     flown = results.power_required[0].speed_mps, results.power_required[-1].speed_mps
     V = np.linspace(*flown, SPEEDS)
@@ -74,7 +77,7 @@ def values_of(
 def one_aircraft(seed: int) -> dict[str, Any]:
     craft = aircraft_of(np.random.default_rng([seed, 51]), f"drawn-{seed}")
     setup = Setup(MODEL, "study", "full-test-flight", 3.0, seed)
-    found: dict[str, Any] = {"seed": seed, "kg": round(craft.mass_kg, 2), "propeller": craft.propulsion.propeller}
+    line: dict[str, Any] = {"seed": seed, "kg": round(craft.mass_kg, 2), "propeller": craft.propulsion.propeller}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         file = folder / "own.toml"
@@ -85,12 +88,14 @@ def one_aircraft(seed: int) -> dict[str, Any]:
             chain.run("analyze", folder / "log.mcap", "--quiet", "-o", folder / "report", "--battery-Wh", battery)
             results = read_results(folder / "report" / "results.json")
         except (InputError, RuntimeError) as error:
-            return {**found, "lost": str(error)[-200:]}
-        if not any(one.firmware == PX4 for one in results.autopilot_parameters):
-            return {**found, "lost": "no values"}
+            return {**line, "lost": str(error)[-200:]}
+        if not any(parameter.firmware == PX4 for parameter in results.autopilot_parameters):
+            return {**line, "lost": "no values"}
         lines = values_of(results, craft, setup.drawn.deviations, chain.read_truth(folder))
-        found["values"] = {one.name: [one.found.value, one.found.lo, one.found.hi, one.truth] for one in lines}
-    return found
+        line["values"] = {
+            line.name: [line.estimate.value, line.estimate.lo, line.estimate.hi, line.truth] for line in lines
+        }
+    return line
 
 
 def main(
@@ -102,8 +107,8 @@ def main(
     with ProcessPoolExecutor(jobs) as pool:
         for line in pool.map(one_aircraft, range(seed, seed + flights)):
             print(json.dumps(line), flush=True)
-            for name, one in line.get("values", {}).items():
-                values.setdefault(name, []).append(one)
+            for name, figures in line.get("values", {}).items():
+                values.setdefault(name, []).append(figures)
     everything = []
     for name, of in values.items():
         value, lo, hi, truth = np.array(of).T

@@ -55,7 +55,7 @@ def aircraft_of(rng: np.random.Generator, name: str) -> CompleteAircraft:
     area_m2 = mass_kg * GRAVITY_MPS2 / loading_Pa
     span_m = float(np.sqrt(area_m2 * rng.uniform(6.0, 10.0)))
     fit = 0.3048 * size
-    by_size = sorted(PROPELLERS, key=lambda one: abs(np.log(load_propeller(one).diameter_m / fit)))
+    by_size = sorted(PROPELLERS, key=lambda propeller: abs(np.log(load_propeller(propeller).diameter_m / fit)))
     propeller = str(rng.choice(by_size[:3]))
     short = f"""name = "{name}"
 [geometry]
@@ -79,7 +79,7 @@ battery_resistance = "{p.battery_resistance_ohm:.5f} ohm"
 def one_aircraft(seed: int, minutes: float) -> dict[str, Any]:
     rng = np.random.default_rng([seed, 51])
     craft, kt = aircraft_of(rng, f"drawn {seed}"), float(rng.uniform(0.0, WINDIEST_KT))
-    found: dict[str, Any] = {
+    line: dict[str, Any] = {
         "seed": seed, "kg": round(craft.mass_kg, 2), "kt": round(kt, 1), "propeller": craft.propulsion.propeller
     }  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
@@ -89,11 +89,11 @@ def one_aircraft(seed: int, minutes: float) -> dict[str, Any]:
             planned = plan_flight(
                 expected_aircraft(known, HEIGHT_M), Request(minutes, kt, Space(LEG_M, HEIGHT_M), plans.BY_HAND)
             )
-            found["covered"] = not len(uncovered_mps(planned))
+            line["covered"] = not len(uncovered_mps(planned))
             path.write_text(simulator_plan(planned.maneuvers, planned.aircraft, planned.request), "utf-8")
             polar, flown, air = plans.analyzed(craft, str(path), 0.0, seed)
         except InputError as error:
-            return {**found, "lost": str(error)}
+            return {**line, "lost": str(error)}
     truth = flown.flight.truth
     in_air = truth[(truth["height_m"] > 0.9 * HEIGHT_M)]
     propeller = load_propeller(craft.propulsion.propeller)
@@ -106,7 +106,7 @@ def one_aircraft(seed: int, minutes: float) -> dict[str, Any]:
     true_W = np.interp(V, true["speed_mps"], true["power_W"])
     half = 100 * NORMAL_95 * sigma / power
     return {
-        **found,
+        **line,
         "inside": float(np.mean(inside)),
         "farthest_m": float(np.hypot(in_air["north_m"], in_air["east_m"]).max()),
         "promised": float(np.max(planned.half_widths)),

@@ -44,22 +44,29 @@ EARLIER_SEED = 999  # of the first flight, after which others are planned
 
 
 def make_plans(
-    aircraft_name: str, kt: float, minutes: float, asked: str, folder: Path, *, known_drag: bool, pilot: Pilot = BY_HAND
+    aircraft_name: str,
+    kt: float,
+    minutes: float,
+    question: str,
+    folder: Path,
+    *,
+    known_drag: bool,
+    pilot: Pilot = BY_HAND,
 ) -> dict[str, Any]:
     """Writes the planned and the shipped plan of a cell. Paths and predicted half widths [%] at estimators.speeds.
 
     known_drag: planned after a first flight, full-test-flight in calm air, as with `flightpower plan --after`; of that
     flight's results the drag alone is used.
     """
-    name = f"{aircraft_name}-{asked}-{kt:g}-{minutes:g}" + ("-after" if known_drag else "")
+    name = f"{aircraft_name}-{question}-{kt:g}-{minutes:g}" + ("-after" if known_drag else "")
     kept = folder / f"{name}.json"
     if kept.is_file():
-        found: dict[str, Any] = json.loads(kept.read_text("utf-8"))
-        return found
+        plans: dict[str, Any] = json.loads(kept.read_text("utf-8"))
+        return plans
     aircraft = load_aircraft(aircraft_name)
     A = analyzed(aircraft, SHIPPED, 0.0, EARLIER_SEED)[0].A if known_drag else None
     expected = expected_aircraft(aircraft, HEIGHT_M, A=A)
-    request = Request(minutes, kt, Space(LEG_M, HEIGHT_M), pilot, question=asked)
+    request = Request(minutes, kt, Space(LEG_M, HEIGHT_M), pilot, question=question)
     plan = plan_flight(expected, request)
     shipped = shortened(expected, minutes)
     cell: dict[str, Any] = {}
@@ -156,7 +163,7 @@ def main(
     count: Annotated[int, typer.Option("--flights", help="A cell and plan; one seed each.")] = 60,
     first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
     aircraft: Annotated[str, typer.Option(help="Aircraft.")] = "nexstar",
-    asked: Annotated[str, typer.Option("--question", help="What is planned for.")] = "curve",
+    question: Annotated[str, typer.Option("--question", help="What is planned for.")] = "curve",
     only: Annotated[str, typer.Option(help="planned, shipped, or both.")] = "both",
     known_drag: Annotated[bool, typer.Option(help="Plan with the drag that a first flight has found.")] = False,
     pilot: Annotated[str, typer.Option(help="exact, or average: bank 10 deg, height 8 m, speed 1 m/s.")] = "exact",
@@ -166,10 +173,12 @@ def main(
     """Flies cell after cell, seed after seed, and prints the table of what there is."""
     wanted = [(float(kt), float(minutes)) for kt, minutes in (cell.split(":") for cell in cells.split(","))]
     seeds = range(first_seed, first_seed + count)
-    print(markdown(records(flown(Asked(aircraft, asked, wanted, seeds, known_drag, pilot, only), output, processes))))
+    print(
+        markdown(records(flown(Study(aircraft, question, wanted, seeds, known_drag, pilot, only), output, processes)))
+    )
 
 
-class Asked(NamedTuple):
+class Study(NamedTuple):
     """What is flown. cells: W20 [kt] and length [min]."""
 
     aircraft: str
@@ -181,22 +190,22 @@ class Asked(NamedTuple):
     only: str = "both"
 
 
-def flown(asked: Asked, output: Path, jobs: int) -> list[dict[str, Any]]:
+def flown(study: Study, output: Path, jobs: int) -> list[dict[str, Any]]:
     """The lines of the flights asked for, and of what else the file has; those that it lacks are flown."""
     output.parent.mkdir(parents=True, exist_ok=True)
-    made = {cell: make_plans(asked.aircraft, *cell, asked.question, output.parent, known_drag=asked.known_drag)
-            for cell in asked.cells}  # fmt: skip
-    question = f"{asked.question}, drag known" if asked.known_drag else asked.question
+    made = {cell: make_plans(study.aircraft, *cell, study.question, output.parent, known_drag=study.known_drag)
+            for cell in study.cells}  # fmt: skip
+    question = f"{study.question}, drag known" if study.known_drag else study.question
     wanted = {}
-    for seed in asked.seeds:
-        for kt, minutes in asked.cells:
-            for name in ("planned", "shipped") if asked.only == "both" else (asked.only,):
+    for seed in study.seeds:
+        for kt, minutes in study.cells:
+            for name in ("planned", "shipped") if study.only == "both" else (study.only,):
                 plan = made[kt, minutes][name]
-                path = plan["path"] if asked.pilot == "exact" else _flown_by_average_pilot(Path(plan["path"]))
-                key = (asked.aircraft, question, kt, minutes, name, asked.pilot, seed)
+                path = plan["path"] if study.pilot == "exact" else _flown_by_average_pilot(Path(plan["path"]))
+                key = (study.aircraft, question, kt, minutes, name, study.pilot, seed)
                 wanted[key] = Job(dict(zip(KEY, key, strict=True)) | {"predicted": plan["predicted"]}, path)
     known = flights.fly_missing(output, wanted, one_flight, lambda row: tuple(row[name] for name in KEY), jobs=jobs,
-                                told=lambda row: row.get("lost", ""))  # fmt: skip
+                                summary=lambda row: row.get("lost", ""))  # fmt: skip
     return list(known.values())
 
 
@@ -218,7 +227,7 @@ def records(rows: Iterable[dict[str, Any]]) -> list[Record]:
         key = tuple(row[name] for name in ("aircraft", "question", "kt", "minutes", "pilot", "plan"))
         groups.setdefault(key, []).append(row)
     worst: dict[tuple[Any, ...], float] = {}
-    found = []
+    records = []
     for key in sorted(groups, key=lambda key: (*key[:5], key[5] != "shipped")):
         flown = [row for row in groups[key] if "half" in row]
         if not flown:
@@ -228,7 +237,7 @@ def records(rows: Iterable[dict[str, Any]]) -> list[Record]:
         worst[key] = float(np.max(half))
         shipped = worst.get((*key[:5], "shipped"))
         name = f"{key[0]}, {key[1]}" + (f", {key[4]} pilot" if key[4] != "exact" else "")
-        found.append({
+        records.append({
             "aircraft, question": name, "W20, kt": f"{key[2]:g}", "min": f"{key[3]:g}", "plan": key[5],
             "flights": len(flown), "lost": len(groups[key]) - len(flown), "half width": rounded(half, 1),
             "worst": rounded(worst[key], 2),
@@ -236,7 +245,7 @@ def records(rows: Iterable[dict[str, Any]]) -> list[Record]:
             "predicted/obtained": rounded(np.max(flown[0]["predicted"]) / np.max(half), 2),
             "to shipped": rounded(worst[key] / shipped, 2) if shipped and key[5] == "planned" else None,
         })  # fmt: skip
-    return found
+    return records
 
 
 if __name__ == "__main__":

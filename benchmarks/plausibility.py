@@ -56,20 +56,20 @@ def ticks_of(log: Log) -> Iterator[tuple[int, list[Sample]]]:
         yield number * 40_000_000, [Sample(topic, time_ns, entry.message) for time_ns, topic, entry in tick]
 
 
-def told(log: Log, defect: Defect) -> tuple[Counter[str], float]:
+def doubts_of(log: Log, defect: Defect) -> tuple[Counter[str], float]:
     """How often each comparison was told, and the largest mean difference of the angle of attack [deg]."""
     plausibility = Plausibility(msgspec.json.decode(log.attachments["probe.json"], type=ProbeMaps))
     ticks = list(ticks_of(log))
     middle_ns = (ticks[0][0] + ticks[-1][0]) // 2
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     largest_rad = 0.0
     for now_ns, samples in ticks:
         if now_ns >= middle_ns:
             samples = [sample._replace(message=defect(sample.topic, sample.message)) for sample in samples]
         events = plausibility.add(samples, now_ns)
-        found.update(str(event.compared) for event in events if event.severity == "warning")
+        counts.update(str(event.compared) for event in events if event.severity == "warning")
         largest_rad = max(largest_rad, abs(plausibility.mean_alpha_difference_rad or 0.0))
-    return found, 57.29578 * largest_rad
+    return counts, 57.29578 * largest_rad
 
 
 def main(
@@ -95,13 +95,13 @@ def main(
                     log = read_log(Path(name) / "flight" / "log.mcap")
                     flights += 1
                     for defect, change in DEFECTS.items():
-                        found, largest_deg = told(log, change)
-                        totals[defect].update(dict.fromkeys(found, 1))
+                        counts, largest_deg = doubts_of(log, change)
+                        totals[defect].update(dict.fromkeys(counts, 1))
                         largest += [largest_deg] * (defect == "none")
                 print(f"{plan} at {kt:g} kt: largest angle {max(largest):.1f} deg in {count} flights", flush=True)
-    for defect, found in totals.items():
-        said = ", ".join(f"{what} in {times}" for what, times in found.items()) or "nothing"
-        print(f"{defect}: of {flights} flights told {said}")
+    for defect, counts in totals.items():
+        summary = ", ".join(f"{what} in {times}" for what, times in counts.items()) or "nothing"
+        print(f"{defect}: of {flights} flights told {summary}")
 
 
 if __name__ == "__main__":

@@ -122,11 +122,11 @@ def electrical_recording(flight: Electrical, folder: Path, scratch: Path) -> Fli
     return replace(read_paparazzi(kept), path=path)
 
 
-def level_windows(table: FlightTable, found: ElectricalEstimate) -> Iterator[tuple[float, float]]:
+def level_windows(table: FlightTable, estimate: ElectricalEstimate) -> Iterator[tuple[float, float]]:
     """True airspeed [m/s] and mean battery power [W] of steady windows of 8 s, for flights without published ones."""
     rows = table.table
-    V = np.sqrt(2 * np.maximum(rows["pressure_Pa"], 0.0) / rows["rho"]).to_numpy() / (1 + found.airspeed.scale)
-    energy = found.conditions.mass_kg * (g * rows["height_m"].to_numpy() + V**2 / 2)
+    V = np.sqrt(2 * np.maximum(rows["pressure_Pa"], 0.0) / rows["rho"]).to_numpy() / (1 + estimate.airspeed.scale)
+    energy = estimate.conditions.mass_kg * (g * rows["height_m"].to_numpy() + V**2 / 2)
     power = rows["power_W"].to_numpy()
     for airborne in table.airborne:
         for i in range(airborne.start, airborne.stop - 40, 10):
@@ -139,26 +139,28 @@ def electrical_row(flight: Electrical, folder: Path, scratch: Path) -> Record:
     started = time.process_time()
     try:
         table = flight_table(electrical_recording(flight, folder, scratch), flight.mass_kg * g, flight.wing_area_m2)
-        found = estimate(table, flight.mass_kg * g, flight.wing_area_m2, flight.span_m, flight.file)
+        electrical = estimate(table, flight.mass_kg * g, flight.wing_area_m2, flight.span_m, flight.file)
     except InputError as refused:
         return {"flight": flight.title, "curve by": f"refused: {refused}"}
     seconds = time.process_time() - started
     if flight.file == ELECTRICAL[0].file:
-        V = np.array([*LEVEL_WINDOWS]) / (1 + found.airspeed.scale)
+        V = np.array([*LEVEL_WINDOWS]) / (1 + electrical.airspeed.scale)
         reference = np.array([*LEVEL_WINDOWS.values()])
     else:
-        shown, watts = np.array([*level_windows(table, found)]).T
+        shown, watts = np.array([*level_windows(table, electrical)]).T
         edges = np.quantile(shown, np.linspace(0, 1, 5))
         of = [(shown >= low) & (shown <= high) for low, high in pairwise(edges)]
-        V = np.array([shown[one].mean() for one in of])
-        reference = np.array([watts[one].mean() for one in of])
-    reached = (V >= found.V_mps[0]) & (V <= found.V_mps[-1])
+        V = np.array([shown[window].mean() for window in of])
+        reference = np.array([watts[window].mean() for window in of])
+    reached = (V >= electrical.V_mps[0]) & (V <= electrical.V_mps[-1])
     V, reference = V[reached], reference[reached]
-    power, sigma = (np.interp(V, found.V_mps, one) for one in (found.power_W, found.standard_error_W))
+    power, sigma = (
+        np.interp(V, electrical.V_mps, values) for values in (electrical.power_W, electrical.standard_error_W)
+    )
     error, half = 100 * (power / reference - 1), 100 * NORMAL_95 * sigma / power
     inside = np.count_nonzero(np.abs(power - reference) < NORMAL_95 * sigma)
     return {
-        "flight": flight.title, "curve by": "energy, electrical", "maneuvers": f"{len(found.time_s)} windows",
+        "flight": flight.title, "curve by": "energy, electrical", "maneuvers": f"{len(electrical.time_s)} windows",
         "m/s": f"{V[0]:.1f} to {V[-1]:.1f}", "error, %": f"{error.min():+.1f} to {error.max():+.1f}",
         "half width, %": f"{half.min():.0f} to {half.max():.0f}", "inside": f"{inside} of {len(V)}", "trust": "",
         "s": rounded(seconds), "MB": rounded(_megabytes()),
@@ -218,20 +220,20 @@ def citation_row(title: str, folder: Path, scratch: Path) -> Record:
     started = time.process_time()
     aircraft = AIRCRAFT_OF_UNSURE_THRUST if title == UNSURE_THRUST else AIRCRAFT
     given = Replacements(aircraft=parse_aircraft(aircraft, "citation.toml"))
-    found = analyze_runs(log, given, runs_file=runs_file if title == DECELERATIONS else None)
+    analysis = analyze_runs(log, given, runs_file=runs_file if title == DECELERATIONS else None)
     seconds, megabytes = time.process_time() - started, _megabytes()
-    decelerations = found.maneuvers.of("deceleration")
+    decelerations = analysis.maneuvers.of("deceleration")
     runs_file.write_text(
         "".join(
             f'[[run]]\nkind = "{run.kind}"\nstart = "{run.start_s:.2f} s"\nend = "{run.end_s:.2f} s"\n'
             for run in decelerations
         )
     )
-    reference_W = steady_power_W(csv, found.condition.rho)
-    return row(title, found.results, reference_W, {"s": rounded(seconds), "MB": rounded(megabytes)})
+    reference_W = steady_power_W(csv, analysis.condition.rho)
+    return row(title, analysis.results, reference_W, {"s": rounded(seconds), "MB": rounded(megabytes)})
 
 
-TITLES = (*(one.title for one in ELECTRICAL), WHOLE_FLIGHT, DECELERATIONS, WITH_VELOCITY, UNSURE_THRUST)
+TITLES = (*(electrical.title for electrical in ELECTRICAL), WHOLE_FLIGHT, DECELERATIONS, WITH_VELOCITY, UNSURE_THRUST)
 
 
 def records(titles: Sequence[str] = TITLES, folder: Path = FOLDER) -> list[Record]:
@@ -239,16 +241,16 @@ def records(titles: Sequence[str] = TITLES, folder: Path = FOLDER) -> list[Recor
     if not folder.exists():
         return []
     one_by_one = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)
-    found, citation = [], [title for title in titles if title in TITLES[len(ELECTRICAL) :]]
+    records, citation = [], [title for title in titles if title in TITLES[len(ELECTRICAL) :]]
     with tempfile.TemporaryDirectory() as name, one_by_one as process:
         scratch = Path(name)
         for flight in ELECTRICAL:
             if flight.title in titles:
-                found.append(process.submit(electrical_row, flight, folder, scratch).result())
+                records.append(process.submit(electrical_row, flight, folder, scratch).result())
         if citation:
             process.submit(draft_map, folder / CITATION, scratch).result()
-        found += [process.submit(citation_row, title, folder, scratch).result() for title in citation]
-    return found
+        records += [process.submit(citation_row, title, folder, scratch).result() for title in citation]
+    return records
 
 
 if __name__ == "__main__":

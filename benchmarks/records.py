@@ -34,14 +34,14 @@ def text(value: Any) -> str:
     if value is None:
         return "-"
     if isinstance(value, list | tuple):
-        return " / ".join(text(one) for one in value)
+        return " / ".join(text(part) for part in value)
     return f"{value:,}" if isinstance(value, int) else str(value)
 
 
 def markdown(records: Sequence[Record]) -> str:
     """A table with the columns of all records, in the order in which they occur."""
     columns = list(dict.fromkeys(name for record in records for name in record))
-    lines = [columns, ["---"] * len(columns), *([text(one.get(name, "")) for name in columns] for one in records)]
+    lines = [columns, ["---"] * len(columns), *([text(record.get(name, "")) for name in columns] for record in records)]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 

@@ -129,24 +129,24 @@ def curve_of(setup: Setup, count: int, craft: Aircraft) -> tuple[PerformanceMode
     results: list[dict[str, Any]] = []
     for seed in range(DAYS * setup.seed, DAYS * setup.seed + count):
         day = flights.drawn(load_world(setup.world).errors, seed)
-        found = answers.estimated(setup._replace(seed=seed), drawn=of_installation(day, setup.drawn))
+        curve = answers.estimated(setup._replace(seed=seed), drawn=of_installation(day, setup.drawn))
         statistics = pooling_statistics(
-            found.drag, found.model.flown_CL, named, found.model.propeller, Calibrations(flights.tunnel_probe())
+            curve.drag, curve.model.flown_CL, named, curve.model.propeller, Calibrations(flights.tunnel_probe())
         )
         results.append({
             "log": f"{seed}.mcap",
             "aircraft": {
                 "name": craft.name, "title": craft.title, "wing_area_m2": craft.geometry.wing_area_m2,
-                "span_m": craft.geometry.span_m, "propeller": found.model.propeller.name,
+                "span_m": craft.geometry.span_m, "propeller": curve.model.propeller.name,
             },
             "software_version": "",
-            "test": (test := {"weight_N": found.at.weight_N, "air_density_kgpm3": found.at.rho}),
+            "test": (test := {"weight_N": curve.at.weight_N, "air_density_kgpm3": curve.at.rho}),
             "kind": Kind.POWER_REQUIRED,
             "curves": {
                 Kind.POWER_REQUIRED: {"condition": test, "points": [], "statistics": msgspec.to_builtins(statistics)}
             },
             "battery": {"energy_Wh": 1.0, "usable": 1.0},
-            "use": {"power_train": {"measured": True}, "model": msgspec.to_builtins(model_result(found.model))},
+            "use": {"power_train": {"measured": True}, "model": msgspec.to_builtins(model_result(curve.model))},
         })  # fmt: skip
     pool = joint_pool(results)
     use = pooled_use(pool)
@@ -162,7 +162,7 @@ def one_mission(seed: int, aircraft: str, world: str, curve: int = 1, wind_sd_mp
     sources = aerodynamic_source(model, at, 0.0, (RESOLUTION.draws, rng))
     wind_mps, direction = rng.uniform(0, STRONGEST_MPS), rng.uniform(0, 2 * np.pi)
     true = Wind(wind_mps * np.sin(direction), wind_mps * np.cos(direction), 0.0)
-    said = Wind(*(np.array(true[:2]) + wind_sd_mps * rng.standard_normal(2)).tolist(), wind_sd_mps)
+    forecast = Wind(*(np.array(true[:2]) + wind_sd_mps * rng.standard_normal(2)).tolist(), wind_sd_mps)
     simulated = SimulatedAir(
         wind_mps=wind_mps * profile(WIND_HEIGHT_M) / profile(80.0),
         wind_from_rad=direction + np.pi,
@@ -171,7 +171,7 @@ def one_mission(seed: int, aircraft: str, world: str, curve: int = 1, wind_sd_mp
     ground = ambient(simulated, 0.0)
     battery = Battery(3600 * (craft.propulsion.battery_energy_Wh or 74.0), reserve=0.2)
     how = Flight(
-        said,
+        forecast,
         battery,
         Air(float(ground.pressure), float(ground.temperature)),
         craft.mass.weight_N,
@@ -218,27 +218,30 @@ def records(
 ) -> list[Record]:
     """A record an aircraft, and one of all. Each aircraft has seeds of its own: those of one seed would fly in the same
     wind, with the same errors."""
-    found: dict[str, list[Flown]] = {}
+    flights: dict[str, list[Flown]] = {}
     with ProcessPoolExecutor(jobs) as pool:
         for i, name in enumerate(aircraft):
             own = range(seeds.start + i * len(seeds), seeds.start + (i + 1) * len(seeds))
             lines = pool.map(
                 partial(one_mission, aircraft=name, world=world, curve=curve, wind_sd_mps=wind_sd_mps), own
             )
-            found[name] = list(track(lines, f"missions of {name}", total=len(seeds), console=Console(stderr=True)))
-    every = {"all": [*chain.from_iterable(found.values())]} if len(found) > 1 else {}
-    return [_record(name, curve, lines) for name, lines in (found | every).items()]
+            flights[name] = list(track(lines, f"missions of {name}", total=len(seeds), console=Console(stderr=True)))
+    every = {"all": [*chain.from_iterable(flights.values())]} if len(flights) > 1 else {}
+    return [_record(name, curve, lines) for name, lines in (flights | every).items()]
 
 
 def _record(aircraft: str, curve: int, lines: Sequence[Flown]) -> Record:
     """Errors, intervals and returns over missions."""
-    below = np.array([one.share_below for one in lines])
-    error = np.array([one.median_Wh / one.energy_Wh - 1 for one in lines])
-    ends = np.array([(one.low_Wh, one.high_Wh) for one in lines])
+    below = np.array([flown.share_below for flown in lines])
+    error = np.array([flown.median_Wh / flown.energy_Wh - 1 for flown in lines])
+    ends = np.array([(flown.low_Wh, flown.high_Wh) for flown in lines])
     half = np.where(np.isfinite(ends[:, 1]), np.diff(np.nan_to_num(ends))[:, 0] / 2, np.inf)
-    half /= [one.energy_Wh for one in lines]
+    half /= [flown.energy_Wh for flown in lines]
     inside, counting = counted((below > 0.025) & (below < 0.975))
-    returns = {f"return, {100 * said:.0f} % said": rounded(100 * np.mean(below < said)) for said in (0.5, 0.8, 0.95)}
+    returns = {
+        f"return, {100 * probability:.0f} % said": rounded(100 * np.mean(below < probability))
+        for probability in (0.5, 0.8, 0.95)
+    }
     return {
         "aircraft": aircraft, "flights of the curve": curve, "missions": len(lines),
         "error, median, %": rounded(100 * np.median(np.abs(error)), 1), "mean, %": rounded(100 * np.mean(error), 1),

@@ -62,9 +62,9 @@ def monitored(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeMaps) -> Moni
             continue
         finished = msgspec.json.decode(msgspec.json.encode(finished), type=Means)
         begin = time.thread_time()
-        found = monitor.add(finished)
-        verdicts += found
-        for verdict in found:
+        new_verdicts = monitor.add(finished)
+        verdicts += new_verdicts
+        for verdict in new_verdicts:
             texts.append(verdict.text)
             if verdict.good:
                 texts.append(monitor.interval_text())
@@ -110,36 +110,38 @@ def main(
         errors, widths = [], []
         for seed in range(first_seed, first_seed + count):
             flown = flights.flown(aircraft, flights.drawn(load_budget("study"), seed), plan, seed, kt)
-            said = monitored(flown.table, aircraft, probe)
+            verdicts = monitored(flown.table, aircraft, probe)
             air, _, _ = flights.air_of(flown.table, aircraft, calibration)
-            found, rejected = find_runs(air)
-            words = [last_word(run.kind, run.start_s, run.end_s, said.verdicts) for run in found]
-            runs += len(found)
+            accepted, rejected = find_runs(air)
+            words = [last_word(run.kind, run.start_s, run.end_s, verdicts.verdicts) for run in accepted]
+            runs += len(accepted)
             agreed += sum(word is not None and word.good for word in words)
-            told = {word for word in words if word is not None}
-            for verdict in said.verdicts:
-                superseded = last_word(verdict.kind, verdict.start_s, verdict.end_s, said.verdicts) is not verdict
-                wrongly_good += verdict.good and verdict not in told and not superseded
-            both = [last_word(r.kind, r.start_s, r.end_s, said.verdicts) for r in rejected]
+            reported = {word for word in words if word is not None}
+            for verdict in verdicts.verdicts:
+                superseded = last_word(verdict.kind, verdict.start_s, verdict.end_s, verdicts.verdicts) is not verdict
+                wrongly_good += verdict.good and verdict not in reported and not superseded
+            both = [last_word(r.kind, r.start_s, r.end_s, verdicts.verdicts) for r in rejected]
             lost += sum(word is not None and not word.good for word in both)
             if show:
-                print(kt, seed, *said.texts, sep="\n  ")
-                for run, word in zip(found, words, strict=True):
+                print(kt, seed, *verdicts.texts, sep="\n  ")
+                for run, word in zip(accepted, words, strict=True):
                     if word is None or not word.good:
                         print("  MISSED", run.kind, run.start_s, run.end_s, word)
-                for verdict in said.verdicts:
-                    if verdict.good and verdict not in told:
+                for verdict in verdicts.verdicts:
+                    if verdict.good and verdict not in reported:
                         near = [r for r in rejected if overlap((r.start_s, r.end_s), verdict[1:3]) > 0.3]
                         print("  WRONGLY GOOD", verdict, near)
-            interval = said.monitor.energy.at_endurance_speed(said.monitor.slowest_mps, said.monitor.fastest_mps)
+            interval = verdicts.monitor.energy.at_endurance_speed(
+                verdicts.monitor.slowest_mps, verdicts.monitor.fastest_mps
+            )
             if interval is not None:
                 truth = flown.flight.power_required
                 V = interval.speed_mps
-                power = said.monitor.energy.power_W(V, aircraft.mass_kg)
+                power = verdicts.monitor.energy.power_W(V, aircraft.mass_kg)
                 errors.append(100 * (power / float(np.interp(V, truth["speed_mps"], truth["power_W"])) - 1))
                 widths.append(100 * interval.half_width)
-            adding += said.adding_s
-            judging += said.judging_s
+            adding += verdicts.adding_s
+            judging += verdicts.judging_s
             ticks += len(flown.table)
         row = f"{np.mean(errors):+.1f} ± {np.std(errors):.1f} | {np.median(widths):.1f}" if errors else " | "
         print(f"| {kt:g} | {count} | {runs} | {agreed} | {wrongly_good} | {lost} | {row} |")

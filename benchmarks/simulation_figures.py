@@ -33,11 +33,11 @@ def truth_of(plan: str, aircraft: str = "nexstar") -> pd.DataFrame:
 
 def runs(plan: str, aircraft: str = "nexstar", kind: str = "run") -> list[pd.DataFrame]:
     """The plan's runs in the order flown, each with its own time from zero."""
-    found = []
+    runs = []
     for _, rows in truth_of(plan, aircraft).groupby("segment"):
         if rows["kind"].iloc[0] == kind:
-            found.append(rows.assign(t_s=rows["time_s"] - rows["time_s"].iloc[0]))
-    return found
+            runs.append(rows.assign(t_s=rows["time_s"] - rows["time_s"].iloc[0]))
+    return runs
 
 
 def panels(titles: list[str], columns: int = 1) -> Any:
@@ -127,11 +127,11 @@ def case_3() -> Any:
     import plotly.graph_objects as go
 
     drawn = go.Figure()
-    found = signal_to_noise()
+    ratios = signal_to_noise()
     for i, (color, label) in enumerate(zip(COLORS, ("noise x 0.5", "x 1", "x 1.5"), strict=False)):
-        values = [snr[i] for snr in found.values()]
+        values = [snr[i] for snr in ratios.values()]
         drawn.add_bar(
-            x=list(found),
+            x=list(ratios),
             y=values,
             name=label,
             marker_color=color,

@@ -106,17 +106,17 @@ def records(log: Path | None, before: Sequence[str], hours: float, rounds: int) 
         log = (log or flown(folder, hours)).resolve()
         versions = {f"at {revision}": checked_out(revision, folder / revision) for revision in before}
         versions["now"] = ROOT
-        found: dict[str, list[dict]] = {version: [] for version in versions}
+        timings: dict[str, list[dict]] = {version: [] for version in versions}
         for number in range(rounds + 1):
             for version, code in versions.items():
-                one = measured(code, log, folder)
+                timing = measured(code, log, folder)
                 if number > 0:
-                    found[version].append(one)
-    best = {version: min(ran, key=lambda one: sum(one["steps"].values())) for version, ran in found.items()}
+                    timings[version].append(timing)
+    best = {version: min(ran, key=lambda timing: sum(timing["steps"].values())) for version, ran in timings.items()}
     *_, now = best.values()
-    rows = {step: [one["steps"].get(step, 0.0) for one in best.values()] for step in now["steps"]}
-    rows["all"] = [sum(one["steps"].values()) for one in best.values()]
-    rows["peak memory, MB"] = [one["MB"] for one in best.values()]
+    rows = {step: [timing["steps"].get(step, 0.0) for timing in best.values()] for step in now["steps"]}
+    rows["all"] = [sum(timing["steps"].values()) for timing in best.values()]
+    rows["peak memory, MB"] = [timing["MB"] for timing in best.values()]
     table: list[Record] = [{"step": "minutes of log", "now": rounded(now["duration_s"] / 60)}]
     for step, values in rows.items():
         shown = [rounded(value, 0 if "MB" in step else 2) for value in values]

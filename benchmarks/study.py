@@ -80,8 +80,8 @@ def figures(name: str, todo: Sequence[Setup], options: Mapping[str, Any], jobs: 
     gathered: dict[str, list[np.ndarray]] = defaultdict(list)
     lost = 0
     with ProcessPoolExecutor(jobs) as pool:
-        found = pool.map(partial(case.one_flight, **options), todo)
-        for rows in track(found, name, total=len(todo), console=Console(stderr=True)):
+        lines = pool.map(partial(case.one_flight, **options), todo)
+        for rows in track(lines, name, total=len(todo), console=Console(stderr=True)):
             lost += not rows
             for title, values in rows:
                 gathered[title].append(values)
@@ -89,7 +89,7 @@ def figures(name: str, todo: Sequence[Setup], options: Mapping[str, Any], jobs: 
     return Figures(
         [curve(title, values) for title, values in gathered.items() if values[0].shape[1] == len(columns)],
         [single(title, values) for title, values in gathered.items() if values[0].shape == (2, 1)],
-        sorted(counts, key=lambda one: -one["flights"]) + ([{"found": "lost", "flights": lost}] if lost else []),
+        sorted(counts, key=lambda count: -count["flights"]) + ([{"found": "lost", "flights": lost}] if lost else []),
     )
 
 
@@ -153,11 +153,11 @@ def main(
     for kt in turbulence_kt or [0.0]:
         seeds = range(first_seed, first_seed + count)
         todo = [Setup(aircraft, world, plan or CASES[name].plan, kt, seed) for seed in seeds]
-        found = figures(name, todo, dict(option(text) for text in given or []), jobs)
+        tables = figures(name, todo, dict(option(text) for text in given or []), jobs)
         columns = ", ".join(CASES[name].columns(load_aircraft(aircraft)))
         print(f"\n{' '.join([name, *(given or [])])}: {world}, {todo[0].plan}, W20 = {kt:g} kt, {count} flights from"
               f" seed {first_seed}; at {columns}")  # fmt: skip
-        for records in found:
+        for records in tables:
             if records:
                 print("", markdown(records), sep="\n")
 

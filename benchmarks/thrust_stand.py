@@ -50,10 +50,10 @@ def stand_of(aircraft: Aircraft, errors: DrawnErrors, seed: int) -> ThrustStand:
     thrust_N = thrust_N * (1 + errors.deviations.thrust_scale) * (1 - 0.5 * errors.deviations.thrust_slope_J)
     thrust_N = thrust_N * (1 + SCALE_ERROR * rng.standard_normal()) * (1 + READING_ERROR * rng.standard_normal(len(n)))
     readings = StandReadings(n, thrust_N, np.full(len(n), SEA_LEVEL_DENSITY))
-    found, unsupported = calibrate(readings, load_propeller(aircraft.propulsion.propeller), SCALE_ERROR, "stand")
+    stand, unsupported = calibrate(readings, load_propeller(aircraft.propulsion.propeller), SCALE_ERROR, "stand")
     if unsupported:
         raise InputError(unsupported)
-    return found
+    return stand
 
 
 def one_flight(setup: Setup, *, stated: bool = False, steady: bool = False, curvature: float | None = None) -> Rows:
@@ -79,10 +79,10 @@ def one_flight(setup: Setup, *, stated: bool = False, steady: bool = False, curv
     truth = np.interp(V, flown.flight.power_required["speed_mps"], flown.flight.power_required["power_W"])
     trajectory = reconstruct(air, still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma))
     on_stand = stand_of(aircraft, drawn, setup.seed).applied_to(aircraft)
-    found = find(air, still).of("steady") if steady else find_runs(air)[0]
+    maneuvers = find(air, still).of("steady") if steady else find_runs(air)[0]
     figures = {}
     for title, given in (("without", aircraft), ("with the stand", on_stand)):
-        for data, polar, flown_CL in _estimates(trajectory, found, given, propeller, at):
+        for data, polar, flown_CL in _estimates(trajectory, maneuvers, given, propeller, at):
             power, error = power_required(V, polar, at)
             low, high = speed_at(np.array(flown_CL), at)[::-1]
             compared = 100 * np.stack([power / truth - 1, NORMAL_95 * error / truth])
@@ -91,16 +91,16 @@ def one_flight(setup: Setup, *, stated: bool = False, steady: bool = False, curv
 
 
 def _estimates(
-    trajectory: Trajectory, found: list[Maneuver], aircraft: Aircraft, propeller: Propeller, at: Condition
+    trajectory: Trajectory, maneuvers: list[Maneuver], aircraft: Aircraft, propeller: Propeller, at: Condition
 ) -> Iterator[tuple[str, Polar, tuple[float, float]]]:
     """Data used, polar, and lift coefficients that it is valid for: of the runs, else of steady points."""
-    if not any(run.kind in LEVEL_RUNS for run in found):
-        others = every_method(trajectory, found, aircraft, propeller, at)
+    if not any(run.kind in LEVEL_RUNS for run in maneuvers):
+        others = every_method(trajectory, maneuvers, aircraft, propeller, at)
         estimate, flown_CL, _ = fallback(others.by_method, trajectory, aircraft, "flight")
         yield "steady points", estimate.polar, flown_CL
         return
     for data, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):
-        chosen = [run for run in found if run.kind.startswith(kind)]
+        chosen = [run for run in maneuvers if run.kind.startswith(kind)]
         if kind:
             chosen = sorted(chosen, key=lambda run: run.start_s - run.end_s)[:1]
         yield data, dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar, EVERY_LIFT

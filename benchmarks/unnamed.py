@@ -201,9 +201,9 @@ class GpsJumps(Sensors):
     """Its velocity jumps by 2 m/s to one side for 6 s in every 25."""
 
     def gps(self, t_s: Array) -> GpsSolution:
-        found = self.truth.gps(t_s)
+        gps = self.truth.gps(t_s)
         aside = 2.0 * ((np.asarray(t_s) % 25) < 6)
-        return found._replace(velocity_ned_mps=found.velocity_ned_mps + np.outer(aside, [1.0, -0.5, 0.0]))
+        return gps._replace(velocity_ned_mps=gps.velocity_ned_mps + np.outer(aside, [1.0, -0.5, 0.0]))
 
 
 class WanderingGpsClock(Sensors):
@@ -299,9 +299,9 @@ def of_pitch(table: Propeller, factor: float) -> Propeller:
 
 def whole_pulses(log: Log) -> None:
     """The counter gives the whole pulses of seven pole pairs that a tick of 0.04 s completes."""
-    one, counted = 25 / 7, log.entries["/rpm"].columns["motor_speed_revps"].values
+    pulse, counted = 25 / 7, log.entries["/rpm"].columns["motor_speed_revps"].values
     for i, n in enumerate(counted):
-        counted[i] = np.floor(n / one) * one
+        counted[i] = np.floor(n / pulse) * pulse
 
 
 @dataclass(frozen=True)
@@ -331,7 +331,9 @@ DEFECTS: Mapping[str, Defect] = {
     "bent-probe": Defect("the probe is bent by 2 deg in mid-flight", sensors=BentProbe),
     "half-blocked-tube": Defect("the airspeed's tube is half blocked: 0.8 s", sensors=HalfBlockedTube),
     "gps-jumps": Defect("GPS velocity jumps by 2 m/s for 6 s in every 25", sensors=GpsJumps),
-    "other-pitch": Defect("a propeller of 25 % more pitch than the table's", propeller=lambda one: of_pitch(one, 1.25)),
+    "other-pitch": Defect(
+        "a propeller of 25 % more pitch than the table's", propeller=lambda propeller: of_pitch(propeller, 1.25)
+    ),
     "folds": Defect("a propeller that folds beyond zero thrust, unsaid", folds=True),
     "nicked": Defect("a nicked propeller", {"thrust_scale": -0.10}),
     "late-accelerometer": Defect("accelerometers 0.3 s late, gyros not", sensors=LateAccelerometer),
@@ -431,7 +433,7 @@ def one_flight(job: Job) -> dict[str, Any]:
     evidence = analysis.results.evidence
     return {
         **line, "error": error, "half": half, "trust": analysis.results.trust,
-        "evidence": [[one.kind, one.subject, one.figure, one.limit, one.level] for one in evidence],
+        "evidence": [[e.kind, e.subject, e.figure, e.limit, e.level] for e in evidence],
     }  # fmt: skip
 
 
@@ -447,37 +449,37 @@ def summary(line: Mapping[str, Any]) -> str:
         return f"{head}: refused, {line['refused']}"
     points = zip(line["error"], line["half"], strict=True)
     at = ", ".join(f"{e:+.1f}±{h:.1f}" for e, h in points if e is not None)
-    told = "; ".join(
+    warnings = "; ".join(
         f"{kind} {subject} {figure or 0:+.2g} ({limit or 0:.2g})"
         for kind, subject, figure, limit, _ in line["evidence"]
     )
-    return f"{head}: {at} %, {worst(line):.1f} half widths, {line['trust']}. {told}"
+    return f"{head}: {at} %, {worst(line):.1f} half widths, {line['trust']}. {warnings}"
 
 
 def records(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
     """One row a defect: how wrong the curves are, in half widths, and what is said of each."""
-    found: list[Record] = []
+    records: list[Record] = []
     for name in dict.fromkeys(line["defect"] for line in lines):
         some = [line for line in lines if line["defect"] == name]
         done = [line for line in some if "error" in line]
         record: Record = {"defect": name, "flights": len(some)}
         record["error, half widths"] = " / ".join(f"{worst(line):.1f}" for line in done)
         record["verdicts"] = [sum(line["trust"] == level for line in done) for level in Trust]
-        kinds = dict.fromkeys(one[0] for line in done for one in line["evidence"])
-        found.append(record | {"evidence": ", ".join(kinds) or None})
-    return found
+        kinds = dict.fromkeys(evidence[0] for line in done for evidence in line["evidence"])
+        records.append(record | {"evidence": ", ".join(kinds) or None})
+    return records
 
 
 def judged(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
     """Counts of curves by how wrong they are: trusted, doubtful, not to be trusted."""
-    found: list[Record] = []
+    records: list[Record] = []
     bounds = ((0.0, 1.0, "right"), (1.0, 1.5, "wrong by 1.0 to 1.5 half widths"), (1.5, 3.0, "by 1.5 to 3"),
               (3.0, np.inf, "by more"))  # fmt: skip
     for low, high, title in bounds:
         some = [line for line in lines if "error" in line and low <= worst(line) < high]
         by_level = {str(level): sum(line["trust"] == level for line in some) for level in Trust}
-        found.append({"curve": title, "flights": len(some), **by_level})
-    return found
+        records.append({"curve": title, "flights": len(some), **by_level})
+    return records
 
 
 def jobs_of(
@@ -498,7 +500,7 @@ def kept(names: Sequence[str], weather_kt: Sequence[float], flights: int, seed: 
          label: str = "") -> list[dict[str, Any]]:  # fmt: skip
     """The lines of all flights; those that the file lacks are flown. label: flights of another are flown again"""
     todo = {job[:4]: job for job in jobs_of(names, weather_kt, flights, seed, label)}
-    done = fly_missing(file, todo, one_flight, key, jobs=jobs, told=summary)
+    done = fly_missing(file, todo, one_flight, key, jobs=jobs, summary=summary)
     return [done[identity] for identity in todo]
 
 

@@ -114,7 +114,7 @@ def one_flight(job: Job) -> dict[str, Any]:
     return {
         **line, "error": error, "half": half, "warnings": analysis.results.warnings,
         "alarm": alarm(analysis), "trust": analysis.results.trust,
-        "evidence": [one.kind for one in analysis.results.evidence], "disagreements": len(results["disagreements"]),
+        "evidence": [e.kind for e in analysis.results.evidence], "disagreements": len(results["disagreements"]),
     }  # fmt: skip
 
 
@@ -122,8 +122,8 @@ def transducers(folder: Path, world: str, seed: int) -> TransducerCalibration:
     """The calibration of the transducers of one flight. Raises InputError if its data do not support it."""
     output = folder / "column"
     fly(output, plan=COLUMN, world=world, seed=seed, probe=folder / "probe.json", no_hardware=True)
-    found = plateaus(readings(read_log(output / "log.mcap")), COLUMN)
-    calibration, unsupported = calibrate(found, as_read(column_pressures(), seed), COLUMN_SCALE, COLUMN)
+    levels = plateaus(readings(read_log(output / "log.mcap")), COLUMN)
+    calibration, unsupported = calibrate(levels, as_read(column_pressures(), seed), COLUMN_SCALE, COLUMN)
     if unsupported:
         raise InputError(unsupported)
     return calibration
@@ -151,10 +151,10 @@ def cells(names: Sequence[str], weather_kt: Sequence[float], plans: Sequence[str
 
 
 def by_cell(lines: list[dict[str, Any]]) -> dict[Cell, list[dict[str, Any]]]:
-    found: dict[Cell, list[dict[str, Any]]] = {}
+    cells: dict[Cell, list[dict[str, Any]]] = {}
     for line in lines:
-        found.setdefault(Cell(line["world"], line["weather_kt"], line["plan"]), []).append(line)
-    return found
+        cells.setdefault(Cell(line["world"], line["weather_kt"], line["plan"]), []).append(line)
+    return cells
 
 
 def cell_records(lines: list[dict[str, Any]]) -> list[Record]:
@@ -182,11 +182,11 @@ def world_records(flights: Mapping[str, Mapping[float, Sequence[Points]]]) -> li
     names = " / ".join(f"{weather:g}" for weather in weathers)
     records = []
     for world, by_weather in flights.items():
-        points = [one for of_weather in by_weather.values() for one in of_weather]
-        found = _figures(points)
+        points = [point for of_weather in by_weather.values() for point in of_weather]
+        figures = _figures(points)
         at = [_covered(by_weather.get(weather, ())) for weather in weathers]
-        records.append({"world": world, "flights": len(points), "coverage, %": found.pop("coverage, %"),
-                        "±": found.pop("±"), f"at {names} kt": at, **found})  # fmt: skip
+        records.append({"world": world, "flights": len(points), "coverage, %": figures.pop("coverage, %"),
+                        "±": figures.pop("±"), f"at {names} kt": at, **figures})  # fmt: skip
     return records
 
 
@@ -201,10 +201,10 @@ def verdict_records(lines: list[dict[str, Any]]) -> list[Record]:
         of_world = [line for line in lines if line["world"] == world and "error" in line]
         by_weather = [[line for line in of_world if line["weather_kt"] == weather] for weather in weathers]
         figures = [_figures([(line["error"], line["half"]) for line in some]) if some else {} for some in by_weather]
-        errors, halves = ([[x for x in one.get(name, []) if x is not None] for one in figures]
+        errors, halves = ([[x for x in figure.get(name, []) if x is not None] for figure in figures]
                           for name in ("error", "half width"))  # fmt: skip
         record: Record = {"world": world, "flights": len(of_world)}
-        record[f"coverage at {at} kt, %"] = [one.get("coverage, %") for one in figures]
+        record[f"coverage at {at} kt, %"] = [figure.get("coverage, %") for figure in figures]
         record["error"] = [max(some, default=None) for some in errors]
         record["half width"] = [f"{min(some):.1f} to {max(some):.1f}" if some else None for some in halves]
         for weather, some in zip(weathers, by_weather, strict=True):
@@ -216,16 +216,16 @@ def verdict_records(lines: list[dict[str, Any]]) -> list[Record]:
 
 def points_by_world(lines: list[dict[str, Any]], plan: str) -> dict[str, dict[float, list[Points]]]:
     """Errors and half widths of the flights of a plan, by world and W20 [kt]."""
-    found: dict[str, dict[float, list[Points]]] = {}
+    by_world: dict[str, dict[float, list[Points]]] = {}
     for line in lines:
         if line["plan"] == plan and "error" in line:
-            of_world = found.setdefault(line["world"], {})
+            of_world = by_world.setdefault(line["world"], {})
             of_world.setdefault(line["weather_kt"], []).append((line["error"], line["half"]))
-    return found
+    return by_world
 
 
 def _figures(points: Sequence[Points]) -> Record:
-    error, half = (np.array([one[i] for one in points], dtype=float) for i in (0, 1))
+    error, half = (np.array([of_flight[i] for of_flight in points], dtype=float) for i in (0, 1))
     rows = {name: values for name, values, _ in error_rows(error, half)}
     by_flight = zip(np.abs(error) < half, np.isfinite(error), strict=True)
     _, counting = counted([np.mean(inside[known]) for inside, known in by_flight if known.any()])
@@ -272,7 +272,7 @@ def flown(study: Study, file: Path, jobs: int) -> list[dict[str, Any]]:
     todo = [Job(cell, study.first_seed + i, versions[cell.world], probe, study.calibrated)
             for i in range(max(of_cell.values())) for cell, n in of_cell.items() if i < n]  # fmt: skip
     wanted = {(*job.cell, job.seed, job.version, job.calibrated): job for job in todo}
-    done = fly_missing(file, wanted, one_flight, key, jobs=jobs, told=summary)
+    done = fly_missing(file, wanted, one_flight, key, jobs=jobs, summary=summary)
     return [done[identity] for identity in wanted]
 
 

@@ -30,10 +30,10 @@ class ArmSwitch:
         for sample in samples:
             if isinstance(sample.message, Controls):
                 self._take(self._arm, sample.message, sample.time_ns)
-        told = [Event(severity="warning", sensor="arm", text=each) for each in self.trouble if not trouble_before]
+        events = [Event(severity="warning", sensor="arm", text=each) for each in self.trouble if not trouble_before]
         if self.armed is before:
-            return told
-        return [*told, Event(sensor="arm", text="armed" if self.armed else "disarmed")]
+            return events
+        return [*events, Event(sensor="arm", text="armed" if self.armed else "disarmed")]
 
     def _take(self, arm: ArmSwitchConfig, controls: Controls, time_ns: int) -> None:
         pulses_us = (controls.stick_pulse_us if arm.seen_at == "receiver" else controls.pulse_us) or []

@@ -107,7 +107,7 @@ class BackgroundRecovery(Recovery):
         self._report(failure_event(paths[done], f"the process that completes it ended with {cause}"))
         return done + 1
 
-    def _run(self, command: list[str], hear: Callable[[bytes], None]) -> int:
+    def _run(self, command: list[str], on_line: Callable[[bytes], None]) -> int:
         """The exit status of a process that has no real-time priority from its first instruction. hear: each line."""
         read_end, write_end = os.pipe2(os.O_CLOEXEC)
         with os.fdopen(read_end, "rb") as output:
@@ -127,7 +127,7 @@ class BackgroundRecovery(Recovery):
                 os.close(write_end)
             for line in output:
                 if line.endswith(b"\n"):
-                    hear(line)
+                    on_line(line)
         # Reaped under the lock only after it has ended, so that `stop` cannot kill another process of the same number.
         os.waitid(os.P_PID, self._process_id, os.WEXITED | os.WNOWAIT)
         with self._lock:

@@ -62,14 +62,14 @@ class ComputerWatch:
         self._sysfs = sysfs
         self.latest = Computer()
         self._last_s: dict[Strain, float] = {}  # when it was seen
-        self._told: dict[Strain, str] = {}
+        self._notified: dict[Strain, str] = {}
         self._events: deque[Event] = deque()
         self._stop = threading.Event()
 
     @property
     def trouble(self) -> list[str]:
         """What the crew should know, a clause each."""
-        return list(self._told.values())
+        return list(self._notified.values())
 
     def start(self) -> None:
         """Check every second from now on."""
@@ -96,11 +96,11 @@ class ComputerWatch:
         }
         strained = [strain for strain, last_s in self._last_s.items() if now_s - last_s < HELD_S]
         for strain in strained:
-            if strain not in self._told:
+            if strain not in self._notified:
                 self._events.append(Event(severity="warning", sensor="computer", text=texts[strain]))
-        if self._told and not strained:
+        if self._notified and not strained:
             self._events.append(Event(sensor="computer", text="supply and heat of the computer are in order again"))
-        self._told = {strain: texts[strain] for strain in strained}
+        self._notified = {strain: texts[strain] for strain in strained}
 
     def _work(self) -> None:
         use_every_processor(whole_process=False)  # the firmware takes its time, and must not hold up the sampling

@@ -70,9 +70,9 @@ class CycleListener(Protocol):
     Called from the sampling thread: must not wait and must not raise.
     """
 
-    def hear(self, cycle: Cycle, events: list[Event]) -> None: ...
+    def on_cycle(self, cycle: Cycle, events: list[Event]) -> None: ...
 
-    def hear_status(self, status: RecordingStatus) -> None: ...
+    def on_status(self, status: RecordingStatus) -> None: ...
 
     def run_news(self) -> RunNews:
         """What is known of the runs: verdicts since the last call, and the progress of the one being flown."""
@@ -265,10 +265,10 @@ def record(
                 if light is not None:
                     light.show(status)
                 if listener is not None:
-                    listener.hear_status(status)
+                    listener.on_status(status)
             log_files.write(cycle.samples + own, tick=cycle.tick.number, now_ns=cycle.now_ns)
             if listener is not None:
-                listener.hear(cycle, events)
+                listener.on_cycle(cycle, events)
     finally:
         recovery.stop()
         computer.stop()

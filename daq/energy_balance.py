@@ -113,10 +113,10 @@ class EnergyBalance:
 
     def power_W(self, V_mps: float, mass_kg: float) -> float | None:
         """Power required in level flight; None before enough was flown."""
-        found = self.polar()
-        if found is None:
+        polar = self.polar()
+        if polar is None:
             return None
-        return mass_kg * sum(a * b for a, b in zip(self._gradient(V_mps), found[0][:3], strict=True))
+        return mass_kg * sum(a * b for a, b in zip(self._gradient(V_mps), polar[0][:3], strict=True))
 
     def _gradient(self, V_mps: float) -> list[float]:
         """Gradient of power over mass by A0, A1, A2, in level flight."""
@@ -126,10 +126,10 @@ class EnergyBalance:
 
     def at_endurance_speed(self, slowest_mps: float, fastest_mps: float) -> PowerInterval | None:
         """The interval at the speed of least power between two speeds; None before enough was flown."""
-        found = self.polar()
-        if found is None:
+        polar = self.polar()
+        if polar is None:
             return None
-        p, covariance = found
+        p, covariance = polar
         best: tuple[float, float, list[float]] | None = None
         for i in range(25):
             V = slowest_mps + (fastest_mps - slowest_mps) * i / 24

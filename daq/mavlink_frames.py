@@ -109,8 +109,8 @@ class MavlinkParser:
         at, size = 0, len(buffer)
         while at < size:
             if buffer[at] not in (MARKER_1, MARKER_2):
-                found = MARKER.search(buffer, at)
-                start = found.start() if found else size
+                match = MARKER.search(buffer, at)
+                start = match.start() if match else size
                 self.rejected += start - at
                 at = start
                 continue

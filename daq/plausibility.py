@@ -83,12 +83,12 @@ class Plausibility:
         self._latest: dict[str, tuple[int, object]] = {}
         self._due_ns = 0
         self._changed_ns: dict[Comparison, int] = {}  # since when it has not been as it was last told
-        self._told: dict[Comparison, str] = {}
+        self._notified: dict[Comparison, str] = {}
 
     @property
     def implausible(self) -> list[str]:
         """What is wrong at present, a clause each."""
-        return list(self._told.values())
+        return list(self._notified.values())
 
     @property
     def mean_alpha_difference_rad(self) -> float | None:
@@ -106,17 +106,17 @@ class Plausibility:
         self._due_ns = now_ns + COMPARE_EVERY_NS
         events = []
         for comparison, text in self._compared(now_ns).items():
-            if bool(text) == (comparison in self._told):
+            if bool(text) == (comparison in self._notified):
                 self._changed_ns.pop(comparison, None)
                 continue
             if now_ns - self._changed_ns.setdefault(comparison, now_ns) < WRONG_FOR_NS:
                 continue
             del self._changed_ns[comparison]
             if text:
-                self._told[comparison] = text
+                self._notified[comparison] = text
                 events.append(Event(severity="warning", sensor="daq", text=text, compared=comparison))
             else:
-                del self._told[comparison]
+                del self._notified[comparison]
                 events.append(Event(sensor="daq", text=f"{comparison} plausible again", compared=comparison))
         return events
 

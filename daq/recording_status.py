@@ -74,19 +74,19 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def late(self) -> list[str]:
         """What was not sampled in time lately."""
-        told = []
+        messages = []
         if self.rate_Hz < LEAST_RATE * self.grid_Hz:
-            told.append(f"{self.rate_Hz:.1f} of {self.grid_Hz:.1f} Hz")
+            messages.append(f"{self.rate_Hz:.1f} of {self.grid_Hz:.1f} Hz")
         if self.recent_missed:
-            told.append(f"{self.recent_missed} ticks missed in {RECENT_S:.0f} s")
-        return told
+            messages.append(f"{self.recent_missed} ticks missed in {RECENT_S:.0f} s")
+        return messages
 
     @property
     def wrong(self) -> list[str]:
         """What the crew should know before the next run."""
         failing = ", ".join(self.failing)
-        told = [self.error, failing, *self.late, *self.slow, *self.implausible, *self.trouble]
-        return [text for text in told if text]
+        messages = [self.error, failing, *self.late, *self.slow, *self.implausible, *self.trouble]
+        return [text for text in messages if text]
 
     @property
     def well(self) -> bool:

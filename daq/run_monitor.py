@@ -44,7 +44,7 @@ class JudgedRun(NamedTuple):
         return self.rejection is None
 
     @property
-    def told(self) -> bool:
+    def notified(self) -> bool:
         """Whether the pilot is told. In turns no run is expected; a small change of speed was none to repeat."""
         if self.rejection is None:
             return True
@@ -59,7 +59,7 @@ class JudgedRun(NamedTuple):
     @property
     def text(self) -> str:
         """Text for the pilot, at most 50 characters; empty if there is none."""
-        if not self.told:
+        if not self.notified:
             return ""
         if not self.good:
             return f"{self.kind} lost: {self.reason}; repeat"
@@ -155,7 +155,7 @@ class RunMonitor:
             if verdict.good:
                 texts += [("info", verdict.text), ("info", self.interval_text())]
                 texts += [("info", text) for text in self._ticked(verdict)]
-            elif verdict.told:
+            elif verdict.notified:
                 texts.append(("warning", verdict.text))
         return texts
 
@@ -245,6 +245,6 @@ class RunMonitor:
         )
 
 
-def _same(one: JudgedRun, other: JudgedRun) -> bool:
+def _same(run: JudgedRun, other: JudgedRun) -> bool:
     """Whether two verdicts are on nearly the same stretch."""
-    return abs(one.start_s - other.start_s) < 1.0 and abs(one.end_s - other.end_s) < 1.0
+    return abs(run.start_s - other.start_s) < 1.0 and abs(run.end_s - other.end_s) < 1.0

@@ -167,13 +167,13 @@ def _zero(path: Path) -> Row:
 
 def _check(path: Path) -> Row:
     try:
-        found = msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+        content = msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
         when = _utc(path.stat().st_mtime)
     except (OSError, msgspec.MsgspecError):
         return "check", "not made (`daq check`)", False
-    fit = found.get("fit") is True
-    bad = [str(line.get("topic")) for line in found.get("lines", []) if line.get("ok") is False]
-    bad += [str(fact.get("text")) for fact in found.get("facts", []) if fact.get("ok") is False]
+    fit = content.get("fit") is True
+    bad = [str(line.get("topic")) for line in content.get("lines", []) if line.get("ok") is False]
+    bad += [str(fact.get("text")) for fact in content.get("facts", []) if fact.get("ok") is False]
     return "check", f"{'fit to fly' if fit else 'not fit to fly: ' + ', '.join(bad)} ({when})", fit
 
 

@@ -94,21 +94,21 @@ def zero_from_samples(samples: Iterable[Sample], *, ticks: int, seconds: float, 
     if not values:
         problems.append("the tray has no differential transducer and no IMU")
     for topic, fields_of_topic in values.items():
-        counts = [len(found) for found in fields_of_topic.values()] or [0]
+        counts = [len(readings) for readings in fields_of_topic.values()] or [0]
         if min(counts) < MINIMUM_FRACTION * ticks:
             problems.append(f"{topic} gave {min(counts)} measurements in {ticks} ticks: run `daq check`")
             continue
-        for field, found in fields_of_topic.items():
-            problems += rest_problems(f"{topic} {field}", found, rest_criteria(field))
+        for field, readings in fields_of_topic.items():
+            problems += rest_problems(f"{topic} {field}", readings, rest_criteria(field))
     if problems:
         raise NotStill("\n".join(problems))
     return Zero(
         format=FORMAT,
         taken_unix_ns=unix_ns,
         seconds=seconds,
-        temperature_K={topic: fmean(found) for topic, found in temperature.items()},
+        temperature_K={topic: fmean(readings) for topic, readings in temperature.items()},
         readings={
-            topic: {field: _reading(found) for field, found in fields.items() if field not in FORCES}
+            topic: {field: _reading(readings) for field, readings in fields.items() if field not in FORCES}
             for topic, fields in values.items()
         },
     )

@@ -46,8 +46,8 @@ def _devices(device: str) -> list[str]:
     if device in PI_LINKS:
         return ["char-ttyAMA", "char-ttyS"]
     for pattern, (major, first_minor) in NUMBERS.items():
-        if found := re.fullmatch(pattern, device):
-            return [f"/dev/char/{major}:{first_minor + int(found[1])}"]
+        if match := re.fullmatch(pattern, device):
+            return [f"/dev/char/{major}:{first_minor + int(match[1])}"]
     return [next((name for pattern, name in CLASSES.items() if re.fullmatch(pattern, device)), device)]
 
 

@@ -129,11 +129,11 @@ class TelemetryLink:
         self._thread = threading.Thread(target=self._keep_alive, name="telemetry", daemon=True)
         self._thread.start()
 
-    def hear_status(self, status: RecordingStatus) -> None:
+    def on_status(self, status: RecordingStatus) -> None:
         """Keep the state of the recording, which each line carries until the next."""
         self._status = status
 
-    def hear(self, cycle: Cycle, events: list[Event]) -> None:
+    def on_cycle(self, cycle: Cycle, events: list[Event]) -> None:
         """Keep this cycle's good messages and events; write them to the pipe when a line is due."""
         for topic, time_ns, message, _ in cycle.samples:
             if topic in TOPICS and message.status is OK:
@@ -347,9 +347,9 @@ class MavlinkEncoder:
         if q_c is None or q_c <= 0:
             return {}
         ratios = {"dpa_per_qc": alpha, "dpb_per_qc": beta}
-        found = {name: dp / q_c for name, dp in ratios.items() if dp is not None}
+        angles = {name: dp / q_c for name, dp in ratios.items() if dp is not None}
         if self._probe is None or alpha is None or beta is None:
-            return {**found, "qbar_Pa": q_c}
+            return {**angles, "qbar_Pa": q_c}
         flow = self._probe.flow(alpha / q_c, beta / q_c)
         return {
             "alpha_deg": math.degrees(flow.alpha_rad),
@@ -399,7 +399,7 @@ def main(arguments: list[str]) -> None:
     ground = MavlinkEncoder(telemetry, probe, zero)
     port: LinuxSerial | UdpSender | None = None
     progress: Progress | None = None
-    said = RunNews()
+    previous = RunNews()
     decoder = msgspec.json.Decoder(Snapshot)
     snapshot, heard_s = Snapshot(elapsed_s=0.0), time.monotonic()
     for lines in newest_lines(0):
@@ -411,11 +411,11 @@ def main(arguments: list[str]) -> None:
         snapshot.events = [event for some in (*earlier, snapshot) for event in some.events]
         if monitor is not None and lines:
             means = [each for some in (*earlier, snapshot) for each in some.means]
-            news, told = run_news(monitor, means, before=progress)
-            snapshot.events += told
-            if news != said:
+            news, new_events = run_news(monitor, means, before=progress)
+            snapshot.events += new_events
+            if news != previous:
                 os.write(1, msgspec.json.encode(news) + b"\n")
-                said = msgspec.structs.replace(news, verdicts=[])
+                previous = msgspec.structs.replace(news, verdicts=[])
             progress = monitor.progress()
         try:
             port = port or open_port(telemetry)
@@ -438,10 +438,12 @@ def run_news(monitor: RunMonitor, means: list[Means], *, before: Progress | None
     now = monitor.progress()
     begun = now is not None and (before is None or before.kind != now.kind)
     reached = now is not None and before is not None and before.more_s > 0 and now.more_s == 0
-    told = [Event(sensor="runs", text=now.text)] if now is not None and (begun or reached) else []
+    new_events = [Event(sensor="runs", text=now.text)] if now is not None and (begun or reached) else []
     card = monitor.card.lines if monitor.card else []
     so_far = monitor.interval_text() if monitor.runs else ""
-    return RunNews(verdicts=verdicts, progress=now.text if now else "", card=card, reached=so_far), told + verdicts
+    return RunNews(
+        verdicts=verdicts, progress=now.text if now else "", card=card, reached=so_far
+    ), new_events + verdicts
 
 
 def run_monitor(aircraft: Aircraft, probe: ProbeMaps | None, zero: Zero | None, card: FlightCard | None) -> RunMonitor:

@@ -204,11 +204,11 @@ def pages(folder: Path, version: str) -> None:
     for program, page, section in [*programs, (SYSTEMD / "tray.sh", "flightpower-tray", 8)]:
         target = folder / f"man{section}/{page}.{section}"
         target.parent.mkdir(parents=True, exist_ok=True)
-        asked = subprocess.run(f"{program} --help", shell=True, capture_output=True, text=True, check=True).stdout
-        purpose = re.search(r"\n\n +(\S(?:.|\n)*?)(?:\.\s|\n\n)", asked)
-        assert purpose, asked
+        help_text = subprocess.run(f"{program} --help", shell=True, capture_output=True, text=True, check=True).stdout
+        purpose = re.search(r"\n\n +(\S(?:.|\n)*?)(?:\.\s|\n\n)", help_text)
+        assert purpose, help_text
         # help2man takes the page's name from the program's, and an indented line for an example.
-        text, options, rest = asked.partition("Options:\n")
+        text, options, rest = help_text.partition("Options:\n")
         stub = folder / page
         stub.write_text(f"#!/bin/sh\ncat <<'EOF'\n{text.replace(chr(10) + '  ', chr(10))}{options}{rest}EOF\n")
         stub.chmod(0o755)

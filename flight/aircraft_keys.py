@@ -374,12 +374,12 @@ KEYS: dict[str, Key] = {
 def _examples() -> dict[str, str]:
     """Examples by key, with surfaces and lines spelled out."""
     named = {"SURFACE": SURFACES, "LINE": LINES}
-    found = {}
+    examples = {}
     for key, entry in KEYS.items():
         stands_for = next((word for word in named if word in key.split(".")), None)
         for name in named[stands_for] if stands_for else ("",):
-            found[key.replace(stands_for, name) if stands_for else key] = entry.example
-    return found
+            examples[key.replace(stands_for, name) if stands_for else key] = entry.example
+    return examples
 
 
 EXAMPLES = _examples()

@@ -126,10 +126,10 @@ def json_object_text(path: Path, of: str) -> str:
     """
     text = read_text(path)
     try:
-        found = json.loads(text)
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not {of} ({error})") from None
-    if not isinstance(found, dict):
+    if not isinstance(content, dict):
         raise InputError(f"{path}: not {of} (not a JSON object)")
     return text
 
@@ -153,13 +153,13 @@ class JsonFormat(Generic[File]):
     def parsed(self, data: bytes | str, where: str) -> File:
         """The content of such a file. Raises InputError naming `where` when it is something else."""
         try:
-            found = msgspec.json.decode(data, type=self.content)
+            content = msgspec.json.decode(data, type=self.content)
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
             raise InputError(f"{where}: not {self.of} ({error}){self.remedy}") from None
-        if found.format not in self.formats:
-            raise InputError(f"{where}: format {found.format!r} is not supported; expected {self.formats[0]!r}")
-        self.check(found, where)
-        return found
+        if content.format not in self.formats:
+            raise InputError(f"{where}: format {content.format!r} is not supported; expected {self.formats[0]!r}")
+        self.check(content, where)
+        return content
 
     def parsed_if_any(self, data: bytes | None, where: str) -> File | None:
         """Parses the file, or returns None without data."""

@@ -188,13 +188,17 @@ def format_of(path: Path) -> Format:
 
 def refusal(path: Path, wanted: str = "") -> InputError:
     """What a file is and how to get one that is read. wanted : the files that a command reads, if not all."""
-    found = format_of(path)
-    if found is Format.EMPTY:
+    file_format = format_of(path)
+    if file_format is Format.EMPTY:
         return InputError(f"{path}: the file is empty")
-    if found in READ_BY_OTHERS:
-        return InputError(f"{path}: {found}, which `analyze` reads; here {wanted or 'a log of the daemon'} is needed")
-    what = {Format.BLANK: _blank, Format.UNKNOWN: _unknown}.get(found, lambda _: str(found))(first_bytes(path))
-    return InputError(f"{path}: {what}, which is not read: {REMEDY[found]}")
+    if file_format in READ_BY_OTHERS:
+        return InputError(
+            f"{path}: {file_format}, which `analyze` reads; here {wanted or 'a log of the daemon'} is needed"
+        )
+    what = {Format.BLANK: _blank, Format.UNKNOWN: _unknown}.get(file_format, lambda _: str(file_format))(
+        first_bytes(path)
+    )
+    return InputError(f"{path}: {what}, which is not read: {REMEDY[file_format]}")
 
 
 def _blank(start: bytes) -> str:
@@ -244,7 +248,7 @@ def recognized(start: bytes) -> Format:
     if text is None:
         return Format.UNKNOWN
     lines = text.lstrip()
-    return next((one for one, pattern in TEXTS.items() if pattern.match(lines)), Format.TEXT)
+    return next((file_format for file_format, pattern in TEXTS.items() if pattern.match(lines)), Format.TEXT)
 
 
 def text_of(start: bytes) -> str | None:

@@ -42,7 +42,7 @@ class Log:
     @property
     def undecodable(self) -> int:
         """The number of messages that cannot be decoded."""
-        return sum(found.count for found in self.undecodable_of.values())
+        return sum(undecodable.count for undecodable in self.undecodable_of.values())
 
 
 UNDECODABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)  # of one message: the others are read
@@ -85,8 +85,8 @@ def _no_search_for_cycles() -> Iterator[None]:
 def _why_empty(log: Log) -> str:
     if log.torn:
         return f"holds no message (it is torn: {log.torn})"
-    for topic, found in log.undecodable_of.items():
-        return f"none of its {log.undecodable} messages can be decoded; {topic}: {found.mistake}"
+    for topic, undecodable in log.undecodable_of.items():
+        return f"none of its {log.undecodable} messages can be decoded; {topic}: {undecodable.mistake}"
     for topic, encoding in log.other_encodings.items():
         return f"{topic}: {other_encoding(encoding)}"
     if log.unknown_topics:
@@ -120,7 +120,7 @@ def _with_integers(value: Any) -> Any:
 def _add(log: Log, topic: str, entries: Entries, decoder: msgspec.json.Decoder[Any], messages: Messages) -> None:
     """Decode messages into the entries of their topic; those that cannot be decoded are counted."""
 
-    def one(data: bytes) -> Message | None:
+    def message_or_none(data: bytes) -> Message | None:
         try:
             return _decoded(decoder, data)
         except UNDECODABLE as error:
@@ -131,7 +131,9 @@ def _add(log: Log, topic: str, entries: Entries, decoder: msgspec.json.Decoder[A
     try:
         decoded = list(map(decoder.decode, data))
     except UNDECODABLE:
-        good = [(*row, message) for row in zip(times_ns, ticks, data, strict=True) if (message := one(row[2]))]
+        good = [
+            (*row, message) for row in zip(times_ns, ticks, data, strict=True) if (message := message_or_none(row[2]))
+        ]
         times_ns, ticks, data, decoded = map(list, zip(*good, strict=True)) if good else ([], [], [], [])
     entries.extend(times_ns, ticks, decoded)
     if topic not in log.fields:

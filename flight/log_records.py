@@ -36,16 +36,16 @@ def records(stream: IO[bytes], allowed: int) -> Iterator[McapRecord | Messages]:
     Raises LogTooLarge beyond `allowed` decompressed bytes; where the file is torn or damaged, an exception of mcap,
     struct or of the decompressor, after the messages before that.
     """
-    found: dict[int, Messages] = {}
+    messages: dict[int, Messages] = {}
     try:
-        yield from _records(stream, allowed, found)
+        yield from _records(stream, allowed, messages)
     except Exception:
-        yield from _taken(found)
+        yield from _taken(messages)
         raise
 
 
-def _records(stream: IO[bytes], allowed: int, found: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
-    """`records`, with the messages of several chunks together in `found` by channel, before they are returned."""
+def _records(stream: IO[bytes], allowed: int, messages: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
+    """`records`, with the messages of several chunks together in `messages` by channel, before they are returned."""
     _check_magic(stream)
     total = returned = 0
     while True:
@@ -65,24 +65,24 @@ def _records(stream: IO[bytes], allowed: int, found: dict[int, Messages]) -> Ite
             if total > allowed:
                 limit = f"{allowed / 2**20:.0f} MiB, the limit for its size"
                 raise LogTooLarge(f"its chunks decompress to more than {limit}")
-            yield from _in_chunk(data, found)
+            yield from _in_chunk(data, messages)
             if total - returned > TOGETHER_BYTES:
-                yield from _taken(found)
+                yield from _taken(messages)
                 returned = total
         elif opcode == Opcode.MESSAGE:
-            yield from _taken(found)
+            yield from _taken(messages)
             yield _message(content)
         elif opcode in USED:
-            yield from _taken(found)
+            yield from _taken(messages)
             yield USED[opcode].read(ReadDataStream(BytesIO(content)))
         elif opcode == Opcode.FOOTER:
-            yield from _taken(found)
+            yield from _taken(messages)
             _check_magic(stream)
             return
 
 
-def _in_chunk(data: bytes, found: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
-    """Add the messages in a decompressed chunk to `found`; a channel is returned after the messages before it."""
+def _in_chunk(data: bytes, messages: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
+    """Add the messages in a decompressed chunk to `messages`; a channel is returned after the messages before it."""
     at, end, head, unpack = 0, len(data), RECORD_HEAD.size + MESSAGE_HEAD.size, IN_CHUNK.unpack_from
     while at < end:
         if data[at] == MESSAGE:
@@ -90,7 +90,7 @@ def _in_chunk(data: bytes, found: dict[int, Messages]) -> Iterator[McapRecord | 
             begin, at = at + head, at + RECORD_HEAD.size + length
             if at > end:
                 raise EndOfFile()
-            _, times_ns, ticks, contents = found.get(channel) or found.setdefault(channel, _none_of(channel))
+            _, times_ns, ticks, contents = messages.get(channel) or messages.setdefault(channel, _none_of(channel))
             times_ns.append(time_ns)
             ticks.append(tick)
             contents.append(data[begin:at])
@@ -100,14 +100,14 @@ def _in_chunk(data: bytes, found: dict[int, Messages]) -> Iterator[McapRecord | 
         if at > end:
             raise EndOfFile()
         if opcode == Opcode.CHANNEL:
-            yield from _taken(found)
+            yield from _taken(messages)
             yield Channel.read(ReadDataStream(BytesIO(data[begin:at])))
 
 
-def _taken(found: dict[int, Messages]) -> list[Messages]:
-    """The messages by channel, which `found` no longer holds."""
-    taken = list(found.values())
-    found.clear()
+def _taken(messages: dict[int, Messages]) -> list[Messages]:
+    """The messages by channel, which `messages` no longer holds."""
+    taken = list(messages.values())
+    messages.clear()
     return taken
 
 
@@ -121,5 +121,5 @@ def _message(content: bytes) -> Messages:
 
 
 def _check_magic(stream: IO[bytes]) -> None:
-    if (found := stream.read(len(MAGIC))) != MAGIC:
-        raise InvalidMagic(tuple(found)) if len(found) == len(MAGIC) else EndOfFile()
+    if (magic := stream.read(len(MAGIC))) != MAGIC:
+        raise InvalidMagic(tuple(magic)) if len(magic) == len(MAGIC) else EndOfFile()

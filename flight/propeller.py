@@ -135,8 +135,8 @@ class Propeller(PropellerModel):
     @property
     def origin(self) -> Origin:
         """Where the table comes from; UNKNOWN, too, where its head has a word that is none of them."""
-        said = self.head.get("origin", "")
-        return Origin(said) if said in set(Origin) else Origin.UNKNOWN
+        origin = self.head.get("origin", "")
+        return Origin(origin) if origin in set(Origin) else Origin.UNKNOWN
 
     @property
     def is_thrust_column(self) -> bool:
@@ -249,8 +249,8 @@ class TableCells:
 
     def numbers(self, index: CellIndex) -> NDArray[np.float64]:
         """(8,)."""
-        found: NDArray[np.float64] = self._numbers[index]
-        return found
+        numbers: NDArray[np.float64] = self._numbers[index]
+        return numbers
 
 
 def _spans(knots: list[float]) -> list[tuple[float, float]]:

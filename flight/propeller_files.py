@@ -60,20 +60,20 @@ def _text(path: Path) -> str:
 
 def _load_uiuc(folder: Path, name: str = "") -> Propeller:
     """All tables of one propeller of the UIUC database in a folder: `apce_10x5_kt0821_5000.txt`, `…_static_….txt`."""
-    tests = [(found, path) for path in sorted(folder.glob("*.txt")) if (found := UIUC_NAME.fullmatch(path.name))]
-    names = sorted({found["name"] for found, _ in tests if name in ("", found["name"])})
+    tests = [(match, path) for path in sorted(folder.glob("*.txt")) if (match := UIUC_NAME.fullmatch(path.name))]
+    names = sorted({match["name"] for match, _ in tests if name in ("", match["name"])})
     if not names:
         raise InputError(f"{folder}: no UIUC table here; their names are like apce_10x5_kt0821_5000.txt")
     if len(names) > 1:
         raise InputError(f"{folder}: tables of {', '.join(names)} here; give one file of the propeller that was flown")
     texts: dict[float, str] = {}
     static, size = None, 0.0
-    for found, path in tests:
-        if found["name"] != names[0]:
+    for match, path in tests:
+        if match["name"] != names[0]:
             continue
-        size = float(found["size"])
-        text, rpm = _text(path), re.search(r"_(\d{3,5})$", found["test"])
-        if found["test"].startswith("static"):
+        size = float(match["size"])
+        text, rpm = _text(path), re.search(r"_(\d{3,5})$", match["test"])
+        if match["test"].startswith("static"):
             static = text
         elif rpm and _is_uiuc(text):
             texts[float(rpm[1])] = text
@@ -115,9 +115,9 @@ def _csv_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
         )
     points: dict[float, list[tuple[float, float, float]]] = {}
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    if lines and (lacking := [column for column in COLUMNS if column not in next(csv.reader(lines))]):
+    if lines and (missing := [column for column in COLUMNS if column not in next(csv.reader(lines))]):
         raise InputError(
-            f"propeller {name}: not a table of rpm,J,cT,cP: no {', '.join(lacking)} in the header {lines[0]!r}"
+            f"propeller {name}: not a table of rpm,J,cT,cP: no {', '.join(missing)} in the header {lines[0]!r}"
         )
     try:
         for entry in csv.DictReader(lines):

@@ -70,15 +70,15 @@ class Table:
         return min(row.J[0] for row in rows), max(row.J[-1] for row in rows)
 
     @property
-    def said_of_it(self) -> str:
+    def search_text(self) -> str:
         """The text that words are searched in."""
         return f"{self.name} {self.series} {self.published} {self.origin.value}".lower()
 
     def to_csv(self) -> str:
         """The table in our own format, with its head: what `flight.propeller_files` and this module read back."""
-        said = {"series": self.series, "published": self.published, "blades": self.blades}
+        facts = {"series": self.series, "published": self.published, "blades": self.blades}
         pitch = {} if self.pitch_in is None else {"pitch_m": f"{self.pitch_in * INCH_M:.6g}"}
-        head = {"origin": self.origin.value, **{key: value for key, value in said.items() if value}, **pitch}
+        head = {"origin": self.origin.value, **{key: value for key, value in facts.items() if value}, **pitch}
         text = [line for line in self.propeller.source.splitlines() if line.partition(" = ")[0] not in head]
         lines = [*text, *(f"{key} = {value}" for key, value in head.items())]
         p = self.propeller
@@ -115,23 +115,23 @@ class Cost:
 
 def parse_query(words: Iterable[str]) -> Query:
     """The query of words such as 11x5.5, graupner, 11 (a diameter in inches). Raises InputError."""
-    found = Query()
+    query = Query()
     for word in words:
         sized = SIZE.fullmatch(word)
         if sized or re.fullmatch(r"\d+(?:\.\d+)?", word):
-            if found.diameter_in is not None:
+            if query.diameter_in is not None:
                 raise InputError(f"{word}: a size was given before; one size, such as 11x7, or one diameter")
             diameter, pitch = (float(sized[1]), float(sized[2])) if sized else (float(word), None)
             if not 0 < diameter <= LARGEST_INCHES or (pitch is not None and not 0 < pitch <= LARGEST_INCHES):
                 raise InputError(
                     f"{word}: sizes are in inches, up to {LARGEST_INCHES:g}, such as 11x7; an inch is 25.4 mm"
                 )
-            found = found._replace(diameter_in=diameter, pitch_in=pitch)
+            query = query._replace(diameter_in=diameter, pitch_in=pitch)
             if sized and sized[3]:  # 11x7E
-                found = found._replace(words=(*found.words, word))
+                query = query._replace(words=(*query.words, word))
         else:
-            found = found._replace(words=(*found.words, word))
-    return found
+            query = query._replace(words=(*query.words, word))
+    return query
 
 
 def shipped_tables() -> list[Table]:
@@ -187,8 +187,8 @@ def tables_in(folder: Path) -> tuple[list[Table], list[str]]:
 
 def _of_uiuc(name: str, propeller: Propeller) -> Table:
     series, _, size = name.rpartition("_")
-    found = SIZE.match(size)
-    pitch_in = float(found[2]) if found else None
+    match = SIZE.match(size)
+    pitch_in = float(match[2]) if match else None
     if pitch_in and pitch_in > LARGEST_INCHES:  # millimeters, as the diameter is then
         pitch_in /= 1000 * INCH_M
     return Table(name, propeller, series, Origin.MEASURED, f"UIUC, {name}", pitch_in)
@@ -207,21 +207,22 @@ def _of_apc(path: Path) -> Table:
 def matching(tables: Iterable[Table], query: Query) -> list[Table]:
     """Those with all words and the size, by size, the measured ones of a size first."""
     order = list(Origin)
-    found = [one for one in with_words(tables, query) if has_size(one, query)]
+    matches = [table for table in with_words(tables, query) if has_size(table, query)]
     return sorted(
-        found, key=lambda one: (round(one.diameter_in, 2), one.pitch_in or 0.0, order.index(one.origin), one.name)
+        matches,
+        key=lambda table: (round(table.diameter_in, 2), table.pitch_in or 0.0, order.index(table.origin), table.name),
     )
 
 
 def with_words(tables: Iterable[Table], query: Query) -> list[Table]:
     """Those whose name, series or publication has all words of the query."""
     words = [word.lower() for word in query.words]
-    return [one for one in tables if all(word in one.said_of_it for word in words)]
+    return [table for table in tables if all(word in table.search_text for word in words)]
 
 
 def has_size(table: Table, query: Query) -> bool:
     pairs = ((query.diameter_in, table.diameter_in), (query.pitch_in, table.pitch_in))
-    return all(asked is None or (is_ is not None and abs(asked - is_) < SAME_SIZE_IN) for asked, is_ in pairs)
+    return all(wanted is None or (is_ is not None and abs(wanted - is_) < SAME_SIZE_IN) for wanted, is_ in pairs)
 
 
 def nearest(tables: Iterable[Table], query: Query, count: int = 3) -> list[Table]:
@@ -230,17 +231,18 @@ def nearest(tables: Iterable[Table], query: Query, count: int = 3) -> list[Table
     Computed tables count where the same propeller was not measured; assumed ones do not.
     query : with diameter and pitch
     """
-    sized = [one for one in tables if one.pitch_in is not None]
-    measured = {(one.series, one.size) for one in sized if one.origin is Origin.MEASURED}
+    sized = [table for table in tables if table.pitch_in is not None]
+    measured = {(table.series, table.size) for table in sized if table.origin is Origin.MEASURED}
     usable = [
-        one
-        for one in sized
-        if one.origin is Origin.MEASURED or (one.origin is Origin.COMPUTED and (one.series, one.size) not in measured)
+        table
+        for table in sized
+        if table.origin is Origin.MEASURED
+        or (table.origin is Origin.COMPUTED and (table.series, table.size) not in measured)
     ]
-    found = with_words(usable, _without_sizes(query)) or usable
-    found.sort(key=lambda one: float(np.hypot(*_step(one, query))))
-    of_measured = [one for one in found if one.origin is Origin.MEASURED][:1]
-    return found[:count] + [one for one in of_measured if one not in found[:count]]
+    candidates = with_words(usable, _without_sizes(query)) or usable
+    candidates.sort(key=lambda candidate: float(np.hypot(*_step(candidate, query))))
+    of_measured = [candidate for candidate in candidates if candidate.origin is Origin.MEASURED][:1]
+    return candidates[:count] + [table for table in of_measured if table not in candidates[:count]]
 
 
 def _without_sizes(query: Query) -> Query:
@@ -272,11 +274,11 @@ def cost_of(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, 
     return Cost(
         base.name,
         J or flight_J(base),
-        min((one.compared for one in costs), default=0),
-        _together([one.thrust for one in costs]),
-        _together([one.power for one in costs]),
-        math.hypot(usual.thrust_scale_fraction, *(one.thrust_scale for one in costs)),
-        math.hypot(usual.thrust_slope, *(one.thrust_slope for one in costs)),
+        min((cost.compared for cost in costs), default=0),
+        _combined_ranges([cost.thrust for cost in costs]),
+        _combined_ranges([cost.power for cost in costs]),
+        math.hypot(usual.thrust_scale_fraction, *(cost.thrust_scale for cost in costs)),
+        math.hypot(usual.thrust_slope, *(cost.thrust_slope for cost in costs)),
         costs[0].per_inch if costs else None,
     )
 
@@ -286,7 +288,7 @@ def computed_table_error() -> tuple[float, float]:
     """Standard deviations of scale and slope of thrust over that of a computed table, by the shipped tables of
     propellers that were measured and computed; with what a table of the very propeller is off by."""
     tables, usual = shipped_tables(), Uncertainty()
-    computed = _cost_of_computed(next(one for one in tables if one.origin is Origin.COMPUTED), tables, None)
+    computed = _cost_of_computed(next(table for table in tables if table.origin is Origin.COMPUTED), tables, None)
     return (
         math.hypot(usual.thrust_scale_fraction, computed.thrust_scale),
         math.hypot(usual.thrust_slope, computed.thrust_slope),
@@ -315,9 +317,9 @@ def with_table_error(stated: Uncertainty, keys: Collection[str], propeller: Prop
     )
 
 
-def _together(ranges: list[tuple[float, float]]) -> tuple[float, float]:
+def _combined_ranges(ranges: list[tuple[float, float]]) -> tuple[float, float]:
     """Relative differences of two causes, both at their ends."""
-    low, high = (math.prod(1 + one[end] for one in ranges) - 1 for end in (0, 1))
+    low, high = (math.prod(1 + ends[end] for ends in ranges) - 1 for end in (0, 1))
     return low, high
 
 
@@ -327,17 +329,19 @@ def _cost_of_size(base: Table, query: Query, tables: Sequence[Table], J: tuple[f
     What is left is the scatter between propellers of one size. Pairs of the series that the query's words name are
     taken if there are enough.
     """
-    measured = [one for one in tables if one.origin is Origin.MEASURED and one.pitch_in and one.blades in (None, 2)]
+    measured = [
+        table for table in tables if table.origin is Origin.MEASURED and table.pitch_in and table.blades in (None, 2)
+    ]
     pairs = _pairs(with_words(measured, _without_sizes(query)), J)
     if len({pair.one for pair in pairs}) < FEWEST_TABLES:
         pairs = _pairs(measured, J)
     compared = len({pair.one for pair in pairs})
     if compared < FEWEST_TABLES:
         raise InputError(f"{base.name}: too few measured tables to compare at these advance ratios")
-    steps, found = np.array([pair.step for pair in pairs]), np.array([pair.ratios for pair in pairs])
-    elasticities, *_ = np.linalg.lstsq(steps, found, rcond=None)
+    steps, ratios = np.array([pair.step for pair in pairs]), np.array([pair.ratios for pair in pairs])
+    elasticities, *_ = np.linalg.lstsq(steps, ratios, rcond=None)
     # Pairs share tables: there are as many independent differences as tables, less one, and two are used up.
-    scatter = np.sqrt(((found - steps @ elasticities) ** 2).mean(axis=0) * (compared - 1) / (compared - 3))
+    scatter = np.sqrt(((ratios - steps @ elasticities) ** 2).mean(axis=0) * (compared - 1) / (compared - 3))
     step = _step(base, query)
     leverage = step @ np.linalg.solve(steps.T @ steps / len(pairs), step) / (compared - 1)
     expected, sigma = step @ elasticities, scatter * math.sqrt(1 + leverage)
@@ -366,20 +370,20 @@ class Pair(NamedTuple):
 
 def _pairs(tables: Iterable[Table], J: tuple[float, float] | None) -> list[Pair]:
     """All pairs of tables of nearly one size, each both ways."""
-    found = []
-    for one, other in permutations(tables, 2):
-        step = _log_size(other) - _log_size(one)
+    pairs = []
+    for table, other in permutations(tables, 2):
+        step = _log_size(other) - _log_size(table)
         if np.hypot(*step) <= COMPARED_WITHIN:
-            at = J or flight_J(one)
-            ratios = _ratios(*_log_ratios(one, other, at), at)
+            at = J or flight_J(table)
+            ratios = _ratios(*_log_ratios(table, other, at), at)
             if ratios is not None:
-                found.append(Pair(one.name, step, ratios))
-    return found
+                pairs.append(Pair(table.name, step, ratios))
+    return pairs
 
 
 def _cost_of_computed(base: Table, tables: Sequence[Table], J: tuple[float, float] | None) -> Cost:
     """How far measured tables are from those computed of the same propeller: all pairs, the widest range of them."""
-    found, thrust, power = [], [], []
+    compared, thrust, power = [], [], []
     for computed, measured in permutations(tables, 2):
         same = computed.series == measured.series and computed.size == measured.size
         if not same or computed.origin is not Origin.COMPUTED or measured.origin is not Origin.MEASURED:
@@ -388,14 +392,14 @@ def _cost_of_computed(base: Table, tables: Sequence[Table], J: tuple[float, floa
         of_thrust, of_power = _log_ratios(computed, measured, at)
         ratios = _ratios(of_thrust, of_power, at)
         if ratios is not None:
-            found.append(ratios)
+            compared.append(ratios)
             thrust.append(of_thrust)
             power.append(of_power)
-    if not found:
+    if not compared:
         raise InputError(f"{base.name}: no propeller both measured and computed at these advance ratios")
-    scale, slope = np.sqrt(np.mean(np.square(found), axis=0))[:2]
+    scale, slope = np.sqrt(np.mean(np.square(compared), axis=0))[:2]
     ranges = [(math.expm1(np.min(ends)), math.expm1(np.max(ends))) for ends in (thrust, power)]
-    return Cost(base.name, J or flight_J(base), len(found), ranges[0], ranges[1], math.expm1(scale), float(slope))
+    return Cost(base.name, J or flight_J(base), len(compared), ranges[0], ranges[1], math.expm1(scale), float(slope))
 
 
 @cache
@@ -411,18 +415,18 @@ def flight_J(table: Table) -> tuple[float, float]:
     return float(J[first]), float(J[best])
 
 
-def _log_ratios(one: Table, other: Table, J: tuple[float, float]) -> tuple[Array, Array]:
-    """Logarithms of `other`'s thrust and power over `one`'s at the same airspeed and speed of rotation, (3, 21).
+def _log_ratios(table: Table, other: Table, J: tuple[float, float]) -> tuple[Array, Array]:
+    """Logarithms of `other`'s thrust and power over `table`'s at the same airspeed and speed of rotation, (3, 21).
 
-    At three speeds of rotation that both tables have (between them, if there is none) and at J, those of `one`; not a
-    number where `one` has no thrust or takes no power.
+    At three speeds of rotation that both tables have (between them, if there is none) and at J, those of `table`; not a
+    number where `table` has no thrust or takes no power.
     """
-    low, high = max(one.rpm[0], other.rpm[0]), min(one.rpm[1], other.rpm[1])
+    low, high = max(table.rpm[0], other.rpm[0]), min(table.rpm[1], other.rpm[1])
     if low > high:
         low = high = (low + high) / 2
     at, rpm = np.broadcast_arrays(np.linspace(*J, 21), np.linspace(low, high, 3)[:, None])
-    smaller = one.propeller.diameter_m / other.propeller.diameter_m
-    of_one = one.propeller.table(at, rpm)
+    smaller = table.propeller.diameter_m / other.propeller.diameter_m
+    of_one = table.propeller.table(at, rpm)
     cT, cP = other.propeller.table(at * smaller, rpm)
     pairs = ((cT / smaller**4, of_one[0]), (cP / smaller**5, of_one[1]))
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -67,7 +67,7 @@ def full_throttle_revps(
 
 def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
     """The zero of a rising function between low and high, elementwise; NaN where it is not above zero at high."""
-    found = excess(high) > 0
+    is_above = excess(high) > 0
     low, high = np.broadcast_arrays(low, high)
     for _ in range(18):  # to 0.001 rev/s; linear interpolation does the rest
         middle = (low + high) / 2
@@ -77,4 +77,4 @@ def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
     rise = at_high - at_low
     no_root = np.where(high > low, np.nan, 0.0)  # a constant excess has none; bounds that have met are the root
     beyond = np.divide((high - low) * at_low, rise, out=no_root, where=rise != 0)
-    return np.where(found, low - beyond, np.nan)
+    return np.where(is_above, low - beyond, np.nan)

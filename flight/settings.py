@@ -26,10 +26,10 @@ def setting(value: T, unit: str, reason: str) -> T:
 
     A table of like numbers is one setting, a mapping.
     """
-    said = {"unit": unit, "reason": reason}
+    metadata = {"unit": unit, "reason": reason}
     if isinstance(value, Mapping):  # dataclasses refuse it as a default, since it could be changed
-        return field(default_factory=lambda: value, metadata=said)
-    return field(default=value, metadata=said)
+        return field(default_factory=lambda: value, metadata=metadata)
+    return field(default=value, metadata=metadata)
 
 
 class Described(NamedTuple):
@@ -47,6 +47,8 @@ class Settings:
     @classmethod
     def described(cls) -> Iterator[Described]:
         """All settings of the record with their defaults."""
-        for one in fields(cls):  # type: ignore[arg-type]
-            value = one.default if one.default_factory is MISSING else one.default_factory()
-            yield Described(one.name, value, one.metadata["unit"], one.metadata["reason"])
+        for setting_field in fields(cls):  # type: ignore[arg-type]
+            value = (
+                setting_field.default if setting_field.default_factory is MISSING else setting_field.default_factory()
+            )
+            yield Described(setting_field.name, value, setting_field.metadata["unit"], setting_field.metadata["reason"])

@@ -25,8 +25,8 @@ class Undecodable:
         field, reason = at[1] if at else "", self.reason.split(" - at ")[0]
         if field == "status":
             return f"status is {self._status()}; write one of {', '.join(Status)}"
-        if not at and (found := NOT_A_NUMBER.search(self.first)):
-            return f"{found[1].decode()} is not JSON; write null where nothing was measured"
+        if not at and (match := NOT_A_NUMBER.search(self.first)):
+            return f"{match[1].decode()} is not JSON; write null where nothing was measured"
         if field and reason.startswith("Expected `float") and reason.endswith("got `str`"):
             return f"{field} is a string; write a number without quotation marks"
         if field and reason.startswith("Expected `int") and reason.endswith("got `str`"):
@@ -38,5 +38,5 @@ class Undecodable:
         return f"{field}: {reason}" if field else reason
 
     def _status(self) -> str:
-        found = STATUS.search(self.first)
-        return found[1].decode(errors="replace") if found else "not text"
+        match = STATUS.search(self.first)
+        return match[1].decode(errors="replace") if match else "not text"

@@ -25,8 +25,8 @@ def si_column(lines: list[list[str]], column: int, given: str, unit: str, where:
 
     Raises InputError naming `where` for a unit that is none, or that of another quantity.
     """
-    zero, one = (to_si(f"{x} {given}", unit, where) for x in (0, 1))
-    return zero + (one - zero) * np.array([_number(line, column) for line in lines])
+    zero, unity = (to_si(f"{x} {given}", unit, where) for x in (0, 1))
+    return zero + (unity - zero) * np.array([_number(line, column) for line in lines])
 
 
 def _number(line: list[str], column: int) -> float:

@@ -109,14 +109,14 @@ def to_si(text: object, unit: str, where: str) -> float:
     if not isinstance(text, str):
         raise InputError(f'{where} = {text!r}: give a number with a unit, in quotes, such as "{text} {unit}"')
     try:
-        found = NUMBER_AND_UNIT.fullmatch(text.strip())
-        if found is None:
+        match = NUMBER_AND_UNIT.fullmatch(text.strip())
+        if match is None:
             raise ValueError("no number at its beginning")
-        common_unit, factor = COMMON_UNITS.get(found[2], ("", 1.0))
-        if common_unit == unit and math.isfinite(value := float(found[1]) * factor):
+        common_unit, factor = COMMON_UNITS.get(match[2], ("", 1.0))
+        if common_unit == unit and math.isfinite(value := float(match[1]) * factor):
             return value
         registry = _registry()
-        quantity = registry.Quantity(float(found[1]), found[2].strip() or "dimensionless")
+        quantity = registry.Quantity(float(match[1]), match[2].strip() or "dimensionless")
         value = float(quantity.to(unit).magnitude)
         if not math.isfinite(value):
             raise ValueError("not finite")
@@ -126,8 +126,8 @@ def to_si(text: object, unit: str, where: str) -> float:
 
 
 def _is_common(text: object, unit: str) -> bool:
-    found = NUMBER_AND_UNIT.fullmatch(text.strip()) if isinstance(text, str) else None
-    return found is not None and COMMON_UNITS.get(found[2], ("", 1.0))[0] == unit
+    match = NUMBER_AND_UNIT.fullmatch(text.strip()) if isinstance(text, str) else None
+    return match is not None and COMMON_UNITS.get(match[2], ("", 1.0))[0] == unit
 
 
 def weight_to_N(text: object, where: str) -> float:

@@ -77,22 +77,22 @@ def propellers(
         raise InputError("-o: writes the tables of --folder; give one, or name a listed table as it is")
     own, problems = tables_in(folder) if folder else ([], [])
     tables = [*shipped_tables(), *own]
-    found = matching(tables, query)
-    if query.words and not found and (query.diameter_in is None or query.pitch_in is None):
+    matches = matching(tables, query)
+    if query.words and not matches and (query.diameter_in is None or query.pitch_in is None):
         raise InputError(f"no table of {' '.join(words or [])}; `flightpower propellers` lists all")
-    written = _write([one for one in found if one in own], output, replace) if output else []
-    measured = any(one.origin is Origin.MEASURED for one in found)
+    written = _write([table for table in matches if table in own], output, replace) if output else []
+    measured = any(table.origin is Origin.MEASURED for table in matches)
     near, costs = [], []
     if query.pitch_in is not None and not measured:
         near = nearest(tables, query)
-        costs = [cost_of(one, query, tables, J) for one in _candidates(near)]
-    elif query.diameter_in is not None and not found:
+        costs = [cost_of(table, query, tables, J) for table in _candidates(near)]
+    elif query.diameter_in is not None and not matches:
         raise InputError(f"no table of a diameter of {query.diameter_in:g} in; give a pitch too, for the nearest ones")
     if as_json:
-        said = {"tables": [_as_json(one) for one in found], "nearest": [_as_json(one) for one in near]}
-        print(json.dumps({**said, "costs": [asdict(one) for one in costs], "not_read": problems}, indent=2))
+        content = {"tables": [_as_json(table) for table in matches], "nearest": [_as_json(table) for table in near]}
+        print(json.dumps({**content, "costs": [asdict(table) for table in costs], "not_read": problems}, indent=2))
     else:
-        _print(query, found, near, costs)
+        _print(query, matches, near, costs)
         print(*(f"wrote {path}" for path in written), sep="\n", end="\n" if written else "")
         for problem in problems:
             print(f"not read: {problem}", file=sys.stderr)
@@ -102,12 +102,16 @@ def propellers(
 
 def _candidates(near: list[Table]) -> list[Table]:
     """The nearest table, and the nearest measured one."""
-    return list(dict.fromkeys([near[0], *(one for one in near if one.origin is Origin.MEASURED)][:2])) if near else []
+    return (
+        list(dict.fromkeys([near[0], *(table for table in near if table.origin is Origin.MEASURED)][:2]))
+        if near
+        else []
+    )
 
 
 def _write(tables: list[Table], folder: Path, replace: bool) -> list[Path]:
     """Raises InputError before anything is written where there is nothing to write, or a file would be replaced."""
-    paths = [folder / f"{Path(one.name).stem if one.name.endswith('.csv') else one.name}.csv" for one in tables]
+    paths = [folder / f"{Path(table.name).stem if table.name.endswith('.csv') else table.name}.csv" for table in tables]
     if not paths:
         raise InputError("-o: no table of --folder matches; nothing was written")
     for path in paths:
@@ -131,9 +135,9 @@ def _as_json(table: Table) -> dict[str, Any]:
     }
 
 
-def _print(query: Query, found: list[Table], near: list[Table], costs: list[Cost]) -> None:
-    if found or not near:
-        _print_tables(found)
+def _print(query: Query, tables: list[Table], near: list[Table], costs: list[Cost]) -> None:
+    if tables or not near:
+        _print_tables(tables)
     if near:
         size = f"{query.diameter_in:g}x{query.pitch_in:g}"
         print(f"\nNo measured table of {size}{' with these words' if query.words else ''}. The nearest:\n")
@@ -144,10 +148,18 @@ def _print(query: Query, found: list[Table], near: list[Table], costs: list[Cost
 
 def _print_tables(tables: list[Table], query: Query | None = None) -> None:
     lines: list[tuple[str, ...]] = [COLUMNS if query is None else (*COLUMNS, "size asked for")]
-    for one in tables:
-        rpm, J = (f"{low:.{digits}f}-{high:.{digits}f}" for (low, high), digits in ((one.rpm, 0), (one.J, 2)))
-        line: tuple[str, ...] = (one.name, one.size, str(one.blades or "?"), one.origin.value, rpm, J, one.published)
-        lines.append(line if query is None else (*line, _apart(one, query)))
+    for table in tables:
+        rpm, J = (f"{low:.{digits}f}-{high:.{digits}f}" for (low, high), digits in ((table.rpm, 0), (table.J, 2)))
+        line: tuple[str, ...] = (
+            table.name,
+            table.size,
+            str(table.blades or "?"),
+            table.origin.value,
+            rpm,
+            J,
+            table.published,
+        )
+        lines.append(line if query is None else (*line, _apart(table, query)))
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
         print("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip())
@@ -155,7 +167,7 @@ def _print_tables(tables: list[Table], query: Query | None = None) -> None:
 
 def _apart(table: Table, query: Query) -> str:
     pairs = ((query.diameter_in, table.diameter_in, "diameter"), (query.pitch_in, table.pitch_in, "pitch"))
-    steps = [(asked - is_, name) for asked, is_, name in pairs if asked is not None and is_ is not None]
+    steps = [(wanted - is_, name) for wanted, is_, name in pairs if wanted is not None and is_ is not None]
     return ", ".join(f"{step:+.2g} in {name}" for step, name in steps if abs(step) > 1e-6) or "the same"
 
 

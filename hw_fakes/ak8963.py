@@ -50,8 +50,8 @@ def sensitivity(adjustment: NDArray[np.integer]) -> Array:
 
 def counts(field_T: Array, adjustment: NDArray[np.integer], full_scale: int = FULL_SCALE_COUNTS) -> NDArray[np.int64]:
     """Counts (n, 3) in the chip's axes for the flux density in body axes (n, 3)."""
-    found: Array = np.rint(field_T @ BODY_TO_CHIP.T / (FULL_SCALE_T / full_scale) / sensitivity(adjustment))
-    return np.clip(found, -full_scale, full_scale).astype(int)
+    counts: Array = np.rint(field_T @ BODY_TO_CHIP.T / (FULL_SCALE_T / full_scale) / sensitivity(adjustment))
+    return np.clip(counts, -full_scale, full_scale).astype(int)
 
 
 class FakeAK8963:

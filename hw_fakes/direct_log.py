@@ -288,31 +288,31 @@ def _arrivals(read_times: ReadTimes, arrived_ns: Ints) -> Ints:
 def gps_messages(sensor_truth: SensorTruth, read_times: ReadTimes, utc_at_start_ns: int) -> Iterator[TimedMessage]:
     sent_ns: Ints = np.arange(read_times.tick_ns[-1] // GPS_PERIOD_NS + 1, dtype=np.int64) * GPS_PERIOD_NS
     ticks = _arrivals(read_times, sent_ns + GPS_ARRIVES_NS)
-    found = sensor_truth.gps(seconds(sent_ns))
+    fixes = sensor_truth.gps(seconds(sent_ns))
     for i, tick in enumerate(ticks.tolist()):
         if tick >= len(read_times.serial):
             return
-        valid_us = round(found.valid_at_s[i] * 1e6)
+        valid_us = round(fixes.valid_at_s[i] * 1e6)
         utc_ns = utc_at_start_ns + valid_us * 1000
         itow_ms = round((utc_ns - (GPS_EPOCH_UNIX_S - LEAP_SECONDS) * SECOND_NS) / 1e6) % WEEK_MS
-        if found.fix[i]:
-            north, east, down = (round(v * 1e3) / 1e3 for v in found.velocity_ned_mps[i].tolist())
-            height = round(found.height_msl_m[i] * 1e3) / 1e3
+        if fixes.fix[i]:
+            north, east, down = (round(v * 1e3) / 1e3 for v in fixes.velocity_ned_mps[i].tolist())
+            height = round(fixes.height_msl_m[i] * 1e3) / 1e3
             message = Gps(
                 itow_ms=itow_ms,
                 fix_type=3,
                 satellites=12,
                 utc_ns=utc_ns,
-                latitude_deg=round(found.latitude_deg[i] * 1e7) / 1e7,
-                longitude_deg=round(found.longitude_deg[i] * 1e7) / 1e7,
+                latitude_deg=round(fixes.latitude_deg[i] * 1e7) / 1e7,
+                longitude_deg=round(fixes.longitude_deg[i] * 1e7) / 1e7,
                 height_m=height,
                 height_msl_m=height,
                 velocity_north_mps=north,
                 velocity_east_mps=east,
                 velocity_down_mps=down,
-                horizontal_accuracy_m=round(found.horizontal_accuracy_m[i] * 1e3) / 1e3,
-                vertical_accuracy_m=round(found.vertical_accuracy_m[i] * 1e3) / 1e3,
-                speed_accuracy_mps=round(found.speed_accuracy_mps[i] * 1e3) / 1e3,
+                horizontal_accuracy_m=round(fixes.horizontal_accuracy_m[i] * 1e3) / 1e3,
+                vertical_accuracy_m=round(fixes.vertical_accuracy_m[i] * 1e3) / 1e3,
+                speed_accuracy_mps=round(fixes.speed_accuracy_mps[i] * 1e3) / 1e3,
                 dynamic_model=AIRBORNE_4G,
             )
         else:

@@ -189,8 +189,8 @@ class FuseI2C:
             return
         ours = IoVec(ctypes.addressof(buffer), length)
         theirs = IoVec(at, length)
-        one, flags = ctypes.c_ulong(1), ctypes.c_ulong(0)
-        if self._call(name, pid, ctypes.byref(ours), one, ctypes.byref(theirs), one, flags) != length:
+        unity, flags = ctypes.c_ulong(1), ctypes.c_ulong(0)
+        if self._call(name, pid, ctypes.byref(ours), unity, ctypes.byref(theirs), unity, flags) != length:
             raise OSError(errno.EFAULT, os.strerror(errno.EFAULT))
 
 

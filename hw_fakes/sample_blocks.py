@@ -27,8 +27,8 @@ class SampleBlocks:
     def row(self, index: int) -> np.ndarray:
         """Row number `index`."""
         block, offset = divmod(index, self._length)
-        found: np.ndarray = self._block(block)[offset]
-        return found
+        row: np.ndarray = self._block(block)[offset]
+        return row
 
     def rows(self, first: int, stop: int) -> np.ndarray:
         """Rows `first` up to, not including, `stop`."""

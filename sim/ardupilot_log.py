@@ -48,16 +48,16 @@ def write_ardupilot_log(
     """
     kinds = _messages(flight, sensors, errors, faults)
     absent = {name for fault, name in (("no-airspeed", "ARSP"), ("no-gps", "GPS")) if fault in faults}
-    kinds = [one for one in kinds if one.name not in absent]
+    kinds = [kind for kind in kinds if kind.name not in absent]
     if "dropouts" in faults:
         kinds, _ = with_dropouts(kinds, errors.seed)
     if "airborne-start" in faults:
         late = BOOT_US + airborne_us(flight)
-        kinds = [one if one.name in AT_START else without(one, 0, late) for one in kinds]
+        kinds = [kind if kind.name in AT_START else without(kind, 0, late) for kind in kinds]
     if "clock-jump" in faults:
         kinds = with_clock_set(kinds, BOOT_US + int(CLOCK_SET_AT * sensors.duration_s * 1e6), CLOCK_SET_US)
     if "old-firmware" in faults:
-        kinds = [as_in_2014(one) for one in kinds if one.name in OLD]
+        kinds = [as_in_2014(kind) for kind in kinds if kind.name in OLD]
     {".log": write_text, ".tlog": write_telemetry}.get(path.suffix, write_dataflash)(path, kinds)
     data = path.read_bytes()
     if "appended" in faults:
@@ -140,7 +140,7 @@ def _control(flight: Flight, t_s: Array, lift: NDArray[np.bool_]) -> list[Datafl
     throttle = np.interp(t_s, truth["time_s"], np.nan_to_num(truth["throttle"].to_numpy(dtype=float)))
     changes = np.flatnonzero(np.diff(lift, prepend=~lift[0]))
     mode = np.where(lift[changes], QLOITER, AUTO)
-    found = [
+    kinds = [
         messages("CTUN", "QcfB", {"TimeUS": t_s, "Pitch": 0 * t_s, "ThO": 100 * throttle, "AsT": 0 * t_s}),
         messages("AETR", "Qf", {"TimeUS": t_s, "Thr": 100 * throttle}),
         messages("RCOU", "QHHH", {"TimeUS": t_s, "C1": 0 * t_s + 1500, "C2": 0 * t_s + 1500,
@@ -148,15 +148,15 @@ def _control(flight: Flight, t_s: Array, lift: NDArray[np.bool_]) -> list[Datafl
         messages("MODE", "QMBB", {"TimeUS": t_s[changes], "Mode": mode, "ModeNum": mode, "Rsn": 0 * mode}),
     ]  # fmt: skip
     if lift.any():
-        found.append(messages("QTUN", "Qf", {"TimeUS": t_s[lift], "ThO": np.full(int(lift.sum()), 0.4)}))
-    return found
+        kinds.append(messages("QTUN", "Qf", {"TimeUS": t_s[lift], "ThO": np.full(int(lift.sum()), 0.4)}))
+    return kinds
 
 
 def _gps(sensors: SensorTruth) -> DataflashMessages:
-    asked = np.arange(0.09, sensors.duration_s, 1 / GPS_HZ)
-    gps = sensors.gps(asked)
+    times_s = np.arange(0.09, sensors.duration_s, 1 / GPS_HZ)
+    gps = sensors.gps(times_s)
     north, east, down = gps.velocity_ned_mps.T
-    return messages("GPS", "QBBfff", {"TimeUS": asked, "I": 0 * asked, "Status": np.where(gps.fix, 3, 0),
+    return messages("GPS", "QBBfff", {"TimeUS": times_s, "I": 0 * times_s, "Status": np.where(gps.fix, 3, 0),
                                       "Spd": np.hypot(north, east), "GCrs": np.degrees(np.arctan2(east, north)) % 360,
                                       "VZ": down})  # fmt: skip
 
@@ -174,10 +174,10 @@ OLD = {
 }
 
 
-def as_in_2014(one: DataflashMessages) -> DataflashMessages:
+def as_in_2014(messages: DataflashMessages) -> DataflashMessages:
     """Messages in the form of old firmware: a clock in ms, that of GPS in its field T; hundredths as whole numbers."""
-    name, codes, fields = OLD[one.name]
-    columns, time_ms = dict(one.columns), one.time_us // 1000
+    name, codes, fields = OLD[messages.name]
+    columns, time_ms = dict(messages.columns), messages.time_us // 1000
     columns |= {"TimeMS": time_ms + (100_000_000 if name == "GPS" else 0), "T": time_ms}
     columns |= {
         "Thr": 0 * time_ms,

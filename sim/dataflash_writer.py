@@ -75,16 +75,18 @@ def _units(kinds: Sequence[DataflashMessages], types: dict[str, int]) -> list[Da
         return []
     named = {kind.name: kind for kind in kinds}
     start = min((kind.time_us.min() for kind in kinds if len(kind.time_us)), default=np.uint64(0))
-    letters = ["".join(_letter(*pair) for pair in zip(one.columns, one.codes, strict=True)) for one in named.values()]
+    letters = [
+        "".join(_letter(*pair) for pair in zip(kind.columns, kind.codes, strict=True)) for kind in named.values()
+    ]
 
     def at_start(n: int, **columns: Sequence[object]) -> dict[str, NDArray[np.generic]]:
         return {"TimeUS": np.full(n, start), **{name: np.array(x) for name, x in columns.items()}}
 
     texts = [text.encode() for text in letters]
-    told = at_start(len(named), FmtType=[types.get(name, 0) for name in named], UnitIds=[b""] * len(named),
+    units = at_start(len(named), FmtType=[types.get(name, 0) for name in named], UnitIds=[b""] * len(named),
                     MultIds=texts)  # fmt: skip
     factors = at_start(len(MULTIPLIERS), Id=[ord(x) for x in MULTIPLIERS], Mult=[*MULTIPLIERS.values()])
-    return [DataflashMessages("MULT", "Qbd", factors), DataflashMessages("FMTU", "QBNN", told)]
+    return [DataflashMessages("MULT", "Qbd", factors), DataflashMessages("FMTU", "QBNN", units)]
 
 
 def _letter(field: str, code: str) -> str:

@@ -52,12 +52,14 @@ def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircr
         "probe": filled("probe", scaled.probe),
         "aerodynamics": aerodynamics,
     }
-    said = f"{text.rstrip()}\n\n# Simulated like {model.name}; scaled from it by span, weight and propeller:\n"
-    said += "".join(f"#   {key}\n" for key in sorted(set(taken)))
+    scaled_text = f"{text.rstrip()}\n\n# Simulated like {model.name}; scaled from it by span, weight and propeller:\n"
+    scaled_text += "".join(f"#   {key}\n" for key in sorted(set(taken)))
     if "aerodynamics.K" in taken:
         K, e = aerodynamics_of(scaled).K, oswald_factor(model)
-        said += f"# Induced drag K = {K:.4f}: 1/(pi e AR), AR {own.aspect_ratio:.2f}, e {e:.3f} of {model.name}.\n"
-    return CompleteAircraft(**values | {"text": said})
+        scaled_text += (
+            f"# Induced drag K = {K:.4f}: 1/(pi e AR), AR {own.aspect_ratio:.2f}, e {e:.3f} of {model.name}.\n"
+        )
+    return CompleteAircraft(**values | {"text": scaled_text})
 
 
 def oswald_factor(aircraft: CompleteAircraft) -> float:

@@ -46,25 +46,28 @@ Messages = TypeVar("Messages", bound=Timed)
 def with_dropouts(kinds: Sequence[Messages], seed: int) -> tuple[list[Messages], list[Dropout]]:
     """Without the messages of some gaps of up to LONGEST_DROPOUT_MS at random times, and these gaps."""
     rng = np.random.default_rng(seed)
-    first, last = (int(of(int(of(one.time_us)) for one in kinds)) for of in (min, max))
+    first, last = (int(of(int(of(messages.time_us)) for messages in kinds)) for of in (min, max))
     gaps = [
         Dropout(int(rng.integers(first, last)), int(rng.integers(100, LONGEST_DROPOUT_MS))) for _ in range(DROPOUTS)
     ]
     left = list(kinds)
     for gap in gaps:
-        left = [without(one, gap.time_us, gap.time_us + 1000 * gap.duration_ms) for one in left]
+        left = [without(messages, gap.time_us, gap.time_us + 1000 * gap.duration_ms) for messages in left]
     return left, gaps
 
 
 def begun_at(kinds: Sequence[Messages], time_us: int) -> list[Messages]:
-    return [without(one, 0, time_us) for one in kinds]
+    return [without(messages, 0, time_us) for messages in kinds]
 
 
 def with_clock_set(kinds: Sequence[Messages], at_us: int, by_us: int) -> list[Messages]:
     """The clock is set forward by `by_us` at `at_us`."""
-    return [one.at(one.time_us + np.where(one.time_us >= at_us, by_us, 0).astype(np.uint64)) for one in kinds]
+    return [
+        messages.at(messages.time_us + np.where(messages.time_us >= at_us, by_us, 0).astype(np.uint64))
+        for messages in kinds
+    ]
 
 
-def without(one: Messages, start_us: int, end_us: int) -> Messages:
+def without(messages: Messages, start_us: int, end_us: int) -> Messages:
     """Without the messages from start_us to before end_us."""
-    return one.selected((one.time_us < start_us) | (one.time_us >= end_us))
+    return messages.selected((messages.time_us < start_us) | (messages.time_us >= end_us))

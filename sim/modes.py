@@ -53,16 +53,16 @@ def modes(plant: Plant, trim: Trim) -> list[Mode]:
 
     A pair that has become aperiodic is listed as two modes of the same name.
     """
-    found = []
+    modes = []
     pairs = sorted(np.linalg.eigvals(linearised(plant, trim, LONGITUDINAL)), key=abs)
     for name, two in (("short period", pairs[2:]), ("phugoid", pairs[:2])):
-        found += _named(name, two)
+        modes += _named(name, two)
     lateral = sorted(np.linalg.eigvals(linearised(plant, trim, LATERAL)), key=abs)
     oscillating = [e for e in lateral if abs(e.imag) > 1e-9]
     aperiodic = [e for e in lateral if abs(e.imag) <= 1e-9]
-    found += _named("dutch roll", oscillating[-2:])
-    found += [Mode(name, complex(e)) for name, e in zip(("roll", "spiral"), reversed(aperiodic), strict=False)]
-    return found
+    modes += _named("dutch roll", oscillating[-2:])
+    modes += [Mode(name, complex(e)) for name, e in zip(("roll", "spiral"), reversed(aperiodic), strict=False)]
+    return modes
 
 
 def _named(name: str, pair: list[complex]) -> list[Mode]:

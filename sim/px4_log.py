@@ -56,14 +56,14 @@ def write_px4_log(
     if "second-airspeed" in faults:
         topics.append(_unused_airspeed(sensors, errors.seed))
     if "old-firmware" in faults:
-        topics = [as_in_2018(one) for one in topics]
+        topics = [as_in_2018(topic) for topic in topics]
     absent = {
         "no-airspeed": ("airspeed_validated", "differential_pressure"),
         "pressure-offset": ("airspeed_validated",),  # the raw pressure alone
         "no-gps": ("vehicle_gps_position",),
     }
     for fault in absent.keys() & set(faults):
-        topics = [one for one in topics if one.name not in absent[fault]]
+        topics = [topic for topic in topics if topic.name not in absent[fault]]
     dropouts: list[Dropout] = []
     if "dropouts" in faults:
         topics, dropouts = with_dropouts(topics, errors.seed)
@@ -72,7 +72,7 @@ def write_px4_log(
     if "clock-jump" in faults:
         topics = with_clock_set(topics, BOOT_US + int(CLOCK_SET_AT * sensors.duration_s * 1e6), CLOCK_SET_US)
     appended = [CRASH_TEXT] if "appended" in faults else []
-    written = [one for one in topics if len(one.time_us)]
+    written = [topic for topic in topics if len(topic.time_us)]
     info = {"sys_name": "PX4", "sys_uuid": "0002" + "".join(f"{word:08x}" for word in errors.board).zfill(32)}
     write_ulog(path, UlogContents(written, info, dropouts, PARAMETERS, appended))
     if "truncated" in faults:
@@ -92,24 +92,24 @@ def _topic(name: str, t_s: Array, columns: dict[str, Array], instance: int = 0, 
 
 
 def _sensor_topics(sensors: SensorTruth) -> list[UlogTopic]:
-    found = []
+    topics = []
     measurements: tuple[tuple[str, Callable[[Array], Array]], ...] = (
         ("vehicle_acceleration", lambda t: sensors.imu(t)[0]),
         ("vehicle_angular_velocity", lambda t: sensors.imu(t)[1]),
     )
     for name, of in measurements:
         t_s = _times(name, sensors, 0.003)
-        found.append(_topic(name, t_s, {f"xyz[{i}]": part for i, part in enumerate(of(t_s).T)}))
+        topics.append(_topic(name, t_s, {f"xyz[{i}]": part for i, part in enumerate(of(t_s).T)}))
     t_s = _times("vehicle_attitude", sensors, 0.003)
     roll, pitch, yaw = sensors.autopilot_attitude_rad(t_s).T
-    found.append(_topic("vehicle_attitude", t_s, _quaternion(roll, pitch, yaw)))
+    topics.append(_topic("vehicle_attitude", t_s, _quaternion(roll, pitch, yaw)))
     t_s = _times("vehicle_gps_position", sensors, 0.07)
     t_s = t_s + GPS_JITTER_S * np.sin(np.arange(len(t_s)) * 2.4)  # uneven, but ascending
     gps = sensors.gps(t_s)
     names = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
     velocity = dict(zip(names, gps.velocity_ned_mps.T, strict=True))
-    found.append(_topic("vehicle_gps_position", t_s, velocity, fix_type=np.where(gps.fix, 3, 0)))
-    return found
+    topics.append(_topic("vehicle_gps_position", t_s, velocity, fix_type=np.where(gps.fix, 3, 0)))
+    return topics
 
 
 def _rpm_topic(sensors: SensorTruth) -> UlogTopic:
@@ -176,7 +176,7 @@ def _battery_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogT
         return [battery(0, voltage, 0.55 * current + IDLE_A), battery(1, 0.98 * voltage, 0.45 / 0.98 * current)]
     instance = 1 if "wrong-battery-first" in faults else 0
     both = [battery(instance, voltage, current + IDLE_A), battery(1 - instance, 0 * t_s + AVIONICS_V, 0 * t_s)]
-    return sorted(both, key=lambda one: one.instance)
+    return sorted(both, key=lambda battery: battery.instance)
 
 
 def _status_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTopic]:
@@ -204,11 +204,12 @@ def as_in_2018(topic: UlogTopic) -> UlogTopic:
     """A topic as old firmware wrote it: static pressure in hPa, and other names."""
     if topic.name not in {name for name, _ in OLD}:
         return topic
-    found = [(field, *OLD[topic.name, field]) for field in topic.columns if (topic.name, field) in OLD]
+    renamed = [(field, *OLD[topic.name, field]) for field in topic.columns if (topic.name, field) in OLD]
     columns: dict[str, NDArray[np.generic]] = {
-        name: np.asarray(unit * topic.columns[field].astype(float), dtype=np.float32) for field, _, name, unit in found
+        name: np.asarray(unit * topic.columns[field].astype(float), dtype=np.float32)
+        for field, _, name, unit in renamed
     }
-    return replace(topic, name=found[0][1], columns=columns)
+    return replace(topic, name=renamed[0][1], columns=columns)
 
 
 def airborne_us(flight: Flight) -> int:

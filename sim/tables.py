@@ -73,11 +73,11 @@ def trim_table(
 
 def modes_table(trimmer: Trimmer, V: float) -> Table:
     """The modes about level trim at airspeed V [m/s]."""
-    found = modes(trimmer.plant, trimmer.solve(V=V, climb=0.0))
+    rows = modes(trimmer.plant, trimmer.solve(V=V, climb=0.0))
     table = Table(box=None, title=f"{escape(trimmer.plant.aircraft.title)}, {V:.2f} m/s, {trimmer.height_m:.0f} m")
     for heading in ("mode", "eigenvalue\n[1/s]", "frequency\n[Hz]", "damping", "period\n[s]", "time constant\n[s]"):
         table.add_column(escape(heading), justify="left" if heading == "mode" else "right")
-    for mode in found:
+    for mode in rows:
         oscillates = bool(mode.eigenvalue.imag)
         table.add_row(
             mode.name,

@@ -30,8 +30,8 @@ def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
     of_pitot, of_control = {"DiffPress": "DiffPress", "AirTemp": "Temp"}, {"ThO": "ThO"}
     together = {"BARO": (pitots, of_pitot), "ARSP": (control, of_control)}  # two messages there are one here
     kinds = [*pitots, *(kind for kind in kinds if kind.name != "ARSP")]
-    kinds = [_with(kind, *together[kind.name]) if kind.name in together else kind for kind in kinds]
-    sent = [(time_us, AUTOPILOT, one) for kind in kinds if kind.name in SENT for time_us, one in _of(kind)]
+    kinds = [_with_fields(kind, *together[kind.name]) if kind.name in together else kind for kind in kinds]
+    sent = [(time_us, AUTOPILOT, message) for kind in kinds if kind.name in SENT for time_us, message in _of(kind)]
     last_us = max((time_us for time_us, _, _ in sent), default=0)
     for time_us in range(min((time_us for time_us, _, _ in sent), default=0), last_us, HEARTBEAT_US):
         station, plane = mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_FIXED_WING
@@ -40,7 +40,7 @@ def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
     # The first of a moment is the heartbeat, by which the sender is known.
     sent.sort(key=lambda entry: (entry[0], not isinstance(entry[2], mavlink.MAVLink_heartbeat_message)))
     path.write_bytes(
-        b"".join((BOOTED_US + at).to_bytes(8, "big") + bytes(one.pack(senders[who])) for at, who, one in sent)
+        b"".join((BOOTED_US + at).to_bytes(8, "big") + bytes(message.pack(senders[who])) for at, who, message in sent)
     )
 
 
@@ -48,8 +48,8 @@ def _of(kind: DataflashMessages) -> Iterator[tuple[int, Any]]:
     names = [*kind.columns]
     for values in zip(*(column.tolist() for column in kind.columns.values()), strict=True):
         row = dict(zip(names, values, strict=True))
-        for one in SENT[kind.name](row):
-            yield int(row["TimeUS"]), one
+        for message in SENT[kind.name](row):
+            yield int(row["TimeUS"]), message
 
 
 def _heartbeat(kind: int, autopilot: int) -> Any:
@@ -67,11 +67,16 @@ def _pressure(row: Row) -> list[Any]:
     return [mavlink.MAVLink_scaled_pressure_message(milliseconds, row["Press"] / 100, difference, inside, outside)]
 
 
-def _with(kind: DataflashMessages, others: Sequence[DataflashMessages], fields: Mapping[str, str]) -> DataflashMessages:
+def _with_fields(
+    kind: DataflashMessages, others: Sequence[DataflashMessages], fields: Mapping[str, str]
+) -> DataflashMessages:
     """Messages with what another kind, if there is one, shows at their times; fields: its own, by their new name."""
     at_us, more = kind.columns["TimeUS"].astype(float), {}
     for name, of in fields.items():
-        shown = [np.interp(at_us, one.columns["TimeUS"].astype(float), one.columns[of].astype(float)) for one in others]
+        shown = [
+            np.interp(at_us, messages.columns["TimeUS"].astype(float), messages.columns[of].astype(float))
+            for messages in others
+        ]
         more[name] = shown[0] if shown else np.zeros(len(at_us))
     return replace(kind, columns=kind.columns | more)
 

@@ -202,8 +202,8 @@ class Trimmer:
                 f"it stalls at {stall:.2f} m/s"
             )
         if not norm < RESIDUAL_LIMIT:
-            asked = ", ".join(f"{key} = {value:g}" for key, value in given.items())
-            raise InputError(f"{name}: no trim found for {asked} (residual {norm:.2g}); it stalls at {stall:.2f} m/s")
+            request = ", ".join(f"{key} = {value:g}" for key, value in given.items())
+            raise InputError(f"{name}: no trim found for {request} (residual {norm:.2g}); it stalls at {stall:.2f} m/s")
         travel = self.plant.aircraft.elevator.angle_rad
         if not min(travel) <= z.elevator <= max(travel):
             raise InputError(

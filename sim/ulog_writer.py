@@ -62,7 +62,7 @@ def write_ulog(path: Path, contents: UlogContents) -> None:
         rows = _rows(topic)
         start = struct.pack("<HBH", rows.dtype.itemsize + 2, ord("D"), number)
         timed += [(int(t), start + row.tobytes()) for t, row in zip(topic.time_us, rows, strict=True)]
-    timed += [(one.time_us, _message("O", struct.pack("<H", one.duration_ms))) for one in contents.dropouts]
+    timed += [(dropout.time_us, _message("O", struct.pack("<H", dropout.duration_ms))) for dropout in contents.dropouts]
     timed.sort(key=lambda entry: entry[0])
     body = b"".join(out + [data for _, data in timed])
     end_us = timed[-1][0] if timed else start_us
@@ -93,7 +93,7 @@ def _format(topic: UlogTopic) -> str:
         types[base] = TYPE_NAMES[values.dtype.name] + ("[]" if array else "")
     for base, kind in types.items():
         fields.append(f"{kind.replace('[]', f'[{counts[base]}]')} {base}")
-    return f"{topic.name}:" + "".join(f"{one};" for one in fields)
+    return f"{topic.name}:" + "".join(f"{field};" for field in fields)
 
 
 def _rows(topic: UlogTopic) -> NDArray[np.void]:

@@ -76,10 +76,10 @@ class World:
 
     def aircraft_text(self, text: str) -> str:
         """The text of an aircraft file in which the user says this; what the file says of other errors stays."""
-        said = self.uncertainty_section()
-        head, *lines = said.splitlines() or [""]
-        if not said or head not in text.splitlines():
-            return f"{text}\n{said}" if said else text
+        uncertainty = self.uncertainty_section()
+        head, *lines = uncertainty.splitlines() or [""]
+        if not uncertainty or head not in text.splitlines():
+            return f"{text}\n{uncertainty}" if uncertainty else text
         before = text.splitlines()
         first = before.index(head) + 1
         end = next((i for i in range(first, len(before)) if before[i][:1] == "["), len(before))

@@ -87,8 +87,8 @@ class Browser:
             details = content["exceptionDetails"]
             self.complaints.append(details.get("exception", {}).get("description", details["text"]))
         elif event == "Runtime.consoleAPICalled":
-            said = [argument.get("value", argument.get("description")) for argument in content["args"]]
-            self.complaints.append(str(said))
+            messages = [argument.get("value", argument.get("description")) for argument in content["args"]]
+            self.complaints.append(str(messages))
         elif event == "Network.requestWillBeSent":
             self.requests.append(content["request"]["url"])
             self._unanswered.add(content["requestId"])
@@ -159,11 +159,11 @@ class Browser:
     def barriers(self) -> list[str]:
         """What axe-core finds on the page that keeps somebody from reading or using it, but for what it calls minor."""
         self.command("Runtime.evaluate", expression=AXE.read_text("utf-8"))
-        found: list[str] = self.value_of(
+        barriers: list[str] = self.value_of(
             "axe.run().then(({violations}) => violations.filter(one => one.impact !== 'minor')"
             ".map(one => `${one.id}: ${one.nodes.map(node => node.html).slice(0, 3)}`))"
         )
-        return found
+        return barriers
 
     def picture(self) -> bytes:
         """PNG of the window."""

@@ -52,10 +52,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
     Without --all the tests marked `thorough` are left out.
     """
-    thorough = [] if config.getoption("--all") else [one for one in items if one.get_closest_marker("thorough")]
+    thorough = [] if config.getoption("--all") else [item for item in items if item.get_closest_marker("thorough")]
     if thorough:
         config.hook.pytest_deselected(items=thorough)
-        items[:] = [one for one in items if not one.get_closest_marker("thorough")]
+        items[:] = [item for item in items if not item.get_closest_marker("thorough")]
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: (item.get_closest_marker("xdist_group") is None, -slow[item.path]))
 

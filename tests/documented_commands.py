@@ -65,8 +65,8 @@ def commands_in(page: Path) -> list[str]:
     """Commands of our programs in the fenced blocks of a page."""
     blocks = [body for language, body in FENCE.findall(page.read_text("utf-8")) if language in SHELL]
     lines = [line.removeprefix("$ ").strip() for body in blocks if DRAWN not in body for line in body.splitlines()]
-    commands = [one for line in lines for one in every_one_of(line)]
-    return [one for one in commands if one.split() and one.split()[0] in MODULES]
+    commands = [item for line in lines for item in every_one_of(line)]
+    return [command for command in commands if command.split() and command.split()[0] in MODULES]
 
 
 def every_command_in(page: Path) -> list[str]:
@@ -77,8 +77,8 @@ def every_command_in(page: Path) -> list[str]:
         fenced ^= fence
         if not fence and (fenced or line.startswith("    ")):
             lines += every_one_of(line.strip().removeprefix("$ "))
-    found = (PROGRAM.match(" ".join(line.split("  #")[0].split())) for line in lines)
-    return [one[1] + one[2] for one in found if one and one[1] in OTHERS | MODULES.keys()]
+    matches = (PROGRAM.match(" ".join(line.split("  #")[0].split())) for line in lines)
+    return [match[1] + match[2] for match in matches if match and match[1] in OTHERS | MODULES.keys()]
 
 
 def mentions_in(page: Path) -> list[str]:
@@ -101,15 +101,15 @@ def every_one_of(command: str) -> list[str]:
 def steps_in(page: Path) -> list[Step]:
     """What a page's reader does, in order."""
     text = page.read_text("utf-8")
-    found: list[tuple[int, Step]] = []
+    result: list[tuple[int, Step]] = []
     for block in FENCE.finditer(text):
         before = FILE_BEFORE.search(text[: block.start()])
         if block[1] == "console":
-            found += [(block.start(), Step(command=c, shown=tuple(o))) for c, o in _sessions(block[2])]
+            result += [(block.start(), Step(command=c, shown=tuple(o))) for c, o in _sessions(block[2])]
         elif block[1] == "toml" and before:
-            found.append((block.start(), Step(file=before[1], text=block[2])))
-    found += [(edit.start(), Step(file=edit[1], uncomment=edit[2])) for edit in UNCOMMENT.finditer(text)]
-    return [step for _, step in sorted(found, key=lambda item: item[0])]
+            result.append((block.start(), Step(file=before[1], text=block[2])))
+    result += [(edit.start(), Step(file=edit[1], uncomment=edit[2])) for edit in UNCOMMENT.finditer(text)]
+    return [step for _, step in sorted(result, key=lambda item: item[0])]
 
 
 def _sessions(body: str) -> list[tuple[str, list[str]]]:

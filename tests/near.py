@@ -30,10 +30,10 @@ def imports(root: Path) -> dict[Path, set[Path]]:
     for path in files:
         beside = [".".join(folder.parts) + "." for folder in path.parents if folder.parts] + ["benchmarks."]
         prefixes = ["", *(beside if path.parts[0] in ("tests", "benchmarks") else [])]
-        found = set()
+        result = set()
         for name in _names_imported((root / path).read_text("utf-8")):
-            found |= {by_name[prefix + name] for prefix in prefixes if prefix + name in by_name}
-        graph[path] = found - {path}
+            result |= {by_name[prefix + name] for prefix in prefixes if prefix + name in by_name}
+        graph[path] = result - {path}
     return graph
 
 
@@ -44,8 +44,8 @@ def _names_imported(text: str) -> set[str]:
     """
     names = set()
     for module, taken, modules in STATEMENT.findall(text):
-        listed = [one.split(" as ")[0].strip() for one in re.sub(r"#.*|[()]", "", taken or modules).split(",")]
-        names |= {f"{module}.{one}" for one in listed} | {module} if module else set(listed)
+        listed = [word.split(" as ")[0].strip() for word in re.sub(r"#.*|[()]", "", taken or modules).split(",")]
+        names |= {f"{module}.{item}" for item in listed} | {module} if module else set(listed)
     return names
 
 
@@ -60,8 +60,8 @@ def nearest(file: Path, graph: dict[Path, set[Path]], begin: list[Path], count: 
     begin : the file itself, or what stands for it in the graph
     """
     importers: dict[Path, set[Path]] = {path: set() for path in graph}
-    for path, found in graph.items():
-        for other in found:
+    for path, result in graph.items():
+        for other in result:
             importers[other].add(path)
     steps = dict.fromkeys(begin, 0)
     waiting = deque(begin)
@@ -87,10 +87,10 @@ def tests_near(root: Path, file: Path, count: int = COUNT) -> list[Path]:
     """
     graph = imports(root)
     begin = [file] if file in graph else _naming(root, file, graph)
-    found = nearest(file, graph, begin, count)
-    if not found:
+    result = nearest(file, graph, begin, count)
+    if not result:
         raise LookupError(f"{file}: no test imports it, nor a file that does; give a file of {', '.join(FOLDERS)}")
-    return found
+    return result
 
 
 def main() -> None:

@@ -30,7 +30,7 @@ class Store(ThreadingHTTPServer):
         self.failing: dict[str, int] = defaultdict(int)
         self.torn: set[str] = set()
         self.parts: dict[str, dict[int, bytes]] = {}
-        self.asked: Counter[str] = Counter()
+        self.requests: Counter[str] = Counter()
         self.lock = threading.Lock()
 
     @property
@@ -66,7 +66,7 @@ class _Handler(BaseHTTPRequestHandler):
         bucket, _, key = unquote(url.path).strip("/").partition("/")
         place = f"{bucket}/{key}" if key else bucket
         with self.server.lock:
-            self.server.asked[place] += self.command == "GET"
+            self.server.requests[place] += self.command == "GET"
             refused = self.server.failing[place] > 0
             self.server.failing[place] -= refused
         if refused:
@@ -138,7 +138,9 @@ class _Handler(BaseHTTPRequestHandler):
             f"{escape(_etag(self.server.objects[name]))}</ETag><Size>{len(self.server.objects[name])}</Size></Contents>"
             for name in page
         ]
-        entries += [f"<CommonPrefixes><Prefix>{escape(one[cut:])}</Prefix></CommonPrefixes>" for one in sorted(groups)]
+        entries += [
+            f"<CommonPrefixes><Prefix>{escape(prefix[cut:])}</Prefix></CommonPrefixes>" for prefix in sorted(groups)
+        ]
         more = len(page) < len(names)
         entries.append(f"<IsTruncated>{str(more).lower()}</IsTruncated><KeyCount>{len(page)}</KeyCount>")
         if more:
@@ -146,8 +148,8 @@ class _Handler(BaseHTTPRequestHandler):
         xml = f'<ListBucketResult xmlns="http://s3.amazonaws.com/doc/2006-03-01/">{"".join(entries)}</ListBucketResult>'
         self._answer(200, xml.encode(), {"Content-Type": "application/xml"})
 
-    def _fail(self, status: int, code: str, said: str) -> None:
-        self._answer(status, f"<Error><Code>{code}</Code><Message>{said}</Message></Error>".encode(), {})
+    def _fail(self, status: int, code: str, message: str) -> None:
+        self._answer(status, f"<Error><Code>{code}</Code><Message>{message}</Message></Error>".encode(), {})
 
     def _answer(self, status: int, content: bytes, headers: Mapping[str, str]) -> None:
         self.send_response(status)

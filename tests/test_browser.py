@@ -13,11 +13,11 @@ PAGE = b"<!doctype html><script>let done = false; const finish = () => { done = 
 
 
 class Server(ThreadingHTTPServer):
-    """Answers /slow when `asked` has been set, and everything else at once."""
+    """Answers /slow when `requested` has been set, and everything else at once."""
 
     def __init__(self) -> None:
         super().__init__(("127.0.0.1", 0), Answers)
-        self.asked, self.answer = Event(), Event()
+        self.requested, self.answer = Event(), Event()
 
     @property
     def address(self) -> str:
@@ -28,7 +28,7 @@ class Answers(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         assert isinstance(self.server, Server)
         if self.path == "/slow":
-            self.server.asked.set()
+            self.server.requested.set()
             self.server.answer.wait()
         self.send_response(200)
         self.send_header("Content-Type", "text/html")
@@ -54,7 +54,7 @@ def test_an_answer_is_waited_for_however_late_it_comes(server: Server, browser: 
     """The answer is given when more time has gone by in the page than it is left without one."""
     browser.show(server.address, 800)
     browser.value_of("fetch('/slow').then(finish) && undefined")
-    assert server.asked.wait(60)
+    assert server.requested.wait(60)
     late = "setTimeout(() => fetch('/now'), {})"
     browser.value_of(";".join(late.format(200 * k) for k in range(8)) + "; undefined")
 

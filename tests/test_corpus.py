@@ -18,8 +18,8 @@ def test_all_who_ask_get_one_flight(tmp_path: Path) -> None:
         return list(flown)
 
     with ThreadPoolExecutor(8) as pool:
-        asked = [pool.submit(corpus.kept, tmp_path, b"a", fly) for _ in range(8)]
-        assert [one.result() for one in asked] == [[0]] * 8
+        requests = [pool.submit(corpus.kept, tmp_path, b"a", fly) for _ in range(8)]
+        assert [request.result() for request in requests] == [[0]] * 8
     assert corpus.kept(tmp_path, b"b", fly) == [0, 1]
     assert len(flown) == 2
 
@@ -43,10 +43,10 @@ def test_another_source_or_value_is_another_corpus(tmp_path: Path) -> None:
 
 
 def test_equal_values_have_one_key_in_whatever_order_a_process_keeps_a_set() -> None:
-    one, other = {0, 8}, {8, 0}
-    assert list(one) != list(other), "as the texts of two processes"
-    said = "seed".upper()
-    assert corpus.key_of(one, said, said) == corpus.key_of(other, said, "seed".upper())
-    assert corpus.key_of(frozenset(one)) == corpus.key_of(frozenset(other))
+    item, other = {0, 8}, {8, 0}
+    assert list(item) != list(other), "as the texts of two processes"
+    upper = "seed".upper()
+    assert corpus.key_of(item, upper, upper) == corpus.key_of(other, upper, "seed".upper())
+    assert corpus.key_of(frozenset(item)) == corpus.key_of(frozenset(other))
     different = ({0, 8}, {0, 16}, [0, 8], 0.1, 0.1 + 1e-16, "0.1")
     assert len({corpus.key_of(value) for value in different}) == len(different)

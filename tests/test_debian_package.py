@@ -61,13 +61,13 @@ def test_a_command_of_the_package_starts_this_program_and_no_other(tmp_path):
 def test_the_package_asks_for_a_python_that_its_modules_are_built_for():
     """Debian's relations are alternatives of comparisons; those of the newest and oldest, and the gap between."""
     (relations,) = re.findall(r"^Depends: ((?:.*\n)(?: .*\n)*)", text("control"), re.MULTILINE)
-    asked = [part for part in relations.replace("\n", "").split(",") if "python3 " in part]
+    parts = [part for part in relations.replace("\n", "").split(",") if "python3 " in part]
 
     def fits(version: tuple[int, ...]) -> bool:
         holds = {"<<": lambda limit: version < limit, ">=": lambda limit: version >= limit}
         return all(
             any(holds[sign](tuple(map(int, at.split(".")))) for sign, at in re.findall(r"\((\S+) ([\d.]+)\)", part))
-            for part in asked
+            for part in parts
         )
 
     fitting = [f"3.{minor}" for minor in range(9, 16) if fits((3, minor))]

@@ -67,16 +67,16 @@ def decisions_by_text(root: Path) -> list[Finding]:
     paths = [path for package in PACKAGES for path in sorted((root / package).rglob("*.py"))]
     modules = {path.relative_to(root).as_posix(): ast.parse(path.read_text("utf-8")) for path in paths}
     constants = {path: _text_constants(tree) for path, tree in modules.items()}
-    found = []
+    decisions = []
     for path, tree in modules.items():
         if not path.startswith(tuple(PARSERS)):
             known = constants[path] | _imported_constants(tree, constants)
             nodes = [node for node in ast.walk(tree) if isinstance(node, ast.expr | ast.Match)]
             deciding = [
-                one for one in nodes if _decides(one, known) or (path.startswith("analysis/") and _tells_kinds(one))
+                node for node in nodes if _decides(node, known) or (path.startswith("analysis/") and _tells_kinds(node))
             ]
-            found += [Finding(path, node.lineno, ast.unparse(node)) for node in deciding]
-    return found
+            decisions += [Finding(path, node.lineno, ast.unparse(node)) for node in deciding]
+    return decisions
 
 
 def _decides(node: ast.AST, constants: set[str]) -> bool:
@@ -88,7 +88,7 @@ def _decides(node: ast.AST, constants: set[str]) -> bool:
         case ast.Compare(left=left, ops=[operator], comparators=[right]):
             return _compares(left, operator, right, constants)
         case ast.Match(subject=subject, cases=cases):
-            return _is_text(subject) and any(_is_literal(one.pattern) for one in cases)
+            return _is_text(subject) and any(_is_literal(case.pattern) for case in cases)
     return False
 
 
@@ -99,8 +99,8 @@ def _compares(left: ast.expr, operator: ast.cmpop, right: ast.expr, constants: s
         return within or one_of
     if isinstance(operator, ast.Eq | ast.NotEq):
         return any(
-            (_is_text(one) and _literals(other, constants)) or (_is_estimate(one) and _estimated(other))
-            for one, other in ((left, right), (right, left))
+            (_is_text(expr) and _literals(other, constants)) or (_is_estimate(expr) and _estimated(other))
+            for expr, other in ((left, right), (right, left))
         )
     return False
 
@@ -108,9 +108,9 @@ def _compares(left: ast.expr, operator: ast.cmpop, right: ast.expr, constants: s
 def _tells_kinds(node: ast.AST) -> bool:
     match node:
         case ast.Compare(left=left, ops=[ast.Eq() | ast.NotEq() | ast.In() | ast.NotIn()], comparators=[right]):
-            return any(_is_kind(one) and bool(_strings(other)) for one, other in ((left, right), (right, left)))
+            return any(_is_kind(item) and bool(_strings(other)) for item, other in ((left, right), (right, left)))
         case ast.Match(subject=subject, cases=cases):
-            return _is_kind(subject) and any(_is_literal(one.pattern) for one in cases)
+            return _is_kind(subject) and any(_is_literal(case.pattern) for case in cases)
     return False
 
 
@@ -158,13 +158,17 @@ def _is_name(node: ast.expr) -> bool:
 
 def _strings(node: ast.expr) -> list[str]:
     elements = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else [node]
-    return [one.value for one in elements if isinstance(one, ast.Constant) and isinstance(one.value, str) and one.value]
+    return [
+        element.value
+        for element in elements
+        if isinstance(element, ast.Constant) and isinstance(element.value, str) and element.value
+    ]
 
 
 def _literals(node: ast.expr, constants: set[str]) -> bool:
     elements = node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else [node]
-    named = any(isinstance(one, ast.Name) and one.id in constants for one in elements)
-    return bool(_strings(node)) or named or any(isinstance(one, ast.JoinedStr) for one in elements)
+    named = any(isinstance(element, ast.Name) and element.id in constants for element in elements)
+    return bool(_strings(node)) or named or any(isinstance(element, ast.JoinedStr) for element in elements)
 
 
 def _estimated(node: ast.expr) -> bool:
@@ -175,10 +179,12 @@ def _estimated(node: ast.expr) -> bool:
 def estimated() -> frozenset[str]:
     """Names of what estimators find: sensor errors, what flights are pooled by, and every `Parameter(name="…")`."""
     paths = [path for name in ("methods", "performance") for path in (ROOT / "analysis" / name).rglob("*.py")]
-    calls = [one for path in paths for one in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(one, ast.Call)]
+    calls = [
+        item for path in paths for item in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(item, ast.Call)
+    ]
     parameters = [call for call in calls if _last_name(call.func) in ("Parameter", "ParameterVector")]
     named = [[*call.args[:1], *(key.value for key in call.keywords if key.arg == "name")] for call in parameters]
-    return frozenset({*SENSOR_ERRORS, *POOLED, *(name for given in named for one in given for name in _strings(one))})
+    return frozenset({*SENSOR_ERRORS, *POOLED, *(name for given in named for item in given for name in _strings(item))})
 
 
 def _text_constants(tree: ast.Module) -> set[str]:
@@ -204,7 +210,7 @@ def _imported_constants(tree: ast.Module, constants: dict[str, set[str]]) -> set
 
 @pytest.mark.slow
 def test_nothing_is_decided_by_a_text() -> None:
-    assert [f"{one.path}:{one.line}: {one.code}" for one in decisions_by_text(ROOT)] == []
+    assert [f"{decision.path}:{decision.line}: {decision.code}" for decision in decisions_by_text(ROOT)] == []
 
 
 def test_every_parser_exists() -> None:
@@ -253,15 +259,15 @@ def test_an_enum_and_the_name_of_a_file_are_no_text(code: str, tmp_path: Path) -
 
 def read_by_place(root: Path) -> list[Finding]:
     """Where the analysis takes a part of a vector of parameters, or of their covariance, by literal numbers."""
-    found = []
+    findings = []
     for path in sorted((root / "analysis").rglob("*.py")):
         nodes = ast.walk(ast.parse(path.read_text("utf-8")))
-        found += [
+        findings += [
             Finding(path.relative_to(root).as_posix(), node.lineno, ast.unparse(node))
             for node in nodes
             if isinstance(node, ast.Subscript) and _is_vector(node.value) and _has_place(node.slice)
         ]
-    return found
+    return findings
 
 
 def _is_vector(node: ast.expr) -> bool:
@@ -285,7 +291,7 @@ def _has_place(node: ast.expr) -> bool:
 
 
 def test_no_vector_of_parameters_is_read_by_places() -> None:
-    assert [f"{one.path}:{one.line}: {one.code}" for one in read_by_place(ROOT)] == []
+    assert [f"{finding.path}:{finding.line}: {finding.code}" for finding in read_by_place(ROOT)] == []
 
 
 @pytest.mark.parametrize(

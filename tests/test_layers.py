@@ -31,8 +31,8 @@ ALLOWED_IN_FILE = {
 @cache
 def import_statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
     """Packages that a file imports, anywhere in it."""
-    found = ast.walk(ast.parse(path.read_text("utf-8")))
-    return [node for node in found if isinstance(node, ast.Import | ast.ImportFrom)]
+    walk = ast.walk(ast.parse(path.read_text("utf-8")))
+    return [node for node in walk if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
 def imported_packages(path: Path) -> set[str]:

@@ -38,13 +38,13 @@ def project(tmp_path: Path) -> Path:
 
 
 def test_tests_that_import_the_file_come_before_those_that_import_its_importers(project: Path) -> None:
-    found = [path.stem for path in near.tests_near(project, Path("analysis/curve.py"), count=9)]
-    assert found == ["test_curve", "test_many", "test_pool", "test_with_cases", "test_flown"]
+    stems = [path.stem for path in near.tests_near(project, Path("analysis/curve.py"), count=9)]
+    assert stems == ["test_curve", "test_many", "test_pool", "test_with_cases", "test_flown"]
 
 
 def test_as_many_are_given_as_are_asked_for(project: Path) -> None:
-    found = near.tests_near(project, Path("analysis/pool.py"), count=2)
-    assert [path.stem for path in found] == ["test_pool", "test_many"]
+    tests_near = near.tests_near(project, Path("analysis/pool.py"), count=2)
+    assert [path.stem for path in tests_near] == ["test_pool", "test_many"]
 
 
 def test_a_test_is_nearest_to_itself_and_a_script_to_what_names_it(project: Path) -> None:

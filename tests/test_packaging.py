@@ -117,8 +117,8 @@ def test_the_extra_for_autopilots_has_no_casadi() -> None:
 
 def test_an_extra_installs_what_its_commands_need_and_the_demonstration_s_the_page_in_the_browser() -> None:
     """`make demo` installs [analysis,sim]; what it tells to open next is then there."""
-    lacking = {name: set(side.needs) - declared(*filter(None, [side.extra])) for name, side in SIDES.items()}
-    assert not any(lacking.values()), lacking
+    missing = {name: set(side.needs) - declared(*filter(None, [side.extra])) for name, side in SIDES.items()}
+    assert not any(missing.values()), missing
     assert "'.[analysis,sim]'" in (ROOT / "Makefile").read_text("utf-8")
     assert set(SIDES["open"].needs) <= declared("analysis") == declared("page")
 

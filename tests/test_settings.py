@@ -21,9 +21,9 @@ MOST = 351  # settings of `analysis`, and other numbers that its modules begin w
 def test_each_setting_has_a_unit_and_a_reason(record) -> None:
     assert dataclasses.is_dataclass(record.settings)
     assert type(record.settings).__dataclass_params__.frozen, "a setting is not changed while an analysis runs"
-    for one in record.settings.described():
-        assert one.unit, one.name
-        assert len(one.reason.split()) > 1, one.name
+    for item in record.settings.described():
+        assert item.unit, item.name
+        assert len(item.reason.split()) > 1, item.name
 
 
 def test_settings_and_other_numbers_stay_few() -> None:
@@ -33,4 +33,4 @@ def test_settings_and_other_numbers_stay_few() -> None:
 
 def test_the_page_of_assumed_values_has_every_setting() -> None:
     rows = {line.split("`")[1] for line in assumptions.page().splitlines() if line.startswith("| `")}
-    assert rows == {one.name for record in assumptions.records() for one in record.settings.described()}
+    assert rows == {item.name for record in assumptions.records() for item in record.settings.described()}

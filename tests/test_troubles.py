@@ -9,10 +9,10 @@ import pytest
 
 from flightpower.analysis.maneuvers.kinds import Unsuitable
 from flightpower.analysis.missions.flown import INSTEAD
-from flightpower.analysis.records.flight import EvidenceKind, WhyNot
+from flightpower.analysis.records.flight import EvidenceKind, MethodRejection
 from flightpower.analysis.results.evidence import CULPRIT
 from flightpower.analysis.sources.laws import Mistake
-from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, Lacking
+from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, MissingExcitation
 from flightpower.daq.tray_check import GOOD_STATUSES
 from flightpower.flight.command_line import ExitCode
 from flightpower.flight.messages import Status
@@ -29,12 +29,12 @@ spec.loader.exec_module(troubles)
 @pytest.fixture(scope="module")
 def sections() -> dict[str, list[list[str]]]:
     """Rows of each table, without its head."""
-    found = {}
+    sections = {}
     for section in re.split(r"^#{2,3} ", troubles.page(), flags=re.MULTILINE)[1:]:
         title, _, text = section.partition("\n")
         lines = [line for line in text.splitlines() if line.startswith("|")]
-        found[title] = [re.split(r" (?<!\\)\| ", line.strip("| ")) for line in lines[2:]]
-    return found
+        sections[title] = [re.split(r" (?<!\\)\| ", line.strip("| ")) for line in lines[2:]]
+    return sections
 
 
 @pytest.mark.parametrize(
@@ -43,11 +43,11 @@ def sections() -> dict[str, list[list[str]]]:
         ("Exit codes", [str(int(code)) for code in ExitCode]),
         ("Doubts about a result", list(EvidenceKind)),
         ("Sensor errors larger than assumed", [SENSOR_ERROR_KINDS[name].title for name in CULPRIT]),
-        ("What a flight does not determine, and why", [one.name.lower() for one in Lacking]),
-        ("Methods that do not give the curve", [why for why in WhyNot if why]),
+        ("What a flight does not determine, and why", [missing.name.lower() for missing in MissingExcitation]),
+        ("Methods that do not give the curve", [why for why in MethodRejection if why]),
         ("Stretches that are no maneuver", [*RunRejected, *Unsuitable]),
         ("Columns of a table", list(Mistake)),
-        ("Sensors of the tray", [one for one in Status if one not in GOOD_STATUSES]),
+        ("Sensors of the tray", [status for status in Status if status not in GOOD_STATUSES]),
         ("Items of a mission", list(INSTEAD)),
     ],
 )
@@ -64,10 +64,10 @@ def test_each_kind_has_a_row_with_what_to_do(
 def test_each_refusal_of_the_code_is_on_the_page(sections: dict[str, list[list[str]]]) -> None:
     """Counted independently: calls of `InputError` with a text in the source."""
     messages = list(troubles.messages())
-    told = {"; ".join(filter(None, row)) for title in troubles.AREAS.values() for row in sections.get(title, [])}
-    cells = {troubles._cell(text).rstrip("; ") for text in {one.text for one in messages}}
+    message = {"; ".join(filter(None, row)) for title in troubles.AREAS.values() for row in sections.get(title, [])}
+    cells = {troubles._cell(text).rstrip("; ") for text in {message.text for message in messages}}
     assert len(cells) > 450
-    assert {text for text in cells if text not in {troubles._cell(one) for one in told}} == set()
+    assert {text for text in cells if text not in {troubles._cell(item) for item in message}} == set()
     raised = sum(
         len(re.findall(r"^ *raise InputError\(", path.read_text("utf-8"), re.MULTILINE))
         for package in ("analysis", "daq", "flight", "flightpower", "sim")

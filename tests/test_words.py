@@ -12,7 +12,7 @@ DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def test_no_docstring_lacks_its_subject() -> None:
-    found = [
+    results = [
         f"{path.relative_to(ROOT)}: {text.splitlines()[0]}"
         for folder in FOLDERS
         for path in sorted((ROOT / folder).rglob("*.py"))
@@ -20,4 +20,4 @@ def test_no_docstring_lacks_its_subject() -> None:
         for node in ast.walk(ast.parse(source))
         if isinstance(node, DOCUMENTED) and (text := ast.get_docstring(node) or "").startswith(WITHOUT_SUBJECT)
     ]
-    assert found == []
+    assert results == []

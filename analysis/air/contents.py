@@ -74,9 +74,11 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
     """
     recorded = _recorded_aircraft(log, needed=replacements.aircraft is None)
     aircraft = replacements.aircraft or recorded
-    lacking = _lacking(log, replacements, [one for one in (aircraft, recorded) if one])
-    if lacking or aircraft is None:
-        raise _not_in_log(log, lacking)
+    missing = _what_is_missing(
+        log, replacements, [aircraft_file for aircraft_file in (aircraft, recorded) if aircraft_file]
+    )
+    if missing or aircraft is None:
+        raise _not_in_log(log, missing)
     installation = aircraft.installation.name or _installation_of_tray(log)
     notes = damage(log)
     if replacements.weight_N is not None:
@@ -179,15 +181,15 @@ def _of_another_table(aircraft: Aircraft, propeller: Propeller) -> str:
 def damage(log: Log) -> list[str]:
     """Parts of the log that are torn or cannot be decoded, in sentences."""
     notes = [f"The log is truncated ({log.torn}); the part before is used."] if log.torn else []
-    for topic, found in sorted(log.undecodable_of.items()):
-        left_out = "1 message is" if found.count == 1 else f"{found.count} messages are"
-        notes.append(f"{left_out} left out: {topic}: {found.mistake}.")
+    for topic, undecodable in sorted(log.undecodable_of.items()):
+        left_out = "1 message is" if undecodable.count == 1 else f"{undecodable.count} messages are"
+        notes.append(f"{left_out} left out: {topic}: {undecodable.mistake}.")
     return notes
 
 
-def _lacking(log: Log, replacements: Replacements, aircraft: list[Aircraft]) -> list[str]:
+def _what_is_missing(log: Log, replacements: Replacements, aircraft: list[Aircraft]) -> list[str]:
     """The attachments that are needed, but neither in the log nor replaced. aircraft: that used, and the log's own."""
-    propeller_named = any(one.propulsion.propeller for one in aircraft)
+    propeller_named = any(aircraft_file.propulsion.propeller for aircraft_file in aircraft)
     given = {
         "aircraft.toml": bool(aircraft),
         "propeller.csv": replacements.propeller is not None or propeller_named,
@@ -208,4 +210,4 @@ def _not_in_log(log: Log, names: list[str]) -> InputError:
 
 def _other_case(log: Log, name: str) -> str | None:
     """The attachment of that name but for capitals, or with its path."""
-    return next((found for found in log.attachments if PurePath(found).name.lower() == name), None)
+    return next((attachment for attachment in log.attachments if PurePath(attachment).name.lower() == name), None)

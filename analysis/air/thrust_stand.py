@@ -50,16 +50,16 @@ class ThrustStand(msgspec.Struct, frozen=True, kw_only=True):
             )
 
 
-def _check(found: ThrustStand, where: str) -> None:
+def _check(stand: ThrustStand, where: str) -> None:
     usable = (
-        abs(found.ratio - 1) <= STAND_LIMITS.largest_difference
-        and 0 < found.ratio_error <= STAND_LIMITS.largest_error * found.ratio
-        and found.diameter_m > 0
-        and 0 < len(found.revps) == len(found.table_cT)
-        and min(found.table_cT) > 0
+        abs(stand.ratio - 1) <= STAND_LIMITS.largest_difference
+        and 0 < stand.ratio_error <= STAND_LIMITS.largest_error * stand.ratio
+        and stand.diameter_m > 0
+        and 0 < len(stand.revps) == len(stand.table_cT)
+        and min(stand.table_cT) > 0
     )
     if not usable:
-        raise InputError(f"{where}: not a result of `calibrate thrust` (ratio {found.ratio:g} ± {found.ratio_error:g})")
+        raise InputError(f"{where}: not a result of `calibrate thrust` (ratio {stand.ratio:g} ± {stand.ratio_error:g})")
 
 
 THRUST_STAND_FILE = JsonFormat(ThrustStand, (FORMAT,), "a result of `calibrate thrust`", _check)

@@ -57,8 +57,8 @@ def airspeed(
     flight = synchronized(recorded(read_log(log), given))
     if not flight.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")
-    found = calibrate(flight.table, trajectory_with(flight, flight.data))
-    return _calibrated(found, list(flight.notes), log)
+    calibration = calibrate(flight.table, trajectory_with(flight, flight.data))
+    return _calibrated(calibration, list(flight.notes), log)
 
 
 def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration":
@@ -73,36 +73,36 @@ def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration"
     flight = flight_table(read_autopilot_log(log, autopilot), typical_N, area_m2)
     if flight.first_wind_mps is not None:
         raise InputError(f"{log}: the log lacks airspeed, whose scale could be determined")
-    found = airspeed_errors(flight)
-    if found.wind_mps is None or found.wind_from_deg is None:
+    errors = airspeed_errors(flight)
+    if errors.wind_mps is None or errors.wind_from_deg is None:
         raise InputError(f"{log}: no GPS velocity in flight: neither scale nor wind can be determined")
     table = flight.table[flight.flown]
-    spread = one_way(table[GPS[0]].to_numpy(), table[GPS[1]].to_numpy(), found)
-    error = found.scale_variance**0.5
-    notes = [*flight.notes, *notes_on(spread, error, found.prior_sigma)]
+    spread = one_way(table[GPS[0]].to_numpy(), table[GPS[1]].to_numpy(), errors)
+    error = errors.scale_variance**0.5
+    notes = [*flight.notes, *notes_on(spread, error, errors.prior_sigma)]
     return AirspeedCalibration(
-        found.scale,
+        errors.scale,
         error,
-        found.wind_mps,
-        found.wind_from_deg,
+        errors.wind_mps,
+        errors.wind_from_deg,
         spread,
         notes,
-        why_not_determined(error, found.prior_sigma),
+        why_not_determined(error, errors.prior_sigma),
     )
 
 
-def _calibrated(found: "AirspeedCalibration", notes: list[str], log: Path) -> Calibrated:
-    content = {name: value for name, value in found._asdict().items() if name != "unsupported"}
+def _calibrated(calibration: "AirspeedCalibration", notes: list[str], log: Path) -> Calibrated:
+    content = {name: value for name, value in calibration._asdict().items() if name != "unsupported"}
     content = {"format": "flightpower-airspeed-1", "source": log.name, **content}
-    return Calibrated(summary(found, notes), content, unsupported=found.unsupported)
+    return Calibrated(summary(calibration, notes), content, unsupported=calibration.unsupported)
 
 
-def summary(found: "AirspeedCalibration", notes: list[str]) -> list[str]:
+def summary(calibration: "AirspeedCalibration", notes: list[str]) -> list[str]:
     """The result in lines, with the notes on the log after those on the result."""
-    side = "high" if found.scale >= 0 else "low"
-    half = NORMAL_95 * found.scale_error
+    side = "high" if calibration.scale >= 0 else "low"
+    half = NORMAL_95 * calibration.scale_error
     return [
-        f"airspeed reads {100 * abs(found.scale):.2f} ± {100 * half:.2f} % too {side} (95 % interval)",
-        f"wind {found.wind_mps:.1f} m/s from {found.wind_from_deg:.0f} deg, mean of the flight",
-        *(f"note: {note}" for note in found.notes + notes),
+        f"airspeed reads {100 * abs(calibration.scale):.2f} ± {100 * half:.2f} % too {side} (95 % interval)",
+        f"wind {calibration.wind_mps:.1f} m/s from {calibration.wind_from_deg:.0f} deg, mean of the flight",
+        *(f"note: {note}" for note in calibration.notes + notes),
     ]

@@ -51,20 +51,20 @@ def hanging_weights(table: pd.DataFrame, source: str) -> list[HangingWeight]:
 
     Raises InputError where there are too few for a straight line.
     """
-    found = []
+    stops = []
     for stretch in resting_stretches(table):
         x, y, z = (float(stretch[name].mean()) for name in FORCES)
-        found.append(HangingWeight(float(stretch.index.to_numpy().mean()), math.atan2(x, math.hypot(y, z))))
-    if len(found) < STATISTICS.fewest_readings:
+        stops.append(HangingWeight(float(stretch.index.to_numpy().mean()), math.atan2(x, math.hypot(y, z))))
+    if len(stops) < STATISTICS.fewest_readings:
         raise InputError(
-            f"{source}: the aircraft stood still {len(found)} times; hang {STAND_LIMITS.fewest_speeds} weights or more,"
+            f"{source}: the aircraft stood still {len(stops)} times; hang {STAND_LIMITS.fewest_speeds} weights or more,"
             " up and down, and let it stand for ten seconds with each, and before and after"
         )
-    return found
+    return stops
 
 
 def boom_bending(
-    found: Sequence[HangingWeight], mass_kg: Sequence[float], level_rad: Sequence[float], carried: CarriedMass
+    weights: Sequence[HangingWeight], mass_kg: Sequence[float], level_rad: Sequence[float], carried: CarriedMass
 ) -> BoomBending:
     """The bending by the weights mass_kg (k,) on the tip and the level's angles level_rad (k,), positive nose up.
 
@@ -75,7 +75,7 @@ def boom_bending(
             f"--weights: {len(set(mass_kg))} different ones; {STAND_LIMITS.fewest_speeds} are needed, 0 among"
         )
     force_N = GRAVITY_MPS2 * np.array(mass_kg)
-    pitch = np.array([one.pitch_rad for one in found])
+    pitch = np.array([weight.pitch_rad for weight in weights])
     bent_down = pitch - np.array(level_rad)
     X = np.column_stack([np.ones(len(force_N)), force_N])
     per_N, sigma = (float(values[1]) for values in student_fit(X, bent_down))
@@ -88,9 +88,9 @@ def boom_bending(
     return BoomBending(per_g, math.hypot(sigma * at_1_g_N, carried.error * per_g), per_N)
 
 
-def in_words(found: Sequence[HangingWeight]) -> str:
+def in_words(weights: Sequence[HangingWeight]) -> str:
     """The stretches at rest, to be matched with what was written down."""
-    return ", ".join(f"{number} at {one.time_s:.0f} s" for number, one in enumerate(found, start=1))
+    return ", ".join(f"{number} at {weight.time_s:.0f} s" for number, weight in enumerate(weights, start=1))
 
 
 WEIGHTS, ANGLES = '"0 100 200 300 200 100 0 g"', '"4.1 2.0 -0.1 -2.2 -0.2 2.1 4.2 deg"'
@@ -151,19 +151,19 @@ def boom(
     from flightpower.flight.log_reader import read_log
 
     mass_kg, level_rad = quantities(weights, "kg", "--weights", WEIGHTS), quantities(angles, "rad", "--angles", ANGLES)
-    found = hanging_weights(synchronize(read_log(log)).table, str(log))
+    hung = hanging_weights(synchronize(read_log(log)).table, str(log))
     if not mass_kg and not level_rad:
-        stood = f"the aircraft stood still {len(found)} times: {in_words(found)}"
+        stood = f"the aircraft stood still {len(hung)} times: {in_words(hung)}"
         return Calibrated([f"{stood}. Now give --weights, --angles and --carried."])
     for option, values in (("--weights", mass_kg), ("--angles", level_rad)):
-        if len(values) != len(found):
+        if len(values) != len(hung):
             raise InputError(
-                f"{option}: {len(values)} values, but the aircraft stood still {len(found)} times:"
-                f" {in_words(found)}; give one for each, with 0 where nothing hung on the tip"
+                f"{option}: {len(values)} values, but the aircraft stood still {len(hung)} times:"
+                f" {in_words(hung)}; give one for each, with 0 where nothing hung on the tip"
             )
     if carried is None:
         raise InputError('--carried: give the mass of the probe and a third of the boom\'s, such as "45 g"')
-    bending = boom_bending(found, mass_kg, level_rad, CarriedMass(carried, carried_error / 100))
+    bending = boom_bending(hung, mass_kg, level_rad, CarriedMass(carried, carried_error / 100))
     return Calibrated(summary(bending), to_toml(bending))
 
 

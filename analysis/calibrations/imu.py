@@ -60,20 +60,20 @@ def resting_sides(table: pd.DataFrame, source: str) -> list[RestingSide]:
 
     Raises InputError naming the sides on which the tray never lay.
     """
-    found = []
+    sides = []
     for rows in resting_stretches(table):
         stretch = rows[list(FORCES)]
         means = stretch.groupby((stretch.index.to_numpy() // GROUND.reference_s).astype(int)).mean()
         variance = means.var().to_numpy() / len(means)
-        found.append(RestingSide(float(stretch.index.to_numpy().mean()), stretch.mean().to_numpy(), variance))
-    lain = {one.up for one in found}
+        sides.append(RestingSide(float(stretch.index.to_numpy().mean()), stretch.mean().to_numpy(), variance))
+    lain = {side.up for side in sides}
     missing = [SIDES[axis][down] for axis in range(3) for down in range(2) if (axis, down) not in lain]
     if missing:
         raise InputError(
-            f"{source}: the tray lay still {len(found)} times, never with its {', '.join(missing)} up: lay it on each"
+            f"{source}: the tray lay still {len(sides)} times, never with its {', '.join(missing)} up: lay it on each"
             " of its six sides for ten seconds, motor off"
         )
-    return found
+    return sides
 
 
 def accelerometers(sides: Sequence[RestingSide], source: str = "") -> Accelerometers:
@@ -82,7 +82,7 @@ def accelerometers(sides: Sequence[RestingSide], source: str = "") -> Accelerome
     The error of a reading is the larger of the scatter within stretches and, with more stretches than unknowns, of the
     residuals. Raises InputError where a scale is beyond what any part has.
     """
-    f = np.array([one.force_mps2 for one in sides])
+    f = np.array([side.force_mps2 for side in sides])
     offset, scale = np.zeros(3), np.zeros(3)
     for _ in range(20):  # three are enough for 10 %
         true = (f - offset) / (1 + scale)
@@ -100,7 +100,7 @@ def accelerometers(sides: Sequence[RestingSide], source: str = "") -> Accelerome
             f"{source}: the accelerometer {AXES[worst]} reads {100 * scale[worst]:+.0f} % more than the force, at most"
             f" {100 * largest:.0f} % are usual: check its range and unit in the tray file"
         )
-    variance = float(np.mean([np.sum((one.force_mps2 / GRAVITY_MPS2) ** 2 * one.variance) for one in sides]))
+    variance = float(np.mean([np.sum((side.force_mps2 / GRAVITY_MPS2) ** 2 * side.variance) for side in sides]))
     spare = len(sides) - 6
     if spare > 0:
         variance = max(variance, float(np.sum(residual**2)) / spare)
@@ -130,14 +130,16 @@ def imu(log: LogFile) -> Calibrated:
     from flightpower.flight.log_reader import read_log
 
     sides = resting_sides(synchronize(read_log(log)).table, str(log))
-    found = accelerometers(sides, str(log))
-    lay = ", ".join(f"{SIDES[axis][down]} at {one.time_s:.0f} s" for one in sides for axis, down in [one.up])
-    return Calibrated([f"sides up: {lay}", *summary(found)], to_toml(found), unsupported=not_supported(found))
+    calibration = accelerometers(sides, str(log))
+    lay = ", ".join(f"{SIDES[axis][down]} at {side.time_s:.0f} s" for side in sides for axis, down in [side.up])
+    return Calibrated(
+        [f"sides up: {lay}", *summary(calibration)], to_toml(calibration), unsupported=not_supported(calibration)
+    )
 
 
-def not_supported(found: Accelerometers) -> str:
+def not_supported(calibration: Accelerometers) -> str:
     """Why the readings do not tell the scale; empty where they do."""
-    error, assumed = float(found.scale_error.max()), Uncertainty.accelerometer_scale_fraction
+    error, assumed = float(calibration.scale_error.max()), Uncertainty.accelerometer_scale_fraction
     if error > STATISTICS.determined_share * assumed:
         return (
             f"the scale is uncertain by {100 * error:.2f} % (1 sigma), where {100 * assumed:.0f} % are assumed without"
@@ -146,26 +148,33 @@ def not_supported(found: Accelerometers) -> str:
     return ""
 
 
-def summary(found: Accelerometers) -> list[str]:
+def summary(calibration: Accelerometers) -> list[str]:
     """The result in lines."""
     from flightpower.analysis.estimation.noise import NORMAL_95
 
-    rows = zip(AXES, found.scale, found.scale_error, found.offset_mps2, found.offset_error_mps2, strict=True)
+    rows = zip(
+        AXES,
+        calibration.scale,
+        calibration.scale_error,
+        calibration.offset_mps2,
+        calibration.offset_error_mps2,
+        strict=True,
+    )
     return [
         *(
             f"{axis}: scale {100 * scale:+.2f} ± {100 * NORMAL_95 * scale_error:.2f} %, offset {offset:+.3f} ±"
             f" {NORMAL_95 * offset_error:.3f} m/s² (95 % interval)"
             for axis, scale, scale_error, offset, offset_error in rows
         ),
-        f"corrected, the force at rest is g within {found.residual_mps2:.4f} m/s² rms",
+        f"corrected, the force at rest is g within {calibration.residual_mps2:.4f} m/s² rms",
     ]
 
 
-def to_toml(found: Accelerometers) -> str:
+def to_toml(calibration: Accelerometers) -> str:
     """The sections of an aircraft file. In flight the scale is as uncertain as temperature makes it."""
-    offsets = ", ".join(f'"{value:.4f} m/s^2"' for value in found.offset_mps2)
-    scales = ", ".join(f'"{100 * value:.3f} %"' for value in found.scale)
-    sigma = float(np.hypot(found.scale_error.max(), IMU.drift))
+    offsets = ", ".join(f'"{value:.4f} m/s^2"' for value in calibration.offset_mps2)
+    scales = ", ".join(f'"{100 * value:.3f} %"' for value in calibration.scale)
+    sigma = float(np.hypot(calibration.scale_error.max(), IMU.drift))
     return (
         f"[installation]\naccelerometer_offset = [{offsets}]\naccelerometer_scale = [{scales}]\n\n"
         f'[uncertainty]\naccelerometer_scale = "{100 * sigma:.2g} %"\n'

@@ -34,13 +34,13 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
     for _ in range(2):  # the second time with the noise found in the first
         start = np.concatenate([np.zeros(8), [np.median(strength) / MAGNETOMETER.hard_iron_T]])
         fit = least_squares(_residuals, start, args=(field, sigma), x_scale="jac")
-        found = _unpacked(fit.x)
-        residual = _lengths(found, field) - found.field_T
+        unknowns = _unpacked(fit.x)
+        residual = _lengths(unknowns, field) - unknowns.field_T
         sigma = max(float(np.std(residual)) * np.sqrt(MAGNETOMETER.correlated), 1e-9)
     jacobian = np.asarray(fit.jac)
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     error = np.sqrt(np.diag(covariance))
-    F = float(found.field_T)
+    F = float(unknowns.field_T)
     least_T, largest_T = MAGNETOMETER.earth_T
     if not least_T < F < largest_T:
         raise InputError(
@@ -56,7 +56,7 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
             f" (1 sigma, of a field of {1e6 * F:.0f}): turn the aircraft about more axes, nose up and down, on its"
             " sides and its back"
         )
-    A, b = found.matrix, found.hard_iron_T
+    A, b = unknowns.matrix, unknowns.hard_iron_T
     unit = (field - b) @ A.T / np.linalg.norm((field - b) @ A.T, axis=1)[:, None]
     return MagnetometerCalibration(
         source=source,
@@ -78,13 +78,13 @@ def _residuals(x: Array, field: Array, sigma: float) -> Array:
     x : (9,) hard iron, soft iron and field, in units of their prior. The difference of lengths is divided by its
     gradient; otherwise a matrix that shrinks the noise would seem to fit.
     """
-    found = _unpacked(x)
-    lengths = _lengths(found, field)
-    outward = (field - found.hard_iron_T) @ found.matrix.T @ found.matrix / lengths[:, None]
-    lengths = (lengths - found.field_T) / (sigma * np.linalg.norm(outward, axis=1))
+    unknowns = _unpacked(x)
+    lengths = _lengths(unknowns, field)
+    outward = (field - unknowns.hard_iron_T) @ unknowns.matrix.T @ unknowns.matrix / lengths[:, None]
+    lengths = (lengths - unknowns.field_T) / (sigma * np.linalg.norm(outward, axis=1))
     mean_T, sigma_T = MAGNETOMETER.field_T
     *of_iron, _ = x
-    return np.concatenate([lengths, of_iron, [(found.field_T - mean_T) / sigma_T]])
+    return np.concatenate([lengths, of_iron, [(unknowns.field_T - mean_T) / sigma_T]])
 
 
 class _Unknowns(NamedTuple):
@@ -108,8 +108,8 @@ def _unpacked(x: Array) -> _Unknowns:
     return _Unknowns(hard_iron * unit_T, soft_iron * MAGNETOMETER.soft_iron, float(field.item() * unit_T))
 
 
-def _lengths(found: _Unknowns, field: Array) -> Array:
-    return np.asarray(np.linalg.norm((field - found.hard_iron_T) @ found.matrix.T, axis=1))
+def _lengths(unknowns: _Unknowns, field: Array) -> Array:
+    return np.asarray(np.linalg.norm((field - unknowns.hard_iron_T) @ unknowns.matrix.T, axis=1))
 
 
 @calibration(CalibrationFile, "magnetometer.json")
@@ -137,21 +137,21 @@ def magnetometer(log: LogFile) -> Calibrated:
     components = [field_of(recorded, "/mag", f"field_{axis}_T")[1] for axis in "xyz"]
     if not len(components[0]):
         raise InputError(f"{log}: no magnetometer in this log")
-    found = calibrate(np.column_stack(components), str(log))
-    return Calibrated(summary(found), found)
+    calibration = calibrate(np.column_stack(components), str(log))
+    return Calibrated(summary(calibration), calibration)
 
 
-def summary(found: "MagnetometerCalibration") -> list[str]:
+def summary(calibration: "MagnetometerCalibration") -> list[str]:
     """The result in lines."""
     lines = [
         f"hard iron {axis} {1e6 * b:+.1f} ± {1e6 * error:.1f} uT"
-        for axis, b, error in zip("xyz", found.hard_iron_T, found.hard_iron_error_T, strict=True)
+        for axis, b, error in zip("xyz", calibration.hard_iron_T, calibration.hard_iron_error_T, strict=True)
     ]
-    lines.append(f"soft iron ± {100 * found.soft_iron_error:.1f} %; field {1e6 * found.field_T:.1f} uT")
+    lines.append(f"soft iron ± {100 * calibration.soft_iron_error:.1f} %; field {1e6 * calibration.field_T:.1f} uT")
     lines.append(
-        f"field strength varies by {1e6 * found.residual_before_T:.2f} uT rms as measured,"
-        f" {1e6 * found.residual_T:.2f} uT corrected"
+        f"field strength varies by {1e6 * calibration.residual_before_T:.2f} uT rms as measured,"
+        f" {1e6 * calibration.residual_T:.2f} uT corrected"
     )
-    if found.near_one_plane:
+    if calibration.near_one_plane:
         lines.append("note: all directions lie near one plane; turn the aircraft about another axis, too")
     return lines

@@ -206,7 +206,9 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     others = [
         polynomial_of_order(x, y, tunnel.alpha_rad, weight, order)[0] for order in _equal_orders(alpha, len(qbar))
     ]
-    slope, *other_slopes = (slope_of(one.powers) @ np.array(one.coefficients) for one in (alpha, *others))
+    slope, *other_slopes = (
+        slope_of(direction.powers) @ np.array(direction.coefficients) for direction in (alpha, *others)
+    )
     form = max((abs(other - slope) for other in other_slopes), default=0.0)
     with_speed = speed_dependence(tunnel, alpha(x, y) - tunnel.alpha_rad, tunnel.alpha_rad)
 
@@ -297,9 +299,9 @@ def probe(
         raise InputError(f"{where}: report and calibration cannot be the same file; name another with --report")
     check_new_file(where, replace=replace)
     measured = read_tunnel(tunnel)
-    found = calibrate(measured, tunnel.name, angle_scale_sigma=angle_scale / 100)
-    html = render(measured, found, angle_scale_sigma=angle_scale / 100)
-    return Calibrated(summary(found), found, pages={where: html})
+    calibration = calibrate(measured, tunnel.name, angle_scale_sigma=angle_scale / 100)
+    html = render(measured, calibration, angle_scale_sigma=angle_scale / 100)
+    return Calibrated(summary(calibration), calibration, pages={where: html})
 
 
 def summary(calibration: "ProbeCalibration") -> list[str]:

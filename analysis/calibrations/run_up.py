@@ -77,30 +77,30 @@ def held_speeds(table: pd.DataFrame, source: str) -> list[HeldSpeed]:
     step_s = float(t_s[1] - t_s[0])
     settling = round(GROUND.reference_s / step_s)
     allowed = STAND_LIMITS.same_speed * float(revps.max())
-    found = []
+    speeds = []
     for first, last in steady_stretches(revps, allowed, settling):
         rows = slice(first + settling, last + 1 - settling)
         if (last - first) * step_s >= GROUND.held_s[0]:
             held = float(revps[rows].mean())
-            found.append(HeldSpeed(rows, float(t_s[rows].mean()), held, table.iloc[rows].mean()))
-    turning = [one for one in found if one.revps > 0]
-    if len(found) < 2 or found[0].revps > 0 or found[-1].revps > 0:
+            speeds.append(HeldSpeed(rows, float(t_s[rows].mean()), held, table.iloc[rows].mean()))
+    turning = [held for held in speeds if held.revps > 0]
+    if len(speeds) < 2 or speeds[0].revps > 0 or speeds[-1].revps > 0:
         raise InputError(f"{source}: begin and end with the motor stopped for ten seconds")
-    distinct = np.diff(np.sort([one.revps for one in turning])) > allowed
+    distinct = np.diff(np.sort([held.revps for held in turning])) > allowed
     if len(turning) == 0 or distinct.sum() + 1 < STAND_LIMITS.fewest_speeds:
         raise InputError(
             f"{source}: {distinct.sum() + 1 if turning else 0} motor speeds were held for {GROUND.held_s[0]:g} s; hold"
             f" {STAND_LIMITS.fewest_speeds} or more for ten seconds each, up to full throttle and down again"
         )
-    return found
+    return speeds
 
 
 def vibration_offset(table: pd.DataFrame, held: list[HeldSpeed]) -> VibrationOffset:
     """Offset of the accelerometer in proportion to the square of the motor's speed."""
-    force = np.array([[one.mean[name] for name in FORCES] for one in held])
+    force = np.array([[speed.mean[name] for name in FORCES] for speed in held])
     without_lean = force - _by_lean(table, held, force[0])
-    time_s = np.array([one.time_s for one in held])
-    square = np.array([(one.revps / VIBRATION_REVPS) ** 2 for one in held])
+    time_s = np.array([speed.time_s for speed in held])
+    square = np.array([(speed.revps / VIBRATION_REVPS) ** 2 for speed in held])
     X = np.column_stack([np.ones(len(held)), (time_s - time_s.mean()) / np.ptp(time_s), square])
     by_axis = [student_fit(X, of_axis) for of_axis in without_lean.T]
     return VibrationOffset(*(np.array([values[2] for values in column]) for column in zip(*by_axis, strict=True)))
@@ -112,8 +112,8 @@ def _by_lean(table: pd.DataFrame, held: list[HeldSpeed], at_rest: Array) -> Arra
     pitch, roll = np.arctan2(x, np.hypot(y, z)), np.arctan2(-y, -z)
     step_s = float(table.index[1] - table.index[0])
     rates, t_s = table[list(RATES)].fillna(0.0).to_numpy(), table.index.to_numpy()
-    times = [one.time_s for one in held]
-    zeros = np.column_stack([np.interp(t_s, times, [one.mean[name] for one in held]) for name in RATES])
+    times = [speed.time_s for speed in held]
+    zeros = np.column_stack([np.interp(t_s, times, [speed.mean[name] for speed in held]) for name in RATES])
     turned = np.zeros((len(held), 3))
     for i, (before, after) in enumerate(pairwise(held), start=1):
         between = slice(before.rows.stop, after.rows.start)
@@ -132,9 +132,9 @@ def speed_over_constant(held: list[HeldSpeed], propulsion: Propulsion) -> float 
     if kv is None or resistance is None:
         return None
     ratios = [
-        60 * one.revps / (kv * (one.mean["battery_V"] - one.mean["battery_A"] * resistance))
-        for one in held
-        if one.mean["throttle"] >= 1 - STAND_LIMITS.same_speed
+        60 * speed.revps / (kv * (speed.mean["battery_V"] - speed.mean["battery_A"] * resistance))
+        for speed in held
+        if speed.mean["throttle"] >= 1 - STAND_LIMITS.same_speed
     ]
     known = [float(ratio) for ratio in ratios if np.isfinite(ratio)]
     return float(np.median(known)) if known else None
@@ -142,7 +142,7 @@ def speed_over_constant(held: list[HeldSpeed], propulsion: Propulsion) -> float 
 
 def battery(held: list[HeldSpeed]) -> Battery | None:
     """The battery, from voltage and current of the held stretches; None if these were not measured."""
-    volts, amperes = (np.array([one.mean[name] for one in held]) for name in ("battery_V", "battery_A"))
+    volts, amperes = (np.array([speed.mean[name] for speed in held]) for name in ("battery_V", "battery_A"))
     known = np.isfinite(volts) & np.isfinite(amperes)
     if known.sum() < STATISTICS.fewest_readings:
         return None
@@ -156,25 +156,25 @@ def thrust_readings(held: list[HeldSpeed], thrust_N: list[float | None], source:
 
     Raises InputError if there is not one for each.
     """
-    turning = [one for one in held if one.revps > 0]
+    turning = [speed for speed in held if speed.revps > 0]
     if len(turning) != len(thrust_N):
         raise InputError(
             f"{source}: {len(thrust_N)} readings of thrust for {len(turning)} motor speeds: {in_words(held)}; give one"
             " for each, in order, and - for one not read"
         )
-    read = [(one, thrust) for one, thrust in zip(turning, thrust_N, strict=True) if thrust is not None]
+    read = [(speed, thrust) for speed, thrust in zip(turning, thrust_N, strict=True) if thrust is not None]
     first = held[0].mean  # the tray warms up: its first temperature is that of the air
     rho = float(density(first["static_Pa"], first["static_temperature_K"]))
     return StandReadings(
-        np.array([one.revps for one, _ in read]), np.array([thrust for _, thrust in read]), np.full(len(read), rho)
+        np.array([speed.revps for speed, _ in read]), np.array([thrust for _, thrust in read]), np.full(len(read), rho)
     )
 
 
 def in_words(held: list[HeldSpeed]) -> str:
     """The speeds that were held, to be matched with the thrusts written down."""
-    turning = [one for one in held if one.revps > 0]
+    turning = [speed for speed in held if speed.revps > 0]
     return ", ".join(
-        f"{number}: {60 * one.revps:.0f} rpm at {one.time_s:.0f} s" for number, one in enumerate(turning, 1)
+        f"{number}: {60 * speed.revps:.0f} rpm at {speed.time_s:.0f} s" for number, speed in enumerate(turning, 1)
     )
 
 
@@ -262,11 +262,11 @@ def thrusts_N(text: str) -> list[float | None]:
 
 def wrong_speed(ratio: float, aircraft: Aircraft) -> str:
     """What contradicts the motor's constant, and the number of poles that would not."""
-    said = f"motor speed at full throttle is {ratio:.2f} times kV (V - I R)"
+    fact = f"motor speed at full throttle is {ratio:.2f} times kV (V - I R)"
     pairs = aircraft.propulsion.pole_pairs
     if pairs is None or round(pairs * ratio) == pairs:
-        return f"{said}: check the number of poles, kV, resistance and the power module"
-    return f"{said}: the motor has {2 * round(pairs * ratio)} poles rather than {2 * pairs}, or kV or voltage are wrong"
+        return f"{fact}: check the number of poles, kV, resistance and the power module"
+    return f"{fact}: the motor has {2 * round(pairs * ratio)} poles rather than {2 * pairs}, or kV or voltage are wrong"
 
 
 def summary(offset: "VibrationOffset", battery: "Battery | None", ratio: float | None) -> list[str]:

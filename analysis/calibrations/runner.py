@@ -53,11 +53,11 @@ def calibration(file: Any, default: str | None = None) -> Callable[[Callable[...
         hints, keyword = get_type_hints(calibrate, include_extras=True), inspect.Parameter.KEYWORD_ONLY
         signature = inspect.signature(calibrate).parameters
         parameters = [
-            one.replace(kind=keyword, annotation=hints[one.name])
-            for one in signature.values()
-            if one.name not in ("output", "replace")
+            parameter.replace(kind=keyword, annotation=hints[parameter.name])
+            for parameter in signature.values()
+            if parameter.name not in ("output", "replace")
         ]
-        source, *_ = (one.name for one in parameters)
+        source, *_ = (parameter.name for parameter in parameters)
         path = None if default is None else Path(default)
         parameters.append(inspect.Parameter("output", keyword, default=path, annotation=file))
         parameters.append(inspect.Parameter("replace", keyword, default=False, annotation=ReplaceOption))
@@ -65,36 +65,36 @@ def calibration(file: Any, default: str | None = None) -> Callable[[Callable[...
         def run_calibration(**given: Any) -> None:
             if given["output"] is not None:
                 check_new_file(given["output"], replace=given["replace"])
-            found = calibrate(**{name: value for name, value in given.items() if name in signature})
-            lines_to_stdout = file is AircraftFileLines and given["output"] is None and found.content is not None
-            _report(found, given[source], sys.stderr if lines_to_stdout else sys.stdout)
-            _write(found, given["output"])
+            calibration = calibrate(**{name: value for name, value in given.items() if name in signature})
+            lines_to_stdout = file is AircraftFileLines and given["output"] is None and calibration.content is not None
+            _report(calibration, given[source], sys.stderr if lines_to_stdout else sys.stdout)
+            _write(calibration, given["output"])
 
         return as_command(run_calibration, calibrate, parameters)
 
     return decorated
 
 
-def _report(found: Calibrated, source: object, messages: Any) -> None:
-    for line in found.summary:
+def _report(calibration: Calibrated, source: object, messages: Any) -> None:
+    for line in calibration.summary:
         print(line, file=messages)
-    for line in found.warnings:
+    for line in calibration.warnings:
         print(f"warning: {line}", file=sys.stderr)
-    if found.unsupported:
+    if calibration.unsupported:
         where = f"{source}: " if isinstance(source, Path) else ""
-        print(f"error: {where}nothing written; {found.unsupported}", file=sys.stderr)
+        print(f"error: {where}nothing written; {calibration.unsupported}", file=sys.stderr)
         raise typer.Exit(ExitCode.FAILURE)
 
 
-def _write(found: Calibrated, output: Path | None) -> None:
-    if found.content is None:
+def _write(calibration: Calibrated, output: Path | None) -> None:
+    if calibration.content is None:
         return
     if output is None:
-        print(found.content if isinstance(found.content, str) else "", end="")
+        print(calibration.content if isinstance(calibration.content, str) else "", end="")
         return
-    text = found.content if isinstance(found.content, str) else _json(found.content)
-    write_files({output: text, **found.pages})
-    print(f"wrote {' and '.join(map(str, (output, *found.pages)))}{found.remark}")
+    text = calibration.content if isinstance(calibration.content, str) else _json(calibration.content)
+    write_files({output: text, **calibration.pages})
+    print(f"wrote {' and '.join(map(str, (output, *calibration.pages)))}{calibration.remark}")
 
 
 def _json(content: object) -> bytes:

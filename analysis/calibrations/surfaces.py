@@ -165,17 +165,17 @@ def surfaces(
     t_s, pulse_us = servo_pulses(recorded, number)
     if not len(pulse_us):
         raise InputError(f"{log}: no pulse of servo output {number} in this log; name another with --channel")
-    found = held_pulses(t_s, pulse_us)
-    if not found:
+    pulses = held_pulses(t_s, pulse_us)
+    if not pulses:
         raise InputError(f"{log}: servo output {number} was never held for two seconds; hold each position for three")
     if not angles_deg:
-        return Calibrated([f"positions of output {number}: {found_in_words(found)}. Now give --angles."])
-    table = surface_table(found, angles_deg)
-    said = (
+        return Calibrated([f"positions of output {number}: {found_in_words(pulses)}. Now give --angles."])
+    table = surface_table(pulses, angles_deg)
+    lines = (
         f"{len(table.pulse_us)} positions; angles of a position read twice differ by {table.hysteresis_deg:.1f} deg"
         " at most"
     )
-    return Calibrated([said], to_toml(surface.value, number, table))
+    return Calibrated([lines], to_toml(surface.value, number, table))
 
 
 def _angle_deg(word: str) -> float | None:

@@ -92,7 +92,7 @@ def calibrate(
     depends = abs(slope) > NORMAL_95 * slope_sigma and abs(by_speed) > EVIDENCE.negligible
     scatter = (student_sigma(with_slope, 2) if depends else student_sigma(residuals, 1)) / math.sqrt(weight)
     speed_error = abs(by_speed) / 2 if depends else 0.0
-    found = ThrustStand(
+    stand = ThrustStand(
         source=source,
         propeller=propeller.name,
         diameter_m=propeller.diameter_m,
@@ -105,16 +105,16 @@ def calibrate(
         scale_error=scale_error,
         speed_error=speed_error,
     )
-    return found, _why_not_supported(found)
+    return stand, _why_not_supported(stand)
 
 
 def _speeds(revps: Array) -> list[float]:
     """The different speeds among the readings, ascending."""
-    found: list[float] = []
+    speeds: list[float] = []
     for n in np.sort(revps).tolist():
-        if not found or n > (1 + STAND_LIMITS.same_speed) * found[-1]:
-            found.append(n)
-    return found
+        if not speeds or n > (1 + STAND_LIMITS.same_speed) * speeds[-1]:
+            speeds.append(n)
+    return speeds
 
 
 def student_sigma(residuals: Array, parameters: int) -> float:
@@ -131,15 +131,15 @@ def student_fit(X: Array, y: Array) -> tuple[Array, Array]:
     return coefficients, student_sigma(y - X @ coefficients, X.shape[1]) * unit
 
 
-def _why_not_supported(found: ThrustStand) -> str:
+def _why_not_supported(stand: ThrustStand) -> str:
     """Empty if the ratio is known well enough to be of use."""
-    error = found.ratio_error / found.ratio
+    error = stand.ratio_error / stand.ratio
     if error <= STAND_LIMITS.largest_error:
         return ""
     return (
         f"the standard error of the ratio is {100 * error:.1f} %, more than {100 * STAND_LIMITS.largest_error:.0f} %:"
-        f" scatter of the readings {100 * found.scatter_error:.1f} %, scale {100 * found.scale_error:.1f} %, change"
-        f" with motor speed {100 * found.speed_error:.1f} %; measure again without wind, and more readings"
+        f" scatter of the readings {100 * stand.scatter_error:.1f} %, scale {100 * stand.scale_error:.1f} %, change"
+        f" with motor speed {100 * stand.speed_error:.1f} %; measure again without wind, and more readings"
     )
 
 
@@ -155,12 +155,12 @@ def read_stand(path: Path, rho: float | None = None) -> StandReadings:
     header, *lines = rows
     values: dict[str, Array] = {}
     for i, title in enumerate(header):
-        found = re.fullmatch(rf"\s*({'|'.join(_COLUMNS)})(?:_|\s*\[)([^\]]+)\]?\s*", title)
-        if found is None:
+        match = re.fullmatch(rf"\s*({'|'.join(_COLUMNS)})(?:_|\s*\[)([^\]]+)\]?\s*", title)
+        if match is None:
             raise InputError(
                 f"{path}: column {title!r}: must be one of {', '.join(_COLUMNS)} with its unit: {_EXAMPLE}"
             )
-        (name, unit), given = _COLUMNS[found[1]], _REVOLUTIONS.get(found[2], found[2])
+        (name, unit), given = _COLUMNS[match[1]], _REVOLUTIONS.get(match[2], match[2])
         values[name] = si_column(lines, i, given, unit, f"{path}: {title}")
         positive = np.isfinite(values[name]) & (values[name] > 0)
         if not positive.all():
@@ -258,55 +258,55 @@ def thrust(
     table = load_propeller(name)
     rho = density(pressure, temperature) if pressure is not None and temperature is not None else None
     readings = read_stand(stand, rho)
-    found, unsupported = calibrate(readings, table, scale_error / 100, stand.name)
+    thrust_stand, unsupported = calibrate(readings, table, scale_error / 100, stand.name)
     return Calibrated(
-        summary(found),
-        found,
-        warnings=doubts(found, readings, table, given),
+        summary(thrust_stand),
+        thrust_stand,
+        warnings=doubts(thrust_stand, readings, table, given),
         unsupported=unsupported,
-        remark=f"; the same in the aircraft file:\n{to_toml(found)}".rstrip("\n"),
+        remark=f"; the same in the aircraft file:\n{to_toml(thrust_stand)}".rstrip("\n"),
     )
 
 
-def summary(found: "ThrustStand") -> list[str]:
+def summary(stand: "ThrustStand") -> list[str]:
     """The result in lines."""
-    parts = ((found.scatter_error, "scatter"), (found.scale_error, "scale"), (found.speed_error, "motor speed"))
+    parts = ((stand.scatter_error, "scatter"), (stand.scale_error, "scale"), (stand.speed_error, "motor speed"))
     by = ", ".join(f"{100 * error:.1f} % {name}" for error, name in parts if error)
     return [
-        f"{found.readings} readings from {60 * found.revps[0]:.0f} to {60 * found.revps[-1]:.0f} rpm",
-        f"thrust at rest is {found.ratio:.3f} ± {NORMAL_95 * found.ratio_error:.3f} (95 % interval) times that of"
-        f" propeller {found.propeller}; standard errors: {by}",
+        f"{stand.readings} readings from {60 * stand.revps[0]:.0f} to {60 * stand.revps[-1]:.0f} rpm",
+        f"thrust at rest is {stand.ratio:.3f} ± {NORMAL_95 * stand.ratio_error:.3f} (95 % interval) times that of"
+        f" propeller {stand.propeller}; standard errors: {by}",
     ]
 
 
 def doubts(
-    found: "ThrustStand", readings: "StandReadings", propeller: "Propeller", aircraft: Aircraft | None
+    stand: "ThrustStand", readings: "StandReadings", propeller: "Propeller", aircraft: Aircraft | None
 ) -> list[str]:
     """What the user should look at, in sentences."""
     from flightpower.analysis.methods.thrust_prior import stand_conflict
 
     sentences = []
-    if found.speed_error:
+    if stand.speed_error:
         sentences.append(
-            f"the ratio changes by {200 * found.speed_error:.1f} % over the motor speeds measured (Reynolds number, or"
+            f"the ratio changes by {200 * stand.speed_error:.1f} % over the motor speeds measured (Reynolds number, or"
             " blades that stall at rest); half of it is part of the error. Measure at the motor speeds of the flight"
         )
     slowest, fastest = propeller.rows[0].rpm, propeller.rows[-1].rpm
     outside = int(((60 * readings.revps < slowest) | (60 * readings.revps > fastest)).sum())
     if outside:
         sentences.append(
-            f"{outside} of {found.readings} readings are outside the table's {slowest:g} to {fastest:g} rpm; its"
+            f"{outside} of {stand.readings} readings are outside the table's {slowest:g} to {fastest:g} rpm; its"
             " nearest row was compared"
         )
-    conflict = stand_conflict(found.ratio, found.ratio_error, aircraft.uncertainty if aircraft else Uncertainty())
+    conflict = stand_conflict(stand.ratio, stand.ratio_error, aircraft.uncertainty if aircraft else Uncertainty())
     if conflict:
         sentences.append(conflict)
     return sentences
 
 
-def to_toml(found: "ThrustStand") -> str:
+def to_toml(stand: "ThrustStand") -> str:
     """The sections of an aircraft file."""
     return (
-        f"[propulsion]\nstatic_thrust_ratio = {found.ratio:.4f}\n\n"
-        f'[uncertainty]\nstatic_thrust_ratio = "{100 * found.ratio_error / found.ratio:.2g} %"\n'
+        f"[propulsion]\nstatic_thrust_ratio = {stand.ratio:.4f}\n\n"
+        f'[uncertainty]\nstatic_thrust_ratio = "{100 * stand.ratio_error / stand.ratio:.2g} %"\n'
     )

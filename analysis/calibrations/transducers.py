@@ -162,12 +162,12 @@ def transducers(
     from flightpower.flight.log_reader import read_log
 
     given = pressures_Pa(pressures) if pressures.strip() else None
-    found = plateaus(readings(read_log(log)), str(log))
-    if not any(not plateau.open for plateau in found):
+    steps = plateaus(readings(read_log(log)), str(log))
+    if not any(not plateau.open for plateau in steps):
         raise InputError(f"{log}: no pressure was held for five seconds; begin with open tubes, hold each for ten")
     if given is None:
-        return Calibrated([f"plateaus: {in_words(found)}. Now give {EXAMPLE}."])
-    calibrated, unsupported = calibrate(found, given, reference_error / 100, log.name)
+        return Calibrated([f"plateaus: {in_words(steps)}. Now give {EXAMPLE}."])
+    calibrated, unsupported = calibrate(steps, given, reference_error / 100, log.name)
     return Calibrated(summary(calibrated), calibrated, unsupported=unsupported)
 
 
@@ -192,16 +192,16 @@ def _unit_Pa(unit: str, text: str) -> float:
     raise InputError(f"--pressures {text!r}: {unit!r} is no unit of pressure or length; give a list such as {EXAMPLE}")
 
 
-def summary(found: "TransducerCalibration") -> list[str]:
+def summary(fit: "TransducerCalibration") -> list[str]:
     """The result in lines."""
     lines = [
         f"/probe/{name}: slope {line.slope:.4f} ± {NORMAL_95 * line.slope_error:.4f} (95 % interval), offset"
         f" {line.offset_Pa:+.1f} Pa, {line.largest_residual_Pa:.1f} Pa at most off the line"
-        for name, line in (("alpha", found.alpha), ("beta", found.beta), ("airspeed", found.airspeed))
+        for name, line in (("alpha", fit.alpha), ("beta", fit.beta), ("airspeed", fit.airspeed))
     ]
-    side = "high" if found.airspeed_scale >= 0 else "low"
-    half = NORMAL_95 * found.airspeed_scale_error
+    side = "high" if fit.airspeed_scale >= 0 else "low"
+    half = NORMAL_95 * fit.airspeed_scale_error
     lines.append(
-        f"airspeed reads {100 * abs(found.airspeed_scale):.2f} ± {100 * half:.2f} % too {side} without this calibration"
+        f"airspeed reads {100 * abs(fit.airspeed_scale):.2f} ± {100 * half:.2f} % too {side} without this calibration"
     )
     return lines

@@ -307,10 +307,10 @@ def line_lags(log: Log, aircraft: Aircraft) -> list[LineLag]:
             lags.append(LineLag(name, topic, None, expected_s, None))
             continue
         lag = fit_lag(steps, noise, through(line, gas) if line else exponential)
-        one = LineLag(name, topic, lag, expected_s, None)
-        if line and lag.bounded and not one.unsupported:
-            one = one._replace(line=replace(line, diameter_m=diameter_of_lag_m(line, lag.lag_s, gas)))
-        lags.append(one)
+        line_lag = LineLag(name, topic, lag, expected_s, None)
+        if line and lag.bounded and not line_lag.unsupported:
+            line_lag = line_lag._replace(line=replace(line, diameter_m=diameter_of_lag_m(line, lag.lag_s, gas)))
+        lags.append(line_lag)
     return lags
 
 
@@ -356,15 +356,15 @@ def tubing(log: LogFile, aircraft: AircraftOption = None) -> Calibrated:
 
     recorded = read_log(log)
     lags = line_lags(recorded, load_aircraft(aircraft) if aircraft else aircraft_of(recorded))
-    if all(one.measured is None for one in lags):
+    if all(lag.measured is None for lag in lags):
         raise InputError(
             f"{log}: no burst of pressure on any line; press to half of the transducer's range, hold for two seconds,"
             " burst, and repeat eight times for each line"
         )
-    lines = [line for one in lags for line in summary(one)]
+    lines = [line for lag in lags for line in summary(lag)]
     if sections := to_toml(lags):
         return Calibrated(lines, sections)
-    if undetermined := [f"{one.topic}: {one.unsupported}" for one in lags if one.unsupported]:
+    if undetermined := [f"{lag.topic}: {lag.unsupported}" for lag in lags if lag.unsupported]:
         return Calibrated(lines, unsupported="; ".join(undetermined))
     return Calibrated([*lines, "Nothing to change in the aircraft file."])
 

@@ -86,12 +86,12 @@ def _why_not(supports: Sequence[Support], errors: ScaleErrors, share: float) -> 
     return ""
 
 
-def to_toml(found: WeightAndBalance) -> str:
+def to_toml(balance: WeightAndBalance) -> str:
     """The sections of an aircraft file."""
-    decimals = max(0, 4 - int(np.floor(np.log10(found.mass_kg))))
+    decimals = max(0, 4 - int(np.floor(np.log10(balance.mass_kg))))
     return (
-        f'[mass]\nweight = "{found.mass_kg:.{decimals}f} kg"\n\n'
-        f'[uncertainty]\nweight = "{100 * found.mass_error_kg / found.mass_kg:.2g} %"\n'
+        f'[mass]\nweight = "{balance.mass_kg:.{decimals}f} kg"\n\n'
+        f'[uncertainty]\nweight = "{100 * balance.mass_error_kg / balance.mass_kg:.2g} %"\n'
     )
 
 
@@ -145,8 +145,8 @@ def weight_and_balance(
     """
 
     errors = ScaleErrors(reading_error, gain_error / 100, position_error)
-    found = weighed([support(text) for text in scale or []], errors)
-    return Calibrated(summary(found), to_toml(found), unsupported=found.unsupported)
+    balance = weighed([support(text) for text in scale or []], errors)
+    return Calibrated(summary(balance), to_toml(balance), unsupported=balance.unsupported)
 
 
 def support(text: str) -> "Support":
@@ -160,14 +160,14 @@ def support(text: str) -> "Support":
     return Support(to_si(position.strip(), "m", "--scale") if position.strip() else None, values)
 
 
-def summary(found: "WeightAndBalance") -> list[str]:
+def summary(balance: "WeightAndBalance") -> list[str]:
     """The result in lines."""
     from flightpower.analysis.estimation.noise import NORMAL_95
 
-    lines = [f"weight {found.mass_kg:.3f} ± {NORMAL_95 * found.mass_error_kg:.3f} kg (95 % interval)"]
-    if found.position_m is None or found.position_error_m is None:
+    lines = [f"weight {balance.mass_kg:.3f} ± {NORMAL_95 * balance.mass_error_kg:.3f} kg (95 % interval)"]
+    if balance.position_m is None or balance.position_error_m is None:
         lines.append("note: a support has no position, so the center of gravity is not computed")
     else:
-        half_mm = 1e3 * NORMAL_95 * found.position_error_m
-        lines.append(f"center of gravity {1e3 * found.position_m:.1f} ± {half_mm:.1f} mm aft of the datum")
+        half_mm = 1e3 * NORMAL_95 * balance.position_error_m
+        lines.append(f"center of gravity {1e3 * balance.position_m:.1f} ± {half_mm:.1f} mm aft of the datum")
     return lines

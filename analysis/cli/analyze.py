@@ -12,7 +12,7 @@ from rich.console import Console
 from typer.core import TyperCommand
 
 from flightpower.analysis.cli.compare import app as compare_app
-from flightpower.analysis.cli.verdict import tell
+from flightpower.analysis.cli.verdict import report_evidence
 from flightpower.analysis.flights.campaign.addresses import (
     as_file,
     find_logs,
@@ -123,16 +123,16 @@ def analyze(
     if output is None:
         refuse_folder(Path(logs[0]))
     with stderr.status("looking for logs …"):
-        found = find_logs(logs)
-    if len(logs) == 1 and found.failures:
-        raise InputError(found.failures[0])
-    if len(logs) > 1 or found.in_folders or scheduler is not None:
+        listing = find_logs(logs)
+    if len(logs) == 1 and listing.failures:
+        raise InputError(listing.failures[0])
+    if len(logs) > 1 or listing.in_folders or scheduler is not None:
         if json:
             raise InputError("--json: only for one log; several write their results into FOLDER")
         from flightpower.analysis.cli.several_logs import analyze_logs
 
-        raise typer.Exit(analyze_logs(found, output, options, jobs=jobs, scheduler=scheduler, quiet=quiet))
-    log = found.logs[0]
+        raise typer.Exit(analyze_logs(listing, output, options, jobs=jobs, scheduler=scheduler, quiet=quiet))
+    log = listing.logs[0]
     folder = output or (log.parent if isinstance(log, Path) else Path()) / f"{place(log).stem}.report"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
@@ -160,7 +160,7 @@ def _finish(done: Report, json: bool, quiet: bool) -> ExitCode:
         elif not quiet:
             done.print_summary(Console())
 
-    return tell(done.results.evidence, print_results)
+    return report_evidence(done.results.evidence, print_results)
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from flightpower.analysis.cli.verdict import tell
+from flightpower.analysis.cli.verdict import report_evidence
 from flightpower.flight.command_line import application
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import check_writable
@@ -61,7 +61,7 @@ def compare(
     if output is not None:
         write_comparison(comparison, output)
     page = output and output / "report.html"
-    raise typer.Exit(tell(comparison.evidence, lambda: print_comparison(comparison, page, Console())))
+    raise typer.Exit(report_evidence(comparison.evidence, lambda: print_comparison(comparison, page, Console())))
 
 
 def _check_no_other_results(path: Path) -> None:

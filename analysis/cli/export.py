@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from flightpower.analysis.cli.verdict import tell
+from flightpower.analysis.cli.verdict import report_evidence
 from flightpower.analysis.options import Options, QuietOption, ReplaceOption
 from flightpower.analysis.pages.exports import FOLDERS, KINDS
 from flightpower.analysis.sources.open import open_source
@@ -77,7 +77,7 @@ def export(
         export_tables(tables_of(analysis), source, to, path)
     if not quiet:
         print(f"{path}: written")
-    return tell(analysis.results.evidence, lambda: None)
+    return report_evidence(analysis.results.evidence, lambda: None)
 
 
 def main() -> None:

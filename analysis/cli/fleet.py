@@ -110,8 +110,8 @@ def show(
     from flightpower.analysis.pages.terminal import print_fleet
 
     unread: list[str] = []
-    found = airframes(Dataset(dataset), false_alarms, unread, airframe or ())
-    results = fleet_results(found, unread, partial(_report, dataset, output))
+    result = airframes(Dataset(dataset), false_alarms, unread, airframe or ())
+    results = fleet_results(result, unread, partial(_report, dataset, output))
     page = output and output / "fleet.html"
     if output is not None:
         contents: list[str | bytes] = [

@@ -198,10 +198,10 @@ def route(
     from flightpower.analysis.missions.prediction import predict
 
     wind = parse_wind(wind_text, options.wind_sd_mps)
-    asked = _asked_speed(options.speed)
+    speed = _asked_speed(options.speed)
     flown = _mission(mission, options)
     read = read_route_input(results)
-    how = _flight(read, wind, asked, options)
+    how = _flight(read, wind, speed, options)
     result = predict(read, flown, how)
     for question in _questions(read, how, options):
         print(f"note: {question}", file=sys.stderr)
@@ -258,8 +258,8 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
     from flightpower.analysis.performance.request import parse_request, voltage_of
     from flightpower.flight.atmosphere import pressure_at, temperature_at
 
-    asked = parse_request(options.battery_Wh, options.usable)
-    energy_Wh = asked.battery_Wh or (results.battery and results.battery.energy_Wh)
+    request = parse_request(options.battery_Wh, options.usable)
+    energy_Wh = request.battery_Wh or (results.battery and results.battery.energy_Wh)
     if not energy_Wh:
         raise InputError('the results do not know the battery; give --battery-Wh "5000 mAh, 14.8 V"')
     voltage_V = voltage_of(options.battery_Wh or "")
@@ -267,7 +267,7 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
         raise InputError('--resistance takes the voltage, too; give the battery as --battery-Wh "5000 mAh, 14.8 V"')
     battery = Battery(
         energy_J=3600 * energy_Wh,
-        reserve=1 - asked.usable,
+        reserve=1 - request.usable,
         health=options.health / 100,
         health_sd=options.health_sd / 100,
         open_circuit_V=voltage_V,
@@ -300,7 +300,7 @@ def _questions(results: "RouteInput", flight: "Flight", options: RouteOptions) -
 
     given_Wh = flight.battery.energy_J / 3600 if options.battery_Wh is not None else None
     weight = unusual_weight("--weight", flight.weight_N, results.test.weight_N)
-    return [one for one in (weight, unusual_battery(given_Wh, flight.weight_N)) if one]
+    return [question for question in (weight, unusual_battery(given_Wh, flight.weight_N)) if question]
 
 
 def read_route_input(path: Path) -> "RouteInput":
@@ -323,9 +323,9 @@ def _trusted(path: Path, results: Read) -> Read:
 
     if results.trust is Trust.NOT_TO_BE_TRUSTED:
         raise InputError(f"{path}: not to be trusted ({results.evidence[0].kind}); take another flight's results")
-    for one in results.evidence:
-        if one.level is Trust.DOUBTFUL:
-            print(f"{one.level}: {sentence(one)}", file=sys.stderr)
+    for evidence in results.evidence:
+        if evidence.level is Trust.DOUBTFUL:
+            print(f"{evidence.level}: {sentence(evidence)}", file=sys.stderr)
     return results
 
 

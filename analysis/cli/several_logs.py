@@ -18,7 +18,7 @@ from mcap.records import Attachment, AttachmentIndex, Footer, SummaryOffset
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from flightpower.analysis.cli.verdict import tell
+from flightpower.analysis.cli.verdict import report_evidence
 from flightpower.analysis.flights.campaign.addresses import FoundLogs, Log, RemoteLog, file_system
 from flightpower.analysis.flights.campaign.campaign import Campaign, Work, run
 from flightpower.analysis.flights.campaign.folders import exclusive
@@ -65,7 +65,7 @@ def settings(options: Options) -> str:
 
 
 def analyze_logs(
-    found: FoundLogs, output: Path | None, options: Options, *, jobs: int | None, scheduler: str | None, quiet: bool
+    listing: FoundLogs, output: Path | None, options: Options, *, jobs: int | None, scheduler: str | None, quiet: bool
 ) -> ExitCode:
     """Analyze logs and pool the flights. Returns `ExitCode.FAILURE` when some of the logs cannot be used, or the
     results of one are not to be trusted.
@@ -82,7 +82,7 @@ def analyze_logs(
     if options.leave_out is not None:
         raise InputError(f"--leave-out {options.leave_out!r}: belongs to one log; analyze that log alone")
     options.replacements()  # a wrong file is refused once, not for each log
-    modules = {type(file_system(log.address)[0]).__module__ for log in found.logs if isinstance(log, RemoteLog)}
+    modules = {type(file_system(log.address)[0]).__module__ for log in listing.logs if isinstance(log, RemoteLog)}
     preload = (*PRELOAD, *sorted(modules))
     work = Work(FlightAnalysis(options), settings(options), lambda log: files_used(log, options), preload)
     stderr = Console(stderr=True)
@@ -91,7 +91,7 @@ def analyze_logs(
     threading.Thread(target=_load_report).start()
     with exclusive(output):
         with ProgressOnConsole(stderr, quiet) as monitor:
-            campaign = run(found, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)
+            campaign = run(listing, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)
             monitor.finished(campaign)
         for note in campaign.notes:
             stderr.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
@@ -124,13 +124,13 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
         from flightpower.analysis.results.evidence import worst_first
 
         page = output / "report.html"
-        kind, (found,) = of_one_kind(read_flights(campaign.folders))
-        if not found.flights:
-            raise InputError(f"{output}: no flight to pool; {found.left_out[0]}; each flight has its folder")
-        if kind is Kind.ELECTRICAL and any(one.pooling for one in found.flights):
+        kind, (readable,) = of_one_kind(read_flights(campaign.folders))
+        if not readable.flights:
+            raise InputError(f"{output}: no flight to pool; {readable.left_out[0]}; each flight has its folder")
+        if kind is Kind.ELECTRICAL and any(flight.pooling for flight in readable.flights):
             print("note: the flights are pooled by electrical power, which some give without drag", file=sys.stderr)
         try:
-            pooled = pool_results(found.flights, kind).results(found.left_out, campaign.failures)
+            pooled = pool_results(readable.flights, kind).results(readable.left_out, campaign.failures)
             write_pooled(pooled, output)
         except StorageError:
             raise
@@ -138,15 +138,15 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
             if kind is Kind.POWER_REQUIRED:
                 raise
             refused = str(error)  # each flight keeps its own curve
-            write_side_by_side(found.flights, refused, campaign.failures, output)
-            evidence = worst_first(one for flight in found.flights for one in flight.evidence)
+            write_side_by_side(readable.flights, refused, campaign.failures, output)
+            evidence = worst_first(evidence for flight in readable.flights for evidence in flight.evidence)
             text = f"not pooled: {refused}\nreport: {page}"
-            return tell(
+            return report_evidence(
                 evidence,
                 lambda: None if quiet else Console().print(text, highlight=False, markup=False, soft_wrap=True),
             )
 
-    return tell(pooled.evidence, lambda: None if quiet else print_pooled(pooled, page, Console()))
+    return report_evidence(pooled.evidence, lambda: None if quiet else print_pooled(pooled, page, Console()))
 
 
 def _processors() -> int:
@@ -252,7 +252,7 @@ def _attachments(log: Path) -> dict[str, bytes]:
     """Attachments of a log by name, by its index; none of a torn log, whose index is missing."""
     try:
         with log.open("rb") as stream:
-            return {one.name: one.data for one in _indexed_attachments(stream)}
+            return {attachment.name: attachment.data for attachment in _indexed_attachments(stream)}
     except Exception:  # the reader raises errors of many kinds; the analysis says what is wrong with the log
         return {}
 
@@ -277,13 +277,13 @@ def _indexed_attachments(stream: IO[bytes]) -> Iterator[Attachment]:
 
 def _contents(records: bytes) -> list[tuple[int, ReadDataStream]]:
     """Operation code and content of each whole record."""
-    found, at = [], 0
+    contents, at = [], 0
     while at < len(records):
         opcode, length = RECORD_HEAD.unpack_from(records, at)
         begin = at + RECORD_HEAD.size
-        found.append((opcode, ReadDataStream(io.BytesIO(records[begin : begin + length]))))
+        contents.append((opcode, ReadDataStream(io.BytesIO(records[begin : begin + length]))))
         at = begin + length
-    return found
+    return contents
 
 
 def _propeller_files(name_or_path: str | None) -> list[Path]:

@@ -10,18 +10,18 @@ if TYPE_CHECKING:
     from flightpower.analysis.records.flight import Evidence
 
 
-def tell(evidence: Sequence["Evidence"], print_results: Callable[[], None]) -> ExitCode:
+def report_evidence(evidence: Sequence["Evidence"], print_results: Callable[[], None]) -> ExitCode:
     """Print doubts on stderr, then the results, then why they are not to be trusted. Returns the exit code."""
     from flightpower.analysis.records.flight import Trust
     from flightpower.analysis.results.evidence import sentence
 
-    def said(level: Trust) -> list[str]:
-        return [f"{level}: {sentence(one)}" for one in evidence if one.level is level]
+    def lines_at(level: Trust) -> list[str]:
+        return [f"{level}: {sentence(piece)}" for piece in evidence if piece.level is level]
 
-    for line in said(Trust.DOUBTFUL):
+    for line in lines_at(Trust.DOUBTFUL):
         print(line, file=sys.stderr)
     print_results()
-    against = said(Trust.NOT_TO_BE_TRUSTED)
+    against = lines_at(Trust.NOT_TO_BE_TRUSTED)
     for line in against:
         print(line, file=sys.stderr)
     return ExitCode.FAILURE if against else ExitCode.DONE

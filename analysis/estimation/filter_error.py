@@ -231,8 +231,8 @@ def _best(
     small : starting values of ln w for those, by name
     """
 
-    def colored(one: _Optimum) -> bool:
-        return bool(innovation_hints(make_fit(one.likelihood, one.point, one.iterations, one.stop)))
+    def colored(optimum: _Optimum) -> bool:
+        return bool(innovation_hints(make_fit(optimum.likelihood, optimum.point, optimum.iterations, optimum.stop)))
 
     optima, failures = [], []
     for source in (None, *SOURCES):
@@ -246,7 +246,7 @@ def _best(
             break
     if not optima:
         raise failures[0]
-    return min(optima, key=lambda one: (one.stop.failed, one.point.cost))
+    return min(optima, key=lambda optimum: (optimum.stop.failed, optimum.point.cost))
 
 
 def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[UnknownKey, float]) -> Verdict:

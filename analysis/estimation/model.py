@@ -180,8 +180,8 @@ class Model:
     prior_measurements: tuple[PriorMeasurement, ...] = ()
 
     def __post_init__(self) -> None:
-        for kind, one in (("states", str), ("inputs", str), ("outputs", str), ("parameters", Parameter)):
-            object.__setattr__(self, kind, self._as_tuple(kind, one))
+        for kind, expected_type in (("states", str), ("inputs", str), ("outputs", str), ("parameters", Parameter)):
+            object.__setattr__(self, kind, self._as_tuple(kind, expected_type))
         for kind, names in (
             ("states", self.states),
             ("inputs", self.inputs),

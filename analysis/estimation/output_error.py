@@ -177,8 +177,8 @@ def _second_start(
             model, cut, {name: value for name, value in start.items() if name in shared}, noise, None,
             replace(once, initial_states="free"),
         )  # fmt: skip
-        found = {name: pieces.parameters[name].value for name in shared}
-        return _fit_from(model, segments, {**start, **found}, noise, None, once)
+        estimates = {name: pieces.parameters[name].value for name in shared}
+        return _fit_from(model, segments, {**start, **estimates}, noise, None, once)
     except InputError:  # a state without a starting value in each piece, or a response that is not finite
         return None
 

@@ -77,9 +77,9 @@ def best_of_starts(
             failures.append(error)
     if not fits:
         raise failures[-1]
-    usable = [one for one in fits if one.verdict.status is not FitStatus.NOT_CONVERGED] or fits
-    best = min(usable, key=lambda one: one.negative_log_likelihood)
-    costs = np.array([one.negative_log_likelihood for one in usable])
+    usable = [fit for fit in fits if fit.verdict.status is not FitStatus.NOT_CONVERGED] or fits
+    best = min(usable, key=lambda fit: fit.negative_log_likelihood)
+    costs = np.array([fit.negative_log_likelihood for fit in usable])
     reached = int((costs < best.negative_log_likelihood + VERDICT.same_optimum).sum())
     remarks = [Remark(Finding.REACHED_FROM_STARTS, f"reached from {reached} of {len(tried)} starts")]
     if len(usable) > reached:

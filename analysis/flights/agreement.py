@@ -147,7 +147,7 @@ def _differences(
         chdtrc(values[:, part].shape[1], quadratic_form(values[:, part], covariance[:, part, part])).tolist()
         for part in (POLAR_PART, INSTALLATION_PART)
     )
-    return [Difference(*one) for one in zip(values, covariance, p, p_installation, strict=True)]
+    return [Difference(*parts) for parts in zip(values, covariance, p, p_installation, strict=True)]
 
 
 class Compared(Protocol):
@@ -172,26 +172,26 @@ def outliers(n: int, compared: Callable[[list[int]], Sequence[One]], false_alarm
     """
     agreeing, differing = list(range(n)), dict[int, One]()
     while len(agreeing) > 2 and 2 * (len(differing) + 1) <= n:
-        found = compared(agreeing)
-        p = [least_p(one) for one in found]
+        comparisons = compared(agreeing)
+        p = [least_p(comparison) for comparison in comparisons]
         worst = int(np.argmin(p))
-        if p[worst] >= outlier_level(found[worst], n, false_alarms):
+        if p[worst] >= outlier_level(comparisons[worst], n, false_alarms):
             break
-        differing[agreeing[worst]] = found[worst]
+        differing[agreeing[worst]] = comparisons[worst]
         del agreeing[worst]
     return differing
 
 
-def least_p(one: Compared) -> float:
-    return one.p if one.p_installation is None else min(one.p, one.p_installation)
+def least_p(compared: Compared) -> float:
+    return compared.p if compared.p_installation is None else min(compared.p, compared.p_installation)
 
 
-def outlier_level(one: Compared, flights: int, false_alarms: float) -> float:
+def outlier_level(compared: Compared, flights: int, false_alarms: float) -> float:
     """The p of each test below which one of all flights falls by chance at the rate `false_alarms`."""
-    return false_alarms / (flights if one.p_installation is None else 2 * flights)
+    return false_alarms / (flights if compared.p_installation is None else 2 * flights)
 
 
-def mounted_anew(stack: FlightStack, prior: Prior) -> frozenset[int]:
+def remounted_flights(stack: FlightStack, prior: Prior) -> frozenset[int]:
     """Numbers of the flights that contradict one installation: those that differ, or all where the others differ, too.
 
     stack: of the flights as their files say
@@ -256,9 +256,9 @@ def least_squares(values: Array, design: Array, errors: ErrorParts) -> Generaliz
     Q, R = np.linalg.qr(A / norm_of_column)
     residual = z - Q @ (Q.T @ z)
     inverse = np.linalg.inv(R)
-    found = inverse @ (Q.T @ z) / norm_of_column
+    coefficients = inverse @ (Q.T @ z) / norm_of_column
     covariance = inverse @ inverse.T / np.outer(norm_of_column, norm_of_column)
-    return GeneralizedFit(found[:q], covariance[:q, :q], float(residual @ residual))
+    return GeneralizedFit(coefficients[:q], covariance[:q, :q], float(residual @ residual))
 
 
 def homogeneity(stack: FlightStack, prior: Prior, part: slice = POLAR_PART) -> Test:
@@ -332,7 +332,7 @@ def trends(flights: Sequence[PoolFlight], deviations_percent: Array, errors: Err
     from the lowest to the highest value flown. Quantities that fewer than `POOLING.fewest_for_trend` flights have, or
     that are the same in all, are left out.
     """
-    found = []
+    trends = []
     for quantity, unit, values in (
         (TrendQuantity.DATE, "days since 1970", [_or_nan(f.start_unix_s) / DAY_S for f in flights]),
         (TrendQuantity.TEMPERATURE, "K", [_or_nan(f.content.air_temperature_K) for f in flights]),
@@ -347,7 +347,7 @@ def trends(flights: Sequence[PoolFlight], deviations_percent: Array, errors: Err
         fit = least_squares(deviations_percent[known, None], X[:, None, :], of_known)
         (_, slope), (_, error) = fit.values.tolist(), np.sqrt(np.diag(fit.covariance)).tolist()
         lowest, highest = float(x[known].min()), float(x[known].max())
-        found.append(
+        trends.append(
             Trend(
                 quantity=quantity,
                 unit=unit,
@@ -359,7 +359,7 @@ def trends(flights: Sequence[PoolFlight], deviations_percent: Array, errors: Err
                 flights=int(known.sum()),
             )
         )
-    return found
+    return trends
 
 
 def _or_nan(value: float | None) -> float:

@@ -38,7 +38,7 @@ class Airframe(NamedTuple):
     @property
     def dated(self) -> int:
         """How many flights have a date: the first ones. Changes are sought in these alone."""
-        return sum(one.dated for one in self.flights)
+        return sum(flight.dated for flight in self.flights)
 
     @property
     def kind(self) -> tuple[float, str]:
@@ -65,14 +65,14 @@ def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names
     alarms_a_year : false ones that are accepted of an airframe that does not change     unread : receives a line for
     each file that cannot be read. Raises InputError for a name that the dataset lacks.
     """
-    found, known = [], dataset.airframes
+    airframes, known = [], dataset.airframes
     for name in names:
         if name not in known:
             raise InputError(f"{dataset.address}: no airframe {name}; there are {', '.join(known)}")
     for name in names or known:
         for configuration, flights in dataset.flights(name, unread).items():
-            found.append(airframe(name, configuration, flights, alarms_a_year))
-    return found
+            airframes.append(airframe(name, configuration, flights, alarms_a_year))
+    return airframes
 
 
 def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarms_a_year: float) -> Airframe:
@@ -80,15 +80,15 @@ def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarm
 
     Whether a flight without a date came before a change is not known: it is pooled only where there is none.
     """
-    dated = [one for one in flights if one.dated]
-    ordered = (*dated, *(one for one in flights if not one.dated))
+    dated = [flight for flight in flights if flight.dated]
+    ordered = (*dated, *(flight for flight in flights if not flight.dated))
     whole = pool_flights(ordered)
     changes, shares = (
         _watched(whole if len(dated) == len(flights) else pool_flights(dated), alarms_a_year)
         if len(dated) > 2
         else ([], None)
     )
-    lately = pool_flights(dated[max(one.since for one in changes) :]) if changes else whole
+    lately = pool_flights(dated[max(change.since for change in changes) :]) if changes else whole
     return Airframe(name, configuration, ordered, lately, tuple(changes), shares)
 
 
@@ -97,7 +97,7 @@ def _watched(whole: Pool, alarms_a_year: float) -> tuple[list[Change], FlightSha
     if not isinstance(whole, JointPool):
         return [], None
     flights = whole.flights
-    times = np.array([one.start_unix_s for one in flights], dtype=float) / DAY_S
+    times = np.array([flight.start_unix_s for flight in flights], dtype=float) / DAY_S
     flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
     of_flights = series(whole)
     changes = find_changes(of_flights, times, flights_a_year / alarms_a_year)
@@ -110,9 +110,9 @@ def fleet_curve(fleet: Sequence[Airframe]) -> FleetCurve:
     Each airframe's polar is a draw about the mean, seen with its own error (Gasparrini et al. 2012, multivariate
     random-effects meta-analysis).
     """
-    pools = [one.pool for one in fleet if isinstance(one.pool, JointPool)]
-    values = np.stack([one.polar.A for one in pools])
-    own = np.stack([one.polar.covariance for one in pools])
+    pools = [airframe.pool for airframe in fleet if isinstance(airframe.pool, JointPool)]
+    values = np.stack([pool.polar.A for pool in pools])
+    own = np.stack([pool.polar.covariance for pool in pools])
     scale = np.sqrt(np.mean(np.einsum("fkk->fk", own), axis=0))
     among = scale[:, None] * random_effects(values / scale, own / np.outer(scale, scale)) * scale
     weights = np.linalg.inv(own + among)

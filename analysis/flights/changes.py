@@ -47,7 +47,7 @@ class Change(NamedTuple):
 
     shape: Shape
     since: int
-    found: int
+    detected: int
     drag: float
     thrust: float
     covariance: Array
@@ -71,7 +71,9 @@ class Change(NamedTuple):
 def series(pool: JointPool) -> Series:
     """Series of the flights of one airframe and configuration, at the middle lift coefficient flown."""
     flights, stack, A = pool.flights, pool.as_stated, pool.polar.A
-    CL = np.sqrt(np.median([one.flown_CL[0] for one in flights]) * np.median([one.flown_CL[1] for one in flights]))
+    CL = np.sqrt(
+        np.median([flight.flown_CL[0] for flight in flights]) * np.median([flight.flown_CL[1] for flight in flights])
+    )
     gradient = CL ** np.arange(_N_POLAR)
     of_flight = np.zeros((_SHARES, M))
     of_flight[0, :_N_POLAR], of_flight[1, _THRUST] = gradient / (gradient @ A), 1.0
@@ -96,7 +98,7 @@ def flight_shares(of_flights: Series, changes: Sequence[Change]) -> FlightShares
     """What each flight alone shows; without a change the mean is that of all. changes : of `find_changes`"""
     values, by_truth, errors = of_flights
     seen = np.abs(np.linalg.det(by_truth)) > np.sqrt(np.finfo(float).eps)
-    before = seen & (np.arange(len(values)) < min((one.since for one in changes), default=len(values)))
+    before = seen & (np.arange(len(values)) < min((change.since for change in changes), default=len(values)))
     weights = np.linalg.pinv(errors.own[before])
     mean = np.linalg.pinv(weights.sum(axis=0)) @ np.einsum("fij,fj->i", weights, values[before])
     back = np.full_like(by_truth, np.nan)
@@ -124,17 +126,17 @@ def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: floa
     equations = _normal_equations(of_flights)
     kept = np.arange(len(times))
     while True:
-        changes = _told(equations[kept], times[kept], threshold)
-        odd = [one.since for one, following in pairwise(changes) if following.since == one.since + 1]
+        changes = _reported(equations[kept], times[kept], threshold)
+        odd = [change.since for change, following in pairwise(changes) if following.since == change.since + 1]
         if not odd:
             break
         kept = np.delete(kept, odd)
-    return [one._replace(since=int(kept[one.since]), found=int(kept[one.found])) for one in changes]
+    return [change._replace(since=int(kept[change.since]), detected=int(kept[change.detected])) for change in changes]
 
 
-def _told(equations: Array, times: Array, threshold: float) -> list[Change]:
+def _reported(equations: Array, times: Array, threshold: float) -> list[Change]:
     """The changes as they are told flight by flight, estimated by all flights until the next one."""
-    told: list[tuple[int, int, Shape]] = []
+    reported: list[tuple[int, int, Shape]] = []
     start, n = 0, len(times)
     sums = _sums(equations, times)
     for end in range(3, n + 1):
@@ -142,13 +144,13 @@ def _told(equations: Array, times: Array, threshold: float) -> list[Change]:
             continue
         best = _best(sums, times, slice(start, end))
         if best.gain > threshold:
-            told.append((start, end - 1, best.shape))
+            reported.append((start, end - 1, best.shape))
             start = best.since if best.shape is Shape.STEP else end - 1
     changes = []
-    for (begin, found, _), following in pairwise([*told, (n, n, Shape.STEP)]):
-        best = _best(sums, times, slice(begin, max(following[0], found + 1)))
+    for (begin, detected, _), following in pairwise([*reported, (n, n, Shape.STEP)]):
+        best = _best(sums, times, slice(begin, max(following[0], detected + 1)))
         drag, thrust = best.change.tolist()
-        changes.append(Change(best.shape, best.since, found, drag, thrust, best.covariance))
+        changes.append(Change(best.shape, best.since, detected, drag, thrust, best.covariance))
     return changes
 
 
@@ -204,7 +206,7 @@ def _best(sums: _Sums, times: Array, part: slice) -> _Best:
     start = t[:-1]  # of a drift: the flight before
     lasts = t[-1] > start  # no drift has a time among flights of one time
     length = np.where(lasts, t[-1] - start, 1.0)
-    found = []
+    candidates = []
     for shape, possible, linear, square in (
         (Shape.STEP, np.ones(len(t) - 1, dtype=bool), zeroth, zeroth[:, change]),
         (
@@ -222,5 +224,5 @@ def _best(sums: _Sums, times: Array, part: slice) -> _Best:
         estimate = np.linalg.solve(information, vector[:, :, None])[:, :, 0]
         gain = np.where(seen, np.sum(estimate * vector, axis=1), 0.0)
         k = int(np.argmax(gain))
-        found.append(_Best(float(gain[k]), shape, part.start + 1 + k, estimate[k], np.linalg.inv(information[k])))
-    return max(found, key=lambda one: one.gain)
+        candidates.append(_Best(float(gain[k]), shape, part.start + 1 + k, estimate[k], np.linalg.inv(information[k])))
+    return max(candidates, key=lambda candidate: candidate.gain)

@@ -122,9 +122,9 @@ class Comparison:
     def evidence(self, a_name: str = "", b_name: str = "") -> list[Evidence]:
         """Against the flights of both and what they are said to share, the worst first. a_name, b_name: of the two."""
         named = [
-            msgspec.structs.replace(one, log="/".join(filter(None, (name, one.log))))
+            msgspec.structs.replace(evidence, log="/".join(filter(None, (name, evidence.log))))
             for pool, name in ((self.a, a_name), (self.b, b_name))
-            for one in pool.evidence
+            for evidence in pool.evidence
         ]
         relation = self.relation
         of_both = (*against_installation(relation.contradicted), *against_thrust(relation.thrust_contradicted))
@@ -153,7 +153,7 @@ class Comparison:
 
     def _notes(self, names: tuple[str, str], evidence: list[Evidence]) -> list[str]:
         if self.a.kind is Kind.ELECTRICAL:  # both sides together: a board may have flown on both
-            contents = [one.content for pool in (self.a, self.b) for one in pool.flights]
+            contents = [flight.content for pool in (self.a, self.b) for flight in pool.flights]
             apart = one_name(self.a, self.b) and not self.same_installation
             return [*vehicle_notes(contents), *([NOT_ONE_VEHICLE] if apart else [])]
         notes = [
@@ -165,7 +165,7 @@ class Comparison:
             (self.relation.contradicted, installations_text, EvidenceKind.INSTALLATIONS_DIFFER),
             (self.relation.thrust_contradicted, thrust_text, EvidenceKind.THRUST_TABLE),
         ):
-            if contradicted and kind not in {one.kind for one in evidence if not one.log}:
+            if contradicted and kind not in {piece.kind for piece in evidence if not piece.log}:
                 notes.append(text(contradicted))
         return notes
 
@@ -196,10 +196,12 @@ def compare(a: Pool, b: Pool) -> Comparison:
 
 def _by_curves(a: CurvePool, b: CurvePool, relation: Relation) -> _Powers:
     at_a = curve_pool(b.flights, a.condition)
-    found, apart = (curve_difference(at_a, a, shared) for shared in (relation.same_installation, False))
-    percent = np.diag(100 / found.power_W)
-    V, power_a, covariance = found.V_mps, found.power_W, found.value_W.through(percent).covariance
-    return _Powers(V, power_a, power_a + found.value_W.value, covariance, apart.value_W.through(percent).covariance)
+    difference, apart = (curve_difference(at_a, a, shared) for shared in (relation.same_installation, False))
+    percent = np.diag(100 / difference.power_W)
+    V, power_a, covariance = difference.V_mps, difference.power_W, difference.value_W.through(percent).covariance
+    return _Powers(
+        V, power_a, power_a + difference.value_W.value, covariance, apart.value_W.through(percent).covariance
+    )
 
 
 def one_name(a: Pool, b: Pool) -> bool:
@@ -208,7 +210,7 @@ def one_name(a: Pool, b: Pool) -> bool:
 
 def _of_aircraft(a: CurvePool, b: CurvePool) -> Relation:
     """Flights of one aircraft, by its name and autopilot, share errors."""
-    same = one_name(a, b) and one_vehicle(*([one.content for one in pool.flights] for pool in (a, b)))
+    same = one_name(a, b) and one_vehicle(*([flight.content for flight in pool.flights] for pool in (a, b)))
     return Relation(same, same, SharedErrors.AIRCRAFT if same else SharedErrors.NO_AIRCRAFT)
 
 
@@ -262,7 +264,7 @@ def _contradicted(a: JointPool, b: JointPool, part: slice) -> Test | None:
     part: INSTALLATION_PART or THRUST_PART. The other errors are free on each side, so that what moves them does not
     count. Flights that contradict one installation in their own pool have errors of their own, and are left out.
     """
-    own, others = ([one for i, one in enumerate(pool.flights) if i not in pool.anew] for pool in (a, b))
+    own, others = ([flight for i, flight in enumerate(pool.flights) if i not in pool.remounted] for pool in (a, b))
     if not own or not others:
         if part == THRUST_PART:
             return None
@@ -318,9 +320,9 @@ def _text(c: Comparison) -> str:
     at = c.test.at if apart.any() else int(np.argmin(c.half_width_percent))
     power = "electrical power" if c.a.kind is Kind.ELECTRICAL else "power"
     verdict = f"B differs from A (p = {c.test.p:.2g})" if c.differs else f"No difference is seen (p = {c.test.p:.2g})"
-    said = (
+    sentence = (
         f"at {c.speeds_mps[at]:.1f} m/s{', where that is clearest,' if c.differs else ''} the {power} of B is"
         f" {c.difference_percent[at]:+.1f} ± {c.half_width_percent[at]:.1f} % from that of A"
     )
     by_chance = f"; errors alone make one as clear in {100 * c.test.p:.0f} of 100 comparisons at so many speeds"
-    return f"{verdict}: {said}{by_chance if apart.any() and not c.differs else ''}. {c.shared_errors.value}"
+    return f"{verdict}: {sentence}{by_chance if apart.any() and not c.differs else ''}. {c.shared_errors.value}"

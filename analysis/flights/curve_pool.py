@@ -90,7 +90,7 @@ class CurvePool(Pool):
     @cached_property
     def curve(self) -> Curve:
         first, *_ = self.curves
-        idle_W = float(np.mean([one.idle_W for one in self.curves]))
+        idle_W = float(np.mean([curve.idle_W for curve in self.curves]))
         return replace(first, V_mps=self.V_mps, power_W=self.mean(self.V_mps), idle_W=idle_W)
 
     @cached_property
@@ -116,7 +116,7 @@ class CurvePool(Pool):
     def some(self, numbers: Sequence[int]) -> "CurvePool":
         """The pool of some of the flights, by number."""
         flights, curves = tuple(self.flights[i] for i in numbers), tuple(self.curves[i] for i in numbers)
-        V = self.V_mps[np.any([_inside(one, self.V_mps) for one in curves], axis=0)]
+        V = self.V_mps[np.any([_inside(curve, self.V_mps) for curve in curves], axis=0)]
         return CurvePool(flights, curves, self.condition, V)
 
     def _weights(self, V: Array, counts: Sequence[float] = ()) -> Array:
@@ -124,9 +124,9 @@ class CurvePool(Pool):
         times = np.ones(len(self.curves)) if len(counts) == 0 else np.array(counts, dtype=float)
         B = self._interpolation(V)
         variance = np.stack(
-            [np.einsum("vi,ij,vj->v", b, one.power_W.own, b) for b, one in zip(B, self.curves, strict=True)]
+            [np.einsum("vi,ij,vj->v", b, curve.power_W.own, b) for b, curve in zip(B, self.curves, strict=True)]
         )
-        weight = np.where([_inside(one, V) for one in self.curves], times[:, None] / variance, 0.0)
+        weight = np.where([_inside(curve, V) for curve in self.curves], times[:, None] / variance, 0.0)
         with np.errstate(invalid="ignore"):
             return np.asarray(weight / weight.sum(axis=0))
 
@@ -134,16 +134,16 @@ class CurvePool(Pool):
         """Each curve times weights (flights, n); the own errors of several flights average."""
         times = np.ones(len(self.curves)) if len(counts) == 0 else np.maximum(np.array(counts, dtype=float), 1.0)
         parts = []
-        for b, w, one, n in zip(self._interpolation(V), weights, self.curves, times, strict=True):
-            part = one.power_W.through(w[:, None] * b)
+        for b, w, curve, n in zip(self._interpolation(V), weights, self.curves, times, strict=True):
+            part = curve.power_W.through(w[:, None] * b)
             parts.append(replace(part, own=part.own / n))
         return parts
 
     def _interpolation(self, V: Array) -> list[Array]:
         """For each curve the derivative of its power at V by that at its own speeds."""
         return [
-            CubicSpline(one.V_mps, np.eye(len(one.V_mps)))(np.clip(V, one.V_mps[0], one.V_mps[-1]))
-            for one in self.curves
+            CubicSpline(curve.V_mps, np.eye(len(curve.V_mps)))(np.clip(V, curve.V_mps[0], curve.V_mps[-1]))
+            for curve in self.curves
         ]
 
     @cached_property
@@ -152,7 +152,7 @@ class CurvePool(Pool):
 
     def _compared(self, numbers: list[int]) -> list[FlightDifference]:
         """Each of some flights against the pool of the others; empty where one shares no speeds with them."""
-        found = []
+        differences = []
         for i in numbers:
             others = [j for j in numbers if j != i]
             if not others:
@@ -164,8 +164,8 @@ class CurvePool(Pool):
             n = len(difference.V_mps)
             mean, three = difference.share.through(np.full((1, n), 1 / n)), difference.share.at([0, n // 2, n - 1])
             p = chi_square_test(float(quadratic_form(three.value, three.covariance)), len(three.value)).p
-            found.append(FlightDifference(p, float(mean.value.item()), float(mean.standard_error.item())))
-        return found
+            differences.append(FlightDifference(p, float(mean.value.item()), float(mean.standard_error.item())))
+        return differences
 
     @cached_property
     def outliers(self) -> dict[int, Compared]:
@@ -185,7 +185,7 @@ class CurvePool(Pool):
             return None
         V = np.linspace(slow, fast, 3)
         values, errors = self._shares(V)
-        unknown = int(np.sum(~np.array([_inside(one, V) for one in self.curves])))
+        unknown = int(np.sum(~np.array([_inside(curve, V) for curve in self.curves])))
         if len(self.flights) * len(V) - unknown <= len(V):
             return None
         return common_values(values, errors, unknown)
@@ -197,8 +197,8 @@ class CurvePool(Pool):
         parts = self._parts(V, np.ones((len(self.curves), len(V))) / power)
         names = list(dict.fromkeys(name for part in parts for name in part.shared))
         values, own, shared = [], [], []
-        for one, part in zip(self.curves, parts, strict=True):
-            known = _inside(one, V)
+        for curve, part in zip(self.curves, parts, strict=True):
+            known = _inside(curve, V)
             values.append(np.where(known, part.value - 1, 0.0))
             own.append(np.where(np.outer(known, known), part.own, np.eye(len(V)) / np.finfo(float).eps))
             changes = [part.shared.get(name, np.zeros(len(V))) for name in names]
@@ -220,14 +220,14 @@ class CurvePool(Pool):
     def deviations(self) -> list[tuple[Array, Array]]:
         V = self.speeds_mps
         weights, power = self._weights(V), self.mean(V).value
-        found = []
+        deviations = []
         for i, curve in enumerate(self.curves):
             of_difference = -weights
             of_difference[i] += 1
             difference = total(self._parts(V, of_difference))
             known = np.where(_inside(curve, V), 1.0, np.nan)
-            found.append((100 * known * difference.value / power, 100 * known * difference.half_width / power))
-        return found
+            deviations.append((100 * known * difference.value / power, 100 * known * difference.half_width / power))
+        return deviations
 
     def deviations_for_trends(self) -> tuple[Array, ErrorParts]:
         values, errors = self._shares(self.speeds_mps)
@@ -249,7 +249,7 @@ class CurvePool(Pool):
 
     @property
     def notes(self) -> list[str]:
-        return vehicle_notes([one.content for one in self.flights])
+        return vehicle_notes([flight.content for flight in self.flights])
 
 
 def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = None) -> CurvePool:
@@ -258,19 +258,22 @@ def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = Non
     Raises InputError for flights of two aircraft, and for the same flight twice.
     """
     first = flights[0]
-    for one in flights:
-        if (one.aircraft.wing_area_m2, one.aircraft.span_m) != (first.aircraft.wing_area_m2, first.aircraft.span_m):
+    for flight in flights:
+        if (flight.aircraft.wing_area_m2, flight.aircraft.span_m) != (
+            first.aircraft.wing_area_m2,
+            first.aircraft.span_m,
+        ):
             raise InputError(
-                f"two aircraft in one pool, of {first.name} and {one.name}; pool each alone and compare them"
+                f"two aircraft in one pool, of {first.name} and {flight.name}; pool each alone and compare them"
             )
     refuse_repeated(flights)
-    weight_N, rho, _ = (float(np.mean(of)) for of in zip(*(one.curve.condition for one in flights), strict=True))
+    weight_N, rho, _ = (float(np.mean(of)) for of in zip(*(flight.curve.condition for flight in flights), strict=True))
     condition = condition or Condition(weight_N, rho, first.aircraft.wing_area_m2)
     # Pools are compared at one weight and density, each with its own wing.
-    curves = [one.curve.at(condition._replace(wing_area_m2=one.aircraft.wing_area_m2)) for one in flights]
-    low, high = min(one.V_mps[0] for one in curves), max(one.V_mps[-1] for one in curves)
+    curves = [flight.curve.at(condition._replace(wing_area_m2=flight.aircraft.wing_area_m2)) for flight in flights]
+    low, high = min(curve.V_mps[0] for curve in curves), max(curve.V_mps[-1] for curve in curves)
     V = np.linspace(low, high, CURVES.points)
-    flown = np.any([_inside(one, V) for one in curves], axis=0)
+    flown = np.any([_inside(curve, V) for curve in curves], axis=0)
     return CurvePool(tuple(flights), tuple(curves), condition, V[flown])
 
 
@@ -278,16 +281,16 @@ def _inside(curve: Curve, V: Array) -> NDArray[np.bool_]:
     return np.asarray((curve.V_mps[0] * (1 - 1e-9) <= V) & (curve.V_mps[-1] * (1 + 1e-9) >= V))
 
 
-def curve_difference(one: CurvePool, other: CurvePool, shares_errors: bool) -> CurveDifference:
+def curve_difference(pool: CurvePool, other: CurvePool, shares_errors: bool) -> CurveDifference:
     """Power of one pool less that of another, over the speeds that half of the flights of each reach.
 
     Raises InputError where there are none.
     """
-    ends = [one.ends_mps, other.ends_mps]
+    ends = [pool.ends_mps, other.ends_mps]
     low, high = max(slow for slow, _ in ends), min(fast for _, fast in ends)
     if low >= high:
-        said = " and ".join(f"{slow:.1f} to {fast:.1f} m/s" for slow, fast in ends)
-        raise InputError(f"the two pools have no speeds in common: {said}; fly both over the same speeds")
+        ranges = " and ".join(f"{slow:.1f} to {fast:.1f} m/s" for slow, fast in ends)
+        raise InputError(f"the two pools have no speeds in common: {ranges}; fly both over the same speeds")
     V = np.linspace(low, high, POOLING.compared_speeds)
-    a, b = one.mean(V), other.mean(V)
+    a, b = pool.mean(V), other.mean(V)
     return CurveDifference(V, b.value, a.minus(b, shares_errors))

@@ -70,15 +70,15 @@ class Dataset:
         """
         new: dict[str, list[StoredFlight]] = defaultdict(list)
         count = 0
-        for one in results:
-            flight = stored(one)
+        for path in results:
+            flight = stored(path)
             flight = flight._replace(folder=self._relative(folders.get(flight.content.log)))
             new[flight.content.aircraft.name].append(flight)
             count += 1
         added = 0
         for airframe, flights in new.items():
             known = set(self._column(airframe, "flight"))
-            fresh = {one.flight: one for one in flights if one.flight not in known}
+            fresh = {path.flight: path for path in flights if path.flight not in known}
             if fresh:
                 self._write(airframe, [fresh[key] for key in sorted(fresh)])
                 added += len(fresh)
@@ -109,17 +109,17 @@ class Dataset:
 
         unread: receives a line for each file that cannot be read; raises InputError for the first where it is None
         """
-        found: dict[str, tuple[str, PoolFlight]] = {}
+        newest: dict[str, tuple[str, PoolFlight]] = {}
         for table in self._tables(airframe, ["flight", "configuration", "format", "content", "folder"], unread):
             for row in table.to_pylist():
                 content = _read_row(row)
                 if content is not None:
                     flight = read_curve(content) if content.pooling is None else of_content(content)
                     folder = row.get("folder") or ""  # rows of earlier versions have none
-                    found[row["flight"]] = (row["configuration"], replace(flight, folder=folder))
+                    newest[row["flight"]] = (row["configuration"], replace(flight, folder=folder))
         by_configuration: dict[str, list[PoolFlight]] = defaultdict(list)
-        for key in sorted(found, key=lambda key: (found[key][1].start_unix_s or math.inf, key)):
-            configuration, flight = found[key]
+        for key in sorted(newest, key=lambda key: (newest[key][1].start_unix_s or math.inf, key)):
+            configuration, flight = newest[key]
             by_configuration[configuration].append(flight)
         return dict(by_configuration)
 
@@ -158,17 +158,17 @@ class Dataset:
         )
         rows = [
             {
-                "flight": one.flight,
-                "log": one.content.log,
-                "configuration": one.configuration,
-                "start_unix_s": one.start_unix_s,
-                "format": one.content.format,
-                "content": msgspec.msgpack.encode(one.content),
-                "folder": one.folder,
+                "flight": flight.flight,
+                "log": flight.content.log,
+                "configuration": flight.configuration,
+                "start_unix_s": flight.start_unix_s,
+                "format": flight.content.format,
+                "content": msgspec.msgpack.encode(flight.content),
+                "folder": flight.folder,
             }
-            for one in flights
+            for flight in flights
         ]
-        name = hashlib.sha256("".join(one.flight for one in flights).encode()).hexdigest()[:24]
+        name = hashlib.sha256("".join(flight.flight for flight in flights).encode()).hexdigest()[:24]
         fs, root = file_system(self.address)
         folder = _folder(root, airframe)
         fs.makedirs(folder, exist_ok=True)
@@ -181,17 +181,17 @@ def stored(results: Mapping[str, Any] | Results) -> StoredFlight:
     content = read_results(results)
     if content.pooling is None:
         return _stored_curve(read_curve(content))
-    found = read_statistics(content)
-    of_flight = found.statistics
+    statistics = read_statistics(content)
+    of_flight = statistics.statistics
     common = (
-        found.aircraft.wing_area_m2,
+        statistics.aircraft.wing_area_m2,
         of_flight.propeller_table,
         of_flight.installation,
         of_flight.probe_calibration,
         msgspec.to_builtins(of_flight.prior_measurements or []),
     )
-    content = msgspec.structs.replace(without_details(found.content), use=None)
-    return StoredFlight(_fingerprint(of_flight.values), _fingerprint(common), found.start_unix_s, content)
+    content = msgspec.structs.replace(without_details(statistics.content), use=None)
+    return StoredFlight(_fingerprint(of_flight.values), _fingerprint(common), statistics.start_unix_s, content)
 
 
 def _stored_curve(flight: FlightCurve) -> StoredFlight:

@@ -16,8 +16,8 @@ from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, Se
 def against_flights(flights: Sequence[PoolFlight]) -> Iterator[Evidence]:
     """The evidence of each flight's own results, with its name."""
     for flight in flights:
-        for one in flight.content.evidence:
-            yield replace(one, log=flight.name)
+        for evidence in flight.content.evidence:
+            yield replace(evidence, log=flight.name)
 
 
 def against_polars(test: Test | None) -> Iterator[Evidence]:
@@ -180,17 +180,17 @@ def shape_text(share: float, error: float) -> str:
 
 def one_vehicle(a: Sequence[Results], b: Sequence[Results]) -> bool:
     """Whether the same boards logged both, as far as the logs say which."""
-    of_a, of_b = ({one.vehicle for one in flights if one.vehicle} for flights in (a, b))
+    of_a, of_b = ({flight.vehicle for flight in flights if flight.vehicle} for flights in (a, b))
     return not of_a or not of_b or of_a == of_b
 
 
 def vehicle_notes(flights: Sequence[Results]) -> list[str]:
     """A sentence for each name with flights of several boards, and for each board with flights of several names."""
     of_name, of_vehicle = (defaultdict[str, dict[str, list[str]]](lambda: defaultdict(list)) for _ in range(2))
-    for one in flights:
-        if one.vehicle:
-            of_name[one.aircraft.title][one.vehicle].append(one.log)
-            of_vehicle[one.vehicle][one.aircraft.title].append(one.log)
+    for results in flights:
+        if results.vehicle:
+            of_name[results.aircraft.title][results.vehicle].append(results.log)
+            of_vehicle[results.vehicle][results.aircraft.title].append(results.log)
     notes = [
         f"{name}: flights of {len(vehicles)} autopilots, {_listed(vehicles)}. Where these are of several aircraft and"
         " no board was exchanged, analyze the logs of each into a folder of its own."
@@ -210,7 +210,7 @@ def _listed(logs: dict[str, list[str]]) -> str:
 
 def undated_text(flights: Sequence[PoolFlight]) -> str:
     """Which of them are left out of changes in time. flights: one without a date, at least"""
-    undated = [one.name for one in flights if not one.dated]
+    undated = [flight.name for flight in flights if not flight.dated]
     return (
         f"{len(undated)} of {len(flights)} flights have no date ({undated[0]}{', …' if len(undated) > 1 else ''}): they"
         " are left out of changes in time. GPS, or a clock with a battery, dates a log."

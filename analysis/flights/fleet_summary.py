@@ -36,60 +36,68 @@ def fleet_results(
 ) -> FleetResults:
     """What is written and drawn of a fleet. report_of : the address of a flight's page, "" where there is none"""
     kinds: dict[tuple[float, str], list[Airframe]] = defaultdict(list)
-    for one in fleet:
-        kinds[one.kind].append(one)
+    for airframe in fleet:
+        kinds[airframe.kind].append(airframe)
     return FleetResults(
         software_version=version(),
-        flights=sum(len(one.flights) for one in fleet),
-        airframes=[_airframe(one, report_of) for one in fleet],
+        flights=sum(len(airframe.flights) for airframe in fleet),
+        airframes=[_airframe(airframe, report_of) for airframe in fleet],
         curves=[
             _curve(of_kind)
             for of_kind in kinds.values()
-            if len(of_kind) > 2 and all(isinstance(one.pool, JointPool) for one in of_kind)
+            if len(of_kind) > 2 and all(isinstance(airframe.pool, JointPool) for airframe in of_kind)
         ],
         contradictions=_contradictions(fleet),
-        notes=[f"{one.name}: {undated_text(one.flights)}" for one in fleet if one.dated < len(one.flights)],
+        notes=[
+            f"{airframe.name}: {undated_text(airframe.flights)}"
+            for airframe in fleet
+            if airframe.dated < len(airframe.flights)
+        ],
         left_out=list(left_out),
     )
 
 
 def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
     """The first contradiction of each kind for each airframe, by date."""
-    found: list[ContradictionResult] = []
+    contradictions: list[ContradictionResult] = []
     by_name: dict[str, list[PoolFlight]] = defaultdict(list)
     for airframe in fleet:
         by_name[airframe.name] += airframe.flights
     for name, flights in by_name.items():
-        flights.sort(key=lambda one: (one.start_unix_s or 0.0, one.name))
+        flights.sort(key=lambda flight: (flight.start_unix_s or 0.0, flight.name))
         first = flights[0]
         size = first.aircraft.wing_area_m2, first.aircraft.span_m
-        other = next((one for one in flights if (one.aircraft.wing_area_m2, one.aircraft.span_m) != size), None)
+        other = next(
+            (flight for flight in flights if (flight.aircraft.wing_area_m2, flight.aircraft.span_m) != size), None
+        )
         if other:
-            said = f"{name}: {other.name} has another wing area or span than {first.name}: two aircraft of one name?"
-            found.append(_contradiction(Contradiction.SIZE, name, other, first, f"{said} Give each its own."))
+            message = f"{name}: {other.name} has another wing area or span than {first.name}: two aircraft of one name?"
+            contradictions.append(
+                _contradiction(Contradiction.SIZE, name, other, first, f"{message} Give each its own.")
+            )
         left: dict[str, FlightStatistics] = {}
-        drag = [one for one in flights if isinstance(one, FlightStatistics)]
-        dated = [one for one in drag if one.dated and one.installation]
-        for before, one in pairwise(dated):
-            if one.installation in left:
-                earlier = left[one.installation]
+        drag = [flight for flight in flights if isinstance(flight, FlightStatistics)]
+        dated = [flight for flight in drag if flight.dated and flight.installation]
+        for before, flight in pairwise(dated):
+            if flight.installation in left:
+                earlier = left[flight.installation]
                 text = (
-                    f"{name}: {one.name} names the installation {one.installation!r} of {earlier.name} again,"
+                    f"{name}: {flight.name} names the installation {flight.installation!r} of {earlier.name} again,"
                     f" after {before.name} with {before.installation!r}: give what was mounted anew a new name,"
                     " or two airframes their own names."
                 )
-                found.append(_contradiction(Contradiction.INSTALLATION, name, one, earlier, text))
+                contradictions.append(_contradiction(Contradiction.INSTALLATION, name, flight, earlier, text))
                 break
-            if one.installation != before.installation:
+            if flight.installation != before.installation:
                 left[before.installation] = before
-    return [*found, *_shared_flights(by_name)]
+    return [*contradictions, *_shared_flights(by_name)]
 
 
 def _shared_flights(by_name: dict[str, list[PoolFlight]]) -> Iterator[ContradictionResult]:
     """The first flight of each airframe that is another airframe's as well."""
     owners: dict[bytes, tuple[str, PoolFlight]] = {}
     for name, flights in by_name.items():
-        shared = [one for one in flights if owners.setdefault(one.key, (name, one))[0] != name]
+        shared = [flight for flight in flights if owners.setdefault(flight.key, (name, flight))[0] != name]
         if shared:
             owner, earlier = owners[shared[0].key]
             more = f" and {len(shared) - 1} more are flights" if len(shared) > 1 else " is a flight"
@@ -106,37 +114,37 @@ def _contradiction(
     return ContradictionResult(kind=kind, airframe=airframe, log=later.name, earlier_log=earlier.name, text=text)
 
 
-def _airframe(one: Airframe, report_of: Callable[[PoolFlight], str]) -> AirframeResult:
-    first, last = one.flights[0], one.flights[one.dated - 1]
+def _airframe(airframe: Airframe, report_of: Callable[[PoolFlight], str]) -> AirframeResult:
+    first, last = airframe.flights[0], airframe.flights[airframe.dated - 1]
     return AirframeResult(
-        name=one.name,
+        name=airframe.name,
         title=last.aircraft.title,
-        configuration=one.configuration,
-        kind=one.pool.kind,
+        configuration=airframe.configuration,
+        kind=airframe.pool.kind,
         installation=first.installation if isinstance(first, FlightStatistics) else "",
         propeller=last.aircraft.propeller,
-        flights=len(one.flights),
-        pooled_flights=len(one.pool.flights),
+        flights=len(airframe.flights),
+        pooled_flights=len(airframe.pool.flights),
         first_unix_s=first.start_unix_s,
         last_unix_s=last.start_unix_s,
-        test=_condition(one.pool),
-        power_required=one.pool.curve.points(),
-        trust=trust_by(one.pool.evidence),
-        evidence=one.pool.evidence,
-        changes=[_change(one, change) for change in one.changes],
-        history=_history(one),
+        test=_condition(airframe.pool),
+        power_required=airframe.pool.curve.points(),
+        trust=trust_by(airframe.pool.evidence),
+        evidence=airframe.pool.evidence,
+        changes=[_change(airframe, change) for change in airframe.changes],
+        history=_history(airframe),
         logs=[
             FleetFlightResult(log=flight.name, start_unix_s=flight.start_unix_s, report=report_of(flight))
-            for flight in one.flights
+            for flight in airframe.flights
         ],
     )
 
 
-def _history(one: Airframe) -> list[FlightShareResult]:
-    if one.shares is None:
+def _history(airframe: Airframe) -> list[FlightShareResult]:
+    if airframe.shares is None:
         return []
-    percent, half_widths = 100 * one.shares.values, 100 * NORMAL_95 * one.shares.errors
-    rows = zip(one.flights, percent.tolist(), half_widths.tolist(), strict=False)
+    percent, half_widths = 100 * airframe.shares.values, 100 * NORMAL_95 * airframe.shares.errors
+    rows = zip(airframe.flights, percent.tolist(), half_widths.tolist(), strict=False)
     return [
         FlightShareResult(
             log=flight.name,
@@ -160,13 +168,16 @@ def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
 
     An airframe that has changed is no draw of the others: the mean is of the rest, where three are left.
     """
-    unchanged = [one for one in airframes if not one.changes]
+    unchanged = [airframe for airframe in airframes if not airframe.changes]
     in_mean = unchanged if len(unchanged) > 2 else airframes
     curve = fleet_curve(in_mean)
-    at = max((one.pool for one in in_mean if isinstance(one.pool, JointPool)), key=lambda one: len(one.flights))
+    at = max(
+        (airframe.pool for airframe in in_mean if isinstance(airframe.pool, JointPool)),
+        key=lambda pool: len(pool.flights),
+    )
     return FleetCurveResult(
-        airframes=[one.name for one in in_mean],
-        changed=[one.name for one in airframes if one.changes],
+        airframes=[airframe.name for airframe in in_mean],
+        changed=[airframe.name for airframe in airframes if airframe.changes],
         test=_condition(at),
         mean=polar_curve(curve.mean, at.condition, at.flown_CL).points(),
         another=polar_curve(curve.of_another, at.condition, at.flown_CL).points(),
@@ -174,11 +185,11 @@ def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
 
 
 def _change(airframe: Airframe, change: Change) -> ChangeResult:
-    since, found = airframe.flights[change.since], airframe.flights[change.found]
+    since, detected = airframe.flights[change.since], airframe.flights[change.detected]
     drag_error, thrust_error = change.errors
     drag, thrust = 100 * change.drag, 100 * change.thrust
     drag_half, thrust_half = 100 * NORMAL_95 * drag_error, 100 * NORMAL_95 * thrust_error
-    said = " and ".join(
+    message = " and ".join(
         f"{name} {'up' if percent > 0 else 'down'} {abs(percent):.1f} % ± {half:.1f}"
         for name, percent, half, alone in (
             ("drag", drag, drag_half, What.PROPULSION),
@@ -196,10 +207,10 @@ def _change(airframe: Airframe, change: Change) -> ChangeResult:
         shape=change.shape,
         since_log=since.name,
         since_unix_s=since.start_unix_s,
-        found_log=found.name,
+        found_log=detected.name,
         drag_percent=drag,
         drag_half_width_percent=drag_half,
         thrust_percent=thrust,
         thrust_half_width_percent=thrust_half,
-        text=f"{said} {slowly}since {when}{unchanged}",
+        text=f"{message} {slowly}since {when}{unchanged}",
     )

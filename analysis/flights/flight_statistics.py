@@ -125,12 +125,18 @@ class FlightStatistics(_OneFlight):
     @property
     def prior_matrix(self) -> Array:
         """Information (M, M) of the prior."""
-        return sum((one.information for one in self.prior_measurements), np.diag(self.prior_information))
+        return sum(
+            (prior_measurement.information for prior_measurement in self.prior_measurements),
+            np.diag(self.prior_information),
+        )
 
     @property
     def prior_vector(self) -> Array:
         """(M,), information times mean of the prior."""
-        return sum((one.vector for one in self.prior_measurements), self.prior_information * self.prior_mean)
+        return sum(
+            (prior_measurement.vector for prior_measurement in self.prior_measurements),
+            self.prior_information * self.prior_mean,
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -155,8 +161,8 @@ PoolFlight = FlightStatistics | FlightCurve
 def read_curve(results: Path | Mapping[str, Any] | Results) -> FlightCurve:
     """The curve of electrical power of a flight. Raises InputError where its results have none with statistics."""
     content = read_results(results)
-    found = content.curves.get(Kind.ELECTRICAL)
-    curve = stored_curve(found, content.aircraft.wing_area_m2) if found else None
+    electrical = content.curves.get(Kind.ELECTRICAL)
+    curve = stored_curve(electrical, content.aircraft.wing_area_m2) if electrical else None
     if curve is None:
         raise InputError(f"{content.log}: its results are of an earlier version; analyze the log again")
     return FlightCurve(content=content, curve=curve)
@@ -218,8 +224,13 @@ def of_content(content: Results) -> FlightStatistics:
         probe_calibration=of_flight.probe_calibration,
         content=content,
         prior_measurements=tuple(
-            SharedMeasurement(one.name, tuple(one.coefficients.get(name, 0.0) for name in POOLED), one.value, one.sigma)
-            for one in of_flight.prior_measurements or []
+            SharedMeasurement(
+                prior_measurement.name,
+                tuple(prior_measurement.coefficients.get(name, 0.0) for name in POOLED),
+                prior_measurement.value,
+                prior_measurement.sigma,
+            )
+            for prior_measurement in of_flight.prior_measurements or []
         ),
     )
     finite = (
@@ -288,4 +299,10 @@ def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:
 
 
 def _measured(flight: FlightStatistics) -> str:
-    return ", ".join(f"{one.value:+.3f} ± {one.sigma:.3f}" for one in flight.prior_measurements) or "none"
+    return (
+        ", ".join(
+            f"{prior_measurement.value:+.3f} ± {prior_measurement.sigma:.3f}"
+            for prior_measurement in flight.prior_measurements
+        )
+        or "none"
+    )

@@ -116,22 +116,22 @@ class PooledEstimate(NamedTuple):
     prior_covariance: Array
 
 
-def remounting_variance(flight: FlightStatistics, *, anew: bool) -> Array:
+def remounting_variance(flight: FlightStatistics, *, remounted: bool) -> Array:
     """Variance (M,) of a flight's own deviations: 0 where the installation has a name. anew: it denies the name."""
-    if flight.installation and not anew:
+    if flight.installation and not remounted:
         return np.zeros(M)
-    share = 1.0 if anew else POOLING.remounted
+    share = 1.0 if remounted else POOLING.remounted
     with np.errstate(divide="ignore"):
         return np.where(_INSTALLATION, share**2 / flight.prior_information, 0.0)
 
 
-def stacked(flights: Sequence[FlightStatistics], anew: Collection[int] = ()) -> FlightStack:
+def stacked(flights: Sequence[FlightStatistics], remounted: Collection[int] = ()) -> FlightStack:
     """Flights as arrays. anew: numbers of those that were mounted anew, whatever their files say."""
     normal_matrix, vector, gain, prior_part, own_covariance = (
         np.stack(part)
         for part in zip(
             *(
-                _normal_equations(flight, remounting_variance(flight, anew=i in anew))
+                _normal_equations(flight, remounting_variance(flight, remounted=i in remounted))
                 for i, flight in enumerate(flights)
             ),
             strict=True,
@@ -219,8 +219,8 @@ def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
     own = np.where(_INSTALLATION, widest / share, widest)
     measured = flights[0].prior_measurements
     return Prior(
-        sum((one.information for one in measured), np.diag(own)),
-        sum((one.vector for one in measured), own * flights[0].prior_mean),
+        sum((prior_measurement.information for prior_measurement in measured), np.diag(own)),
+        sum((prior_measurement.vector for prior_measurement in measured), own * flights[0].prior_mean),
     )
 
 
@@ -253,16 +253,16 @@ def without_each(stack: FlightStack, prior: Prior) -> WithoutEach:
     """The joint estimates of all flights but one, for each of two flights or more."""
     noise = _congruent(stack.gain, stack.own_covariance)
     gained = {name: np.einsum("fij,fj->fi", stack.gain, change) for name, change in stack.changes.items()}
-    solution = _inverse(prior.information + _of_others(stack.normal_matrix))
+    solution = _inverse(prior.information + _sum_over_others(stack.normal_matrix))
     return WithoutEach(
-        np.einsum("fij,fj->fi", solution, prior.vector + _of_others(stack.vector)),
+        np.einsum("fij,fj->fi", solution, prior.vector + _sum_over_others(stack.vector)),
         solution @ prior.information,
-        _congruent(solution, _of_others(noise)),
-        {name: np.einsum("fij,fj->fi", solution, _of_others(change)) for name, change in gained.items()},
+        _congruent(solution, _sum_over_others(noise)),
+        {name: np.einsum("fij,fj->fi", solution, _sum_over_others(change)) for name, change in gained.items()},
     )
 
 
-def _of_others(of_flights: Array) -> Array:
+def _sum_over_others(of_flights: Array) -> Array:
     """Sum over all flights but one, for each."""
     return np.asarray(of_flights.sum(axis=0) - of_flights)
 

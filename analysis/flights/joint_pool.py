@@ -66,7 +66,7 @@ _UNITS = {"alpha_bias": "rad", "beta_bias": "rad", "air_data_lag": "s"}
 class JointPool(Pool):
     """The joint estimate of one or more flights of one aircraft, propeller and installation.
 
-    as_stated, stack : with the installation that the files state; with the flights `anew` mounted anew
+    as_stated, stack : with the installation that the files state; with the flights `remounted` mounted anew
     anew : numbers of the flights that contradict having the same installation as the others
     condition : mean weight and density of the flights, at which curves are given
     flown_CL : lift coefficients that at least one flight covers
@@ -76,7 +76,7 @@ class JointPool(Pool):
     flights: tuple[FlightStatistics, ...]
     as_stated: FlightStack
     stack: FlightStack
-    anew: frozenset[int]
+    remounted: frozenset[int]
     prior: Prior
     estimate: PooledEstimate
     polar: Polar
@@ -99,8 +99,13 @@ class JointPool(Pool):
         """Each flight against the pool of all others; empty for one flight. Installations are compared as stated."""
         if len(self.flights) < 2:
             return []
-        found, stated = (differences_to_others(one, self.prior) for one in (self.stack, self.as_stated))
-        return [one._replace(p_installation=as_said.p_installation) for one, as_said in zip(found, stated, strict=True)]
+        differences, stated = (
+            differences_to_others(flight_stack, self.prior) for flight_stack in (self.stack, self.as_stated)
+        )
+        return [
+            difference._replace(p_installation=as_said.p_installation)
+            for difference, as_said in zip(differences, stated, strict=True)
+        ]
 
     @cached_property
     def outliers(self) -> dict[int, Compared]:
@@ -128,7 +133,7 @@ class JointPool(Pool):
         """What the reader has to know beside the evidence."""
         installations = self.installation_homogeneity
         notes = [NOT_NAMED] if len(self.flights) > 1 and not self.flights[0].installation else []
-        if self.anew and installations and not installations.doubtful:
+        if self.remounted and installations and not installations.doubtful:
             notes.append(installations_text(installations))
         return notes
 
@@ -151,7 +156,7 @@ class JointPool(Pool):
             covariances = [flight.polar_covariance for flight in reversed(self.flights)]
         else:
             total = without_each(self.stack, self.prior).total(self.prior.covariance)
-            covariances = [pooled_covariance(one) for one in total]
+            covariances = [pooled_covariance(covariance) for covariance in total]
         return np.stack([self._half_width_percent(C, V) for C in covariances])
 
     def _half_width_percent(self, polar_covariance: Array, V: Array) -> Array:
@@ -216,7 +221,7 @@ class JointPool(Pool):
             flight,
             installation=of.installation,
             drag_polar=_coefficients(of.polar.A),
-            mounted_anew=number in self.anew,
+            mounted_anew=number in self.remounted,
         )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from flightpower.analysis.flights.agreement import mounted_anew
+from flightpower.analysis.flights.agreement import remounted_flights
 from flightpower.analysis.flights.curve_pool import curve_pool
 from flightpower.analysis.flights.flight_statistics import (
     FlightCurve,
@@ -37,25 +37,26 @@ def of_one_kind(*sides: Sequence[Results]) -> tuple[Kind, list[Pooled]]:
     A kind that every side has goes first. Without one, the flights of a side are left out.
     """
     has = {
-        kind: [[_gives(one, kind) for one in side] for side in sides] for kind in (Kind.POWER_REQUIRED, Kind.ELECTRICAL)
+        kind: [[_gives(item, kind) for item in side] for side in sides]
+        for kind in (Kind.POWER_REQUIRED, Kind.ELECTRICAL)
     }
-    kind = max(has, key=lambda one: (all(map(any, has[one])), sum(map(sum, has[one]))))
-    found = []
+    kind = max(has, key=lambda item: (all(map(any, has[item])), sum(map(sum, has[item]))))
+    pooleds = []
     for side, given in zip(sides, has[kind], strict=True):
         pairs = list(zip(side, given, strict=True))
-        left_out = [f"{one.log}: {_why_without(one, kind)}" for one, gives in pairs if not gives]
-        found.append(Pooled([one for one, gives in pairs if gives], left_out))
-    return kind, found
+        left_out = [f"{item.log}: {_why_without(item, kind)}" for item, gives in pairs if not gives]
+        pooleds.append(Pooled([item for item, gives in pairs if gives], left_out))
+    return kind, pooleds
 
 
-def _gives(one: Results, kind: Kind) -> bool:
-    return one.pooling is not None if kind is Kind.POWER_REQUIRED else kind in one.curves
+def _gives(results: Results, kind: Kind) -> bool:
+    return results.pooling is not None if kind is Kind.POWER_REQUIRED else kind in results.curves
 
 
-def _why_without(one: Results, kind: Kind) -> str:
+def _why_without(results: Results, kind: Kind) -> str:
     if kind is Kind.ELECTRICAL:
         return "gives drag only, since its log has no battery, which is not pooled with electrical power"
-    if one.kind is Kind.ELECTRICAL:
+    if results.kind is Kind.ELECTRICAL:
         return "gives electrical power only, which is not pooled with drag"
     return "its curve is not by the dynamic method, and is not pooled"
 
@@ -69,28 +70,28 @@ def pool_results(results: Sequence[Path | Mapping[str, Any] | Results], kind: Ki
     """
     if not results:
         raise InputError("no flights to pool; give the results.json of one or more flights")
-    contents = [read_results(one) for one in results]
-    electrical = [one.log for one in contents if kind is Kind.ELECTRICAL or one.kind is Kind.ELECTRICAL]
+    contents = [read_results(path) for path in results]
+    electrical = [path.log for path in contents if kind is Kind.ELECTRICAL or path.kind is Kind.ELECTRICAL]
     if not electrical:
         return joint_pool(results)
-    if drag := [one.log for one in contents if Kind.ELECTRICAL not in one.curves]:
+    if drag := [path.log for path in contents if Kind.ELECTRICAL not in path.curves]:
         raise InputError(
             f"{electrical[0]} gives electrical power only, and {drag[0]} drag only, since its log has no battery: leave"
             " one of them out"
         )
-    return curve_pool([read_curve(one) for one in contents])
+    return curve_pool([read_curve(path) for path in contents])
 
 
 def pool_flights(flights: Sequence[PoolFlight]) -> Pool:
     """The joint estimate of flights of one kind. Raises InputError as `pool_results`."""
-    curves = [one for one in flights if isinstance(one, FlightCurve)]
-    drag = [one for one in flights if isinstance(one, FlightStatistics)]
+    curves = [flight for flight in flights if isinstance(flight, FlightCurve)]
+    drag = [flight for flight in flights if isinstance(flight, FlightStatistics)]
     return curve_pool(curves) if curves else pool(drag)
 
 
 def joint_pool(results: Sequence[Path | Mapping[str, Any] | Results]) -> JointPool:
     """The joint estimate of drag. Raises InputError as `pool_results`."""
-    return pool([read_statistics(one) for one in results])
+    return pool([read_statistics(path) for path in results])
 
 
 def pool(flights: Sequence[FlightStatistics]) -> JointPool:
@@ -98,14 +99,14 @@ def pool(flights: Sequence[FlightStatistics]) -> JointPool:
     refuse_repeated(flights)
     check_one_aircraft(flights)
     as_stated, prior = stacked(flights), shared_prior(flights)
-    anew = mounted_anew(as_stated, prior)
-    stack = stacked(flights, anew) if anew else as_stated
+    remounted = remounted_flights(as_stated, prior)
+    stack = stacked(flights, remounted) if remounted else as_stated
     estimate = pooled_estimate(stack, prior)
     return JointPool(
         flights=tuple(flights),
         as_stated=as_stated,
         stack=stack,
-        anew=anew,
+        remounted=remounted,
         prior=prior,
         estimate=estimate,
         polar=pooled_polar(flights, estimate),

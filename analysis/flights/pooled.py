@@ -146,7 +146,7 @@ class Pool(ABC):
     @cached_property
     def evidence(self) -> list[Evidence]:
         """Against the flights and the pool, the worst first."""
-        reasons = {i: (one, self.reason(one)) for i, one in self.outliers.items()}
+        reasons = {i: (outlier, self.reason(outlier)) for i, outlier in self.outliers.items()}
         return worst_first(
             [
                 *against_flights(self.flights),
@@ -161,12 +161,12 @@ class Pool(ABC):
         """Names of the flights whose curve differs from those of the others."""
         tests = 1 if self.installation_homogeneity is None else len(("curve", "installation"))
         level = TRUST.false_alarm_rate / (tests * len(self.flights))
-        return [self.flights[i].name for i, one in sorted(self.outliers.items()) if one.p < level]
+        return [self.flights[i].name for i, outlier in sorted(self.outliers.items()) if outlier.p < level]
 
     @cached_property
     def agreement(self) -> Agreement | None:
         """Whether the flights agree, by the evidence; None for one flight."""
-        kinds = {one.kind for one in self.evidence}
+        kinds = {evidence.kind for evidence in self.evidence}
         if len(self.flights) < 2:
             return None
         if EvidenceKind.FLIGHTS_DIFFER in kinds:
@@ -199,8 +199,8 @@ class Pool(ABC):
                 ),
                 flights=flights,
                 outliers=[
-                    Outlier(log=flights[i].log, p=least_p(one), reason=flights[i].reason)
-                    for i, one in sorted(self.outliers.items())
+                    Outlier(log=flights[i].log, p=least_p(outlier), reason=flights[i].reason)
+                    for i, outlier in sorted(self.outliers.items())
                 ],
                 one_more=self._one_more(flights),
                 flights_to_see=plans_to_see(self),
@@ -214,7 +214,7 @@ class Pool(ABC):
     @property
     def battery(self) -> BatteryResult | None:
         """The battery of the last flight that has one."""
-        return next((one.content.battery for one in reversed(self.flights) if one.content.battery), None)
+        return next((flight.content.battery for flight in reversed(self.flights) if flight.content.battery), None)
 
     def _between_flights(self) -> list[Scatter]:
         """Scatter of the flights' curves about the pooled one, and what their errors explain of it."""
@@ -278,7 +278,7 @@ class Pool(ABC):
 
     def _undated(self) -> list[str]:
         """A line on those that the trend over the date leaves out, where there are enough flights for one."""
-        if len(self.flights) < POOLING.fewest_for_trend or all(one.dated for one in self.flights):
+        if len(self.flights) < POOLING.fewest_for_trend or all(flight.dated for flight in self.flights):
             return []
         return [undated_text(self.flights)]
 
@@ -305,7 +305,7 @@ def refuse_repeated(flights: Sequence[PoolFlight]) -> None:
 
 def mean_air(flights: Sequence[PoolFlight]) -> AirFound:
     """Temperature and pressure, the mean of the flights that have them."""
-    of = [one.content.air for one in flights]
+    of = [flight.content.air for flight in flights]
     temperatures_K = [air.temperature_K for air in of if air.temperature_K is not None]
     pressures_Pa = [air.pressure_Pa for air in of if air.pressure_Pa is not None]
     return AirFound(

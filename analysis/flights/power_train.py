@@ -52,9 +52,13 @@ class DragPool(Protocol):
 
 def pooled_use(pool: DragPool) -> PooledUse | None:
     """None where no flight has a power train. Losses that are measured count, where there are any, or else assumed."""
-    known = [(one, one.content.use, one.content.use.model) for one in pool.flights if one.content.use]
-    having = [(one, use, model) for one, use, model in known if model is not None]
-    chosen = [one for one in having if one[1].power_train.measured] or having
+    known = [
+        (candidate, candidate.content.use, candidate.content.use.model)
+        for candidate in pool.flights
+        if candidate.content.use
+    ]
+    having = [(candidate, use, model) for candidate, use, model in known if model is not None]
+    chosen = [candidate for candidate in having if candidate[1].power_train.measured] or having
     if not chosen:
         return None
     return PooledUse(
@@ -70,32 +74,34 @@ def pooled_performance(pool: DragPool, use: PooledUse, air: AirFound) -> Perform
     if pool.battery is None or air.temperature_K is None or air.pressure_Pa is None:
         return None
     at = FlownCondition(pool.condition, air.pressure_Pa, air.temperature_K)
-    found = flight_performance(model_of(use.model), pool.condition, requested_conditions(Request(), at), pool.battery)
-    if found is None:
+    performance = flight_performance(
+        model_of(use.model), pool.condition, requested_conditions(Request(), at), pool.battery
+    )
+    if performance is None:
         return None
     basis = f"The losses of motor and battery are the mean of {', '.join(use.losses_of)}."
-    train = replace(found.power_train, measured=use.losses_measured, basis=basis)
-    available = found.available
+    train = replace(performance.power_train, measured=use.losses_measured, basis=basis)
+    available = performance.available
     if not available.power_available:
         available = replace(available, reason=NO_FULL_THROTTLE)
-    return replace(found, power_train=train, available=available, model=None)
+    return replace(performance, power_train=train, available=available, model=None)
 
 
 def _pooled_model(pool: DragPool, flights: Sequence[ComputationModel]) -> PerformanceModel:
-    models = [model_of(one) for one in flights]
+    models = [model_of(computation_model) for computation_model in flights]
     n = len(POLAR) + len(THRUST)
     values, covariance = pool.estimate.parameters.value[:n].copy(), pool.estimate.parameters.covariance[:n, :n].copy()
     values[: len(POLAR)], covariance[: len(POLAR), : len(POLAR)] = pool.polar.A, pool.polar.covariance
-    losses = _mean([part(one.parameters, LOSSES) for one in models])
+    losses = _mean([part(model.parameters, LOSSES) for model in models])
     parts = [
         ParameterVector((*POLAR, *THRUST), values, covariance),
-        _mean([part(one.parameters, INCIDENCE) for one in models]),
+        _mean([part(model.parameters, INCIDENCE) for model in models]),
         losses,
     ]
-    motor = [one.full_throttle.parameters for one in models if one.full_throttle.parameters is not None]
+    motor = [model.full_throttle.parameters for model in models if model.full_throttle.parameters is not None]
     if motor:
-        parts.append(_mean([part(one, FULL_THROTTLE) for one in motor]))
-    no_load_Nm = float(np.mean([one.power_train.no_load_torque_Nm for one in models]))
+        parts.append(_mean([part(parameters, FULL_THROTTLE) for parameters in motor]))
+    no_load_Nm = float(np.mean([model.power_train.no_load_torque_Nm for model in models]))
     return PerformanceModel(
         combine_independent(*parts),
         PowerTrainModel(losses, no_load_Nm, measured=False, basis="", points=()),
@@ -106,13 +112,18 @@ def _pooled_model(pool: DragPool, flights: Sequence[ComputationModel]) -> Perfor
 
 
 def _mean(parts: Sequence[ParameterVector]) -> ParameterVector:
-    values, covariances = (np.mean([getattr(one, of) for one in parts], axis=0) for of in ("values", "covariance"))
+    values, covariances = (
+        np.mean([getattr(parameter_vector, of) for parameter_vector in parts], axis=0)
+        for of in ("values", "covariance")
+    )
     return ParameterVector(parts[0].names, values, covariances)
 
 
 def slowest_flown(pool: DragPool) -> SlowestFlown | None:
     """Slowest speed at the pool's condition, with the largest lift coefficient of any flight; None if unknown."""
-    known = [one.content.slowest_flown.largest_lift_coefficient for one in pool.flights if one.content.slowest_flown]
+    known = [
+        flight.content.slowest_flown.largest_lift_coefficient for flight in pool.flights if flight.content.slowest_flown
+    ]
     largest_CL = pool.flown_CL[1]
     if not known:
         return None

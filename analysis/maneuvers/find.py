@@ -104,9 +104,9 @@ def _porpoised(table: pd.DataFrame, loads: list[Maneuver]) -> NDArray[np.bool_]:
     """
     within = np.zeros(len(table), dtype=bool)
     margin = round(LOADS.smoothing_s / float(table.index[1] - table.index[0]))
-    for one in loads:
-        if one.kind == PORPOISING:
-            within[max(0, one.rows.start - margin) : one.rows.stop + margin] = True
+    for maneuver in loads:
+        if maneuver.kind == PORPOISING:
+            within[max(0, maneuver.rows.start - margin) : maneuver.rows.stop + margin] = True
     return within
 
 
@@ -122,8 +122,9 @@ def _within(stretch: Maneuver | RejectedManeuver, steps: list[Maneuver]) -> bool
 
 def _part_of(stretch: RejectedManeuver, porpoising: list[Maneuver]) -> bool:
     return any(
-        one.start_s - STEPS.longest_hold_s < stretch.start_s and stretch.end_s < one.end_s + STEPS.longest_hold_s
-        for one in porpoising
+        maneuver.start_s - STEPS.longest_hold_s < stretch.start_s
+        and stretch.end_s < maneuver.end_s + STEPS.longest_hold_s
+        for maneuver in porpoising
     )
 
 

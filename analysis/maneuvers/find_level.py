@@ -37,9 +37,9 @@ def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list
             whole = _changing_rows(motion, stretch.start, leg, changing_mps2)
             judged = _judged([whole], table, motion, leg.sign, noise)
             for divided in (_pieces(whole, motion.step_s, scale), _between_gaps(table, whole)):
-                if not any(one.rejection is None for one in judged):
+                if not any(part.rejection is None for part in judged):
                     parts = _judged(divided, table, motion, leg.sign, noise)
-                    judged = parts if any(one.rejection is None for one in parts) else judged
+                    judged = parts if any(part.rejection is None for part in parts) else judged
             for rows, rejection in judged:
                 data = table.iloc[rows]
                 if rejection:
@@ -60,12 +60,12 @@ def _judged(
     stretch: list[slice], table: pd.DataFrame, motion: SmoothedMotion, sign: int, noise: float
 ) -> list[_Judged]:
     """The verdict on each stretch that is worth one. sign: of the acceleration. noise: `noise_share`."""
-    scale, found = speed_ratio_of(table), []
+    scale, runs = speed_ratio_of(table), []
     for rows in stretch:
         measures = _measures(table.iloc[rows], motion, rows, sign)._replace(noise_share=noise)
         if not measures.negligible(scale):
-            found.append(_Judged(rows, measures.rejection(scale)))
-    return found
+            runs.append(_Judged(rows, measures.rejection(scale)))
+    return runs
 
 
 def _noise_mps(V: Array, smooth_V: Array) -> float:

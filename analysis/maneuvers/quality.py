@@ -33,7 +33,7 @@ def missing_share(data: pd.DataFrame) -> tuple[str, float]:
     """The first needed quantity that is missing for longer than allowed, or else the first, and its share of time."""
     missing = data[list(NEEDED_COLUMNS)].isna().to_numpy().mean(axis=0).tolist()
     shares = [(quantity(name), share) for name, share in zip(NEEDED_COLUMNS, missing, strict=True)]
-    return next((one for one in shares if missing_data(*one)), shares[0])
+    return next((share for share in shares if missing_data(*share)), shares[0])
 
 
 def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:

@@ -132,9 +132,9 @@ def load(path: Path) -> list[ManeuverEntry]:
     if not isinstance(raw, list) or not raw:
         raise InputError(f"{path}: has no [[run]] table")
     entries = []
-    for i, one in enumerate(raw, start=1):
+    for i, row in enumerate(raw, start=1):
         where = f"{path}: run {i}"
-        entry = read_table(ManeuverEntry, one, where)
+        entry = read_table(ManeuverEntry, row, where)
         if mistake := mistake_in(entry):
             raise InputError(f"{where}: {mistake}")
         entries.append(entry)

@@ -169,8 +169,8 @@ def with_assumption_uncertainty(estimate: DynamicEstimate, added: AssumptionUnce
     polar_covariance = estimate.polar.covariance + polar_part(added.covariance)
     errors = np.sqrt(np.diag(estimate.noise + systematic)).tolist()
     parameters = [
-        msgspec.structs.replace(one, standard_error=errors[i]) if i < len(errors) else one
-        for i, one in enumerate(estimate.parameters)
+        msgspec.structs.replace(parameter, standard_error=errors[i]) if i < len(errors) else parameter
+        for i, parameter in enumerate(estimate.parameters)
     ]
     polar = Polar(estimate.polar.A, polar_covariance)
     joint = estimate.joint and estimate.joint.with_changes(added.changes)
@@ -230,12 +230,12 @@ def with_step_of_motor_speed(
         return added
     known = air["n_revps"].to_numpy(dtype=float)
     faster = air.assign(n_revps=np.where(known > STANDING.motor_revps, known + error_revps, known))
-    found = _with_other_air(added, values_from, air, {MOTOR_SPEED_STEP: faster})
+    uncertainty = _with_other_air(added, values_from, air, {MOTOR_SPEED_STEP: faster})
     note = (
         f"Motor speed is recorded in steps of {step_revps:.2g} rev/s, as of whole pulses counted in a time: the"
         " interval contains half a step to either side. A counter that times pulses has none."
     )
-    return found._replace(notes=[*found.notes, note])
+    return uncertainty._replace(notes=[*uncertainty.notes, note])
 
 
 def _with_other_air(

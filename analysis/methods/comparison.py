@@ -84,8 +84,8 @@ def disagreements(
         methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, total, {}, {}, None, dynamic_CL)
         # Gusts take lift beyond that of the slowest speed flown; no method is compared there.
         methods = {
-            name: one._replace(flown_CL=(one.flown_CL[0], min(one.flown_CL[1], dynamic_CL[1])))
-            for name, one in methods.items()
+            name: estimate._replace(flown_CL=(estimate.flown_CL[0], min(estimate.flown_CL[1], dynamic_CL[1])))
+            for name, estimate in methods.items()
         }
     compared = (_compare(methods[a], methods[b], errors, condition) for a, b in PAIRS if a in methods and b in methods)
     return [disagreement for disagreement in compared if disagreement is not None]

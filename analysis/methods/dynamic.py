@@ -186,7 +186,7 @@ def estimate_polar(
     by_density = covariance.by_density(values_of, fit.values, flight_forces)
     changes[covariance.DENSITY] = covariance.at_nominal_density(fit.values + by_density, aircraft) - fit.values
     rejected = rejected_assumptions(fit)
-    changes |= {str(one.assumption): one.change for one in rejected}
+    changes |= {str(rejected_assumption.assumption): rejected_assumption.change for rejected_assumption in rejected}
     if as_measured is not None:  # another defect may look like this one: the interval contains the curve without it
         without = np.pad(as_measured, (0, len(fit.values) - len(as_measured)))
         changes[str(Assumption.MOTOR_SPEED)] = (fit.values - without) / NORMAL_95
@@ -202,7 +202,7 @@ def estimate_polar(
         joint = joint.with_value(motor_speed.PARAMETER, flight_forces.motor_speed.share)
     values, noise, systematic = values[:KEPT], noise[:KEPT, :KEPT], systematic[:KEPT, :KEPT]
     total = noise + systematic
-    warnings = [one.warning for one in rejected]
+    warnings = [rejected_assumption.warning for rejected_assumption in rejected]
     if flight_forces.motor_speed is not None:
         warnings.append(_miscounted_note(flight_forces.motor_speed, miscounted))
     if not (fit.verdict.ok and trajectory.converged):
@@ -235,7 +235,9 @@ def estimate_polar(
 def _gain_by_other_blades(nominal: _Nominal, runs: list[Maneuver]) -> float:
     """See `DynamicEstimate.other_blades`."""
     forces, propeller = nominal.flight_forces, nominal.flight_forces.propeller
-    thrust = np.concatenate([one.segment.u["thrust_along_V_over_m"] for one in nominal.fit.segment_fits])
+    thrust = np.concatenate(
+        [segment_fit.segment.u["thrust_along_V_over_m"] for segment_fit in nominal.fit.segment_fits]
+    )
     if not np.mean(thrust < 0) > STATISTICS.unmentioned_share:
         return 0.0
     other = propeller.with_beyond_zero_thrust(WINDMILL if propeller.beyond_zero_thrust == FOLD else FOLD)
@@ -247,11 +249,11 @@ def _gain_by_other_blades(nominal: _Nominal, runs: list[Maneuver]) -> float:
 def _run_shares(fit: Fit, polar_noise: Array) -> RunShares:
     """polar_noise : (3, 3), the noise part of the polar's covariance"""
     by_run = {}
-    for one in fit.segment_fits:
-        weight = np.sqrt(one.white.weight)
+    for segment_fit in fit.segment_fits:
+        weight = np.sqrt(segment_fit.white.weight)
         S = np.zeros((weight.size, len(fit.values)))
-        S[:, one.columns] = (weight[..., None] * one.white.S).reshape(weight.size, -1)
-        by_run[one.segment.name] = (S.T @ S, S.T @ (weight * one.white.e).ravel())
+        S[:, segment_fit.columns] = (weight[..., None] * segment_fit.white.S).reshape(weight.size, -1)
+        by_run[segment_fit.segment.name] = (S.T @ S, S.T @ (weight * segment_fit.white.e).ravel())
     information = fit.information + fit.prior_information
     white_noise = np.linalg.inv(information)[:3, :3]
     return RunShares(information, by_run, float(np.trace(np.linalg.solve(white_noise, polar_noise))) / 3)
@@ -288,10 +290,10 @@ def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
     late = _fitted(with_lag, counted.nominal, level, runs)
     if motor_lag.beyond_doubt(late):
         model, as_counted = with_lag, as_counted._replace(fit=late, as_measured=as_measured)
-    found = motor_speed.suspect(as_counted.fit, counted)
-    if found is None:
+    suspect = motor_speed.suspect(as_counted.fit, counted)
+    if suspect is None:
         return as_counted
-    error, with_speed = found._replace(share=0.0), motor_speed.with_motor_speed(model)
+    error, with_speed = suspect._replace(share=0.0), motor_speed.with_motor_speed(model)
     for _ in range(5):  # Gauss-Newton steps: thrust goes with the square of motor speed
         forces = FlightForces(counted.trajectory, counted.aircraft, counted.propeller, motor_speed=error)
         fit = _fitted(with_speed, forces.nominal, level, runs)

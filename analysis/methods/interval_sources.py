@@ -73,17 +73,17 @@ def variance_by_source(
         )
         return {Share.NOISE: noise, Share.SHARED: shared}
     joint = estimate.joint
-    found: dict[Share, Array] = defaultdict(lambda: np.zeros(len(V)))
+    variances: dict[Share, Array] = defaultdict(lambda: np.zeros(len(V)))
     polar = joint.parameters.at([joint.names.index(name) for name in POLAR])
     for name, change in polar.shared.items():
         if name == covariance.DENSITY:  # kept for the comparison of flights; here at the density of this one
             change = covariance.at_nominal_density(polar.value + change, aircraft) - polar.value
-        found[OF_CHANGE.get(name, Share.TRANSDUCERS)] += (gradient @ change) ** 2
+        variances[OF_CHANGE.get(name, Share.TRANSDUCERS)] += (gradient @ change) ** 2
     for source, shares in shares_of_correlated(joint, gradient).items():
-        found[source] += shares
+        variances[source] += shares
     total = np.einsum("ni,ij,nj->n", gradient, estimate.polar.covariance, gradient)
-    found[Share.NOISE] = np.maximum(total - np.sum(list(found.values()), axis=0), 0.0)
-    return {source: found[source] for source in Share if np.any(found.get(source, 0.0))}
+    variances[Share.NOISE] = np.maximum(total - np.sum(list(variances.values()), axis=0), 0.0)
+    return {source: variances[source] for source in Share if np.any(variances.get(source, 0.0))}
 
 
 def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Share, Array]:

@@ -28,13 +28,13 @@ from flightpower.analysis.methods.methods import (
     every_method,
     fallback,
     narrower,
+    rejection_of,
     tried,
-    why_not,
 )
 from flightpower.analysis.methods.methods_from_runs import ENERGY
 from flightpower.analysis.methods.rerun import EstimateRerun
 from flightpower.analysis.methods.run_agreement import one_kind_against_another, runs_against_others
-from flightpower.analysis.records.flight import DisagreementResult, MethodTried, RunAgainstOthers, WhyNot
+from flightpower.analysis.records.flight import DisagreementResult, MethodRejection, MethodTried, RunAgainstOthers
 from flightpower.analysis.trajectory.equations import vibration
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.flight.errors import InputError
@@ -151,7 +151,7 @@ def by_simpler_method(flight: Reconstructed, dynamic: DragEstimates) -> Estimate
         return None
     if not narrower((drag.main.polar, drag.flown_CL), (dynamic.main.polar, dynamic.flown_CL)):
         return None
-    ladder = [tried(DYNAMIC, DYNAMIC_TITLE, WhyNot.MISFIT), *drag.ladder[1:]]
+    ladder = [tried(DYNAMIC, DYNAMIC_TITLE, MethodRejection.MISFIT), *drag.ladder[1:]]
     likelihood = dynamic.likelihood
     drag = replace(drag, ladder=ladder, methods=[*drag.methods, *likelihood.methods], likelihood=likelihood)
     return Estimated(**flight.known() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
@@ -163,7 +163,7 @@ def _by_another_method(flight: Reconstructed, methods: list[MethodEstimate], fir
     by, ladder = lower[-1], [first, *lower]
     assumptions = _uncertainty_by_assumptions(flight, by.name)
     main = with_assumption_uncertainty(other, assumptions)
-    reasons = "; ".join(f"{one.title}: {one.text}" for one in ladder[:-1])
+    reasons = "; ".join(f"{step.title}: {step.text}" for step in ladder[:-1])
     warnings = [f"{main.warnings[0]} Not by better ones: {reasons}.", *main.warnings[1:]]
     notes = [*(assumptions.notes if assumptions else []), *warnings]
     if by.name != ENERGY.name:
@@ -197,13 +197,13 @@ def estimate_by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, Met
     """The dynamic method's estimate; None where it gives no curve, and why. With the uncertainty by assumptions."""
     runs = flight.maneuvers.level_runs
     if not runs:
-        return None, tried(DYNAMIC, DYNAMIC_TITLE, WhyNot.NOT_FLOWN, "accelerations or decelerations"), None
+        return None, tried(DYNAMIC, DYNAMIC_TITLE, MethodRejection.NOT_FLOWN, "accelerations or decelerations"), None
     if flight.trajectory.as_measured:
-        return None, tried(DYNAMIC, DYNAMIC_TITLE, WhyNot.NO_TRAJECTORY), None
+        return None, tried(DYNAMIC, DYNAMIC_TITLE, MethodRejection.NO_TRAJECTORY), None
     assumptions = _uncertainty_by_assumptions(flight)
     estimate = dynamic.estimate_polar(flight.trajectory, runs, flight.aircraft, flight.propeller)
     estimate = with_assumption_uncertainty(estimate, assumptions)
-    reason, details = why_not(estimate.polar, flight.flown_CL), unphysical(estimate.polar, flight.flown_CL)
+    reason, details = rejection_of(estimate.polar, flight.flown_CL), unphysical(estimate.polar, flight.flown_CL)
     return (None if reason else estimate), tried(DYNAMIC, DYNAMIC_TITLE, reason, details), assumptions
 
 

@@ -26,7 +26,7 @@ from flightpower.analysis.methods.methods_from_runs import (
 )
 from flightpower.analysis.methods.steady_points import PIW_VIW_THREE, PIW_VIW_TWO, W_DELTA, W_DELTA_SLOW
 from flightpower.analysis.methods.thrust_prior import THRUST, thrust_prior
-from flightpower.analysis.records.flight import CurveStatus, DisagreementResult, MethodTried, WhyNot
+from flightpower.analysis.records.flight import CurveStatus, DisagreementResult, MethodRejection, MethodTried
 from flightpower.analysis.settings import CURVES
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.flight.aircraft import Aircraft
@@ -111,7 +111,7 @@ def one_method(
 ) -> MethodEstimate:
     """The estimate of one of ALL_METHODS, without comparisons."""
     inputs, _ = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
-    (method,) = (one for one in ALL_METHODS if one.name == name)
+    (method,) = (candidate for candidate in ALL_METHODS if candidate.name == name)
     return estimate_with(method, inputs)
 
 
@@ -119,13 +119,13 @@ def one_method(
 LADDER = (ENERGY.name, PIW_VIW_THREE.name, VARIED_LIFT.name)
 
 
-def why_not(polar: Polar | None, flown_CL: tuple[float, float]) -> WhyNot:
+def rejection_of(polar: Polar | None, flown_CL: tuple[float, float]) -> MethodRejection:
     """Why a polar is no curve over these lift coefficients."""
     if polar is None:
-        return WhyNot.NO_ESTIMATE
+        return MethodRejection.NO_ESTIMATE
     if unphysical(polar, flown_CL):
-        return WhyNot.UNPHYSICAL
-    return WhyNot.NONE if informative(polar, flown_CL) else WhyNot.NO_INFORMATION
+        return MethodRejection.UNPHYSICAL
+    return MethodRejection.NONE if informative(polar, flown_CL) else MethodRejection.NO_INFORMATION
 
 
 def informative(polar: Polar, flown_CL: tuple[float, float]) -> bool:
@@ -134,10 +134,10 @@ def informative(polar: Polar, flown_CL: tuple[float, float]) -> bool:
     return bool(np.mean(drag > NORMAL_95 * sigma) > 0.5)
 
 
-def narrower(one: tuple[Polar, tuple[float, float]], other: tuple[Polar, tuple[float, float]]) -> bool:
+def narrower(polars: tuple[Polar, tuple[float, float]], other: tuple[Polar, tuple[float, float]]) -> bool:
     """Whether the interval of drag of one polar is narrower than that of another, in the mean over the lift
     coefficients of both. Each with its own range."""
-    (a, of_a), (b, of_b) = one, other
+    (a, of_a), (b, of_b) = polars, other
     common = max(of_a[0], of_b[0]), min(of_a[1], of_b[1])
     (drag_a, error_a), (drag_b, error_b) = (_drag_and_error(polar, common) for polar in (a, b))
     return bool(common[0] < common[1] and np.mean(error_a / drag_a) < np.mean(error_b / drag_b))
@@ -150,7 +150,7 @@ def _drag_and_error(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Array,
     return terms @ polar.A, np.sqrt(np.einsum("ni,ij,nj->n", terms, polar.covariance, terms))
 
 
-def tried(name: str, title: str, reason: WhyNot, details: str = "") -> MethodTried:
+def tried(name: str, title: str, reason: MethodRejection, details: str = "") -> MethodTried:
     """A method on the ladder with its reason in words. details: what the reason does not tell."""
     text = f"{reason}: {details}" if reason and details else str(reason)
     return MethodTried(name=name, title=title, reason=reason, text=text)
@@ -185,15 +185,15 @@ def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: 
     candidates = [by_method[name] for name in LADDER if name in by_method]
     reasons: list[MethodTried] = []
     for best in candidates:
-        reason = WhyNot.NOT_FLOWN if best.not_flown else why_not(best.polar, best.flown_CL)
+        reason = MethodRejection.NOT_FLOWN if best.not_flown else rejection_of(best.polar, best.flown_CL)
         details = unphysical(best.polar, best.flown_CL) if best.polar else ", ".join(best.notes)
         details = " or ".join(best.not_flown) or details
         reasons.append(tried(best.method.name, best.method.title, reason, details))
-        if reason is WhyNot.NONE:
+        if reason is MethodRejection.NONE:
             break
-    if not reasons or reasons[-1].reason is not WhyNot.NONE or best.polar is None:
-        listed = "; ".join(f"{one.title}: {one.text}" for one in reasons)
-        flown = any(one.name == ENERGY.name and one.reason is not WhyNot.NOT_FLOWN for one in reasons)
+    if not reasons or reasons[-1].reason is not MethodRejection.NONE or best.polar is None:
+        listed = "; ".join(f"{reason.title}: {reason.text}" for reason in reasons)
+        flown = any(reason.name == ENERGY.name and reason.reason is not MethodRejection.NOT_FLOWN for reason in reasons)
         without = "" if flown else "no acceleration or deceleration to analyze, and "
         raise NoMethod(f"{log}: {without}no method gives a curve: {listed}", reasons)
     # The method's own covariance is that of independent errors of the table.

@@ -27,14 +27,16 @@ def suspect(fit: Fit, flight_forces: FlightForces) -> MotorSpeedError | None:
     fit: of the drag model along the nominal forces, without such an error.
     """
     forces = flight_forces.nominal
-    rows = np.concatenate([np.searchsorted(forces.index, one.segment.t_s) for one in fit.segment_fits])
+    rows = np.concatenate([np.searchsorted(forces.index, segment_fit.segment.t_s) for segment_fit in fit.segment_fits])
     n, by_speed = (np.nan_to_num(x)[rows] for x in (forces["n"].to_numpy(), flight_forces.by_motor_speed(forces)))
     sigma = float(np.sqrt(fit.noise_covariance.item()))
-    residuals = np.concatenate([fit.residuals[one.segment.name][:, 0] for one in fit.segment_fits]) / sigma
+    residuals = (
+        np.concatenate([fit.residuals[segment_fit.segment.name][:, 0] for segment_fit in fit.segment_fits]) / sigma
+    )
     others, first = np.zeros((len(residuals), len(fit.names))), 0
-    for one in fit.segment_fits:
-        others[first : first + len(one.segment), one.columns] = one.white.S[:, 0]
-        first += len(one.segment)
+    for segment_fit in fit.segment_fits:
+        others[first : first + len(segment_fit.segment), segment_fit.columns] = segment_fit.white.S[:, 0]
+        first += len(segment_fit.segment)
     best, most = None, 0.0
     for above in (0.0, *np.quantile(n, MOTOR_SPEED.tested)):
         column = np.where(np.isfinite(residuals), -by_speed * (n > above) / sigma, 0.0)

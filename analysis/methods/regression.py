@@ -30,17 +30,17 @@ class RunData(NamedTuple):
 def run_data(table: pd.DataFrame, runs: list[Maneuver], columns: tuple[str, ...]) -> list[RunData]:
     """The columns over each run, gaps interpolated. Raises InputError when no run has all columns."""
     t, values = table.index.to_numpy(), [table[name].to_numpy() for name in columns]
-    found = []
+    run_data = []
     for run in runs:
         rows = slice(*np.searchsorted(t, (run.start_s, np.nextafter(run.end_s, np.inf))))
         data = np.stack([column[rows] for column in values], axis=1)
         if not np.isfinite(data).all():
             data = pd.DataFrame(data).interpolate(limit_direction="both").to_numpy()
         if len(data) >= REGRESSION.fewest_blocks and np.isfinite(data).all():
-            found.append(RunData(run, t[rows], dict(zip(columns, data.T, strict=True))))
-    if not found:
+            run_data.append(RunData(run, t[rows], dict(zip(columns, data.T, strict=True))))
+    if not run_data:
         raise InputError("no run has all the required data")
-    return found
+    return run_data
 
 
 COEFFICIENTS = ("A0", "A1", "A2")

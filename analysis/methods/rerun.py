@@ -60,8 +60,8 @@ class EstimateRerun(NamedTuple):
 
     def _by_another_method(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> DynamicEstimate:
         flight = self.flight
-        found = one_method(self.method, trajectory, flight.maneuvers.maneuvers, aircraft, propeller)
-        return fallback([found], trajectory, aircraft, flight.name).estimate
+        estimate = one_method(self.method, trajectory, flight.maneuvers.maneuvers, aircraft, propeller)
+        return fallback([estimate], trajectory, aircraft, flight.name).estimate
 
     def _trajectory(self, aircraft: Aircraft, slope_sigma: float) -> Trajectory:
         """It does not depend on the propeller, and is the flight's own where nothing has changed."""
@@ -76,7 +76,7 @@ class EstimateRerun(NamedTuple):
 
     def _reconstructed(self, data: FlightData, slope_sigma: float) -> Trajectory:
         flight = self.flight
-        found = trajectory_with(
+        trajectory = trajectory_with(
             flight,
             data,
             prior_factor=flight.prior_factor,
@@ -84,4 +84,4 @@ class EstimateRerun(NamedTuple):
             as_measured=flight.trajectory.as_measured,
             height_noise=flight.trajectory.height_noise,
         )
-        return replace(found, eddies_mps=flight.trajectory.eddies_mps)
+        return replace(trajectory, eddies_mps=flight.trajectory.eddies_mps)

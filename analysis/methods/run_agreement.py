@@ -40,29 +40,31 @@ def runs_against_others(
     for run in known:
         others = [other for other in known if other is not run and other.method.kinds == run.method.kinds]
         lift = np.linspace(*run.flown_CL, 2 * len(known) + 1)  # finer than the ends of the others' ranges
-        if found := _compared(run, others, lift, condition, uncertainty):
-            compared.append(found)
+        if comparison := _compared(run, others, lift, condition, uncertainty):
+            compared.append(comparison)
     return compared
 
 
 def one_kind_against_another(
-    one: MethodEstimate, other: MethodEstimate, condition: Condition, uncertainty: Uncertainty
+    method_estimate: MethodEstimate, other: MethodEstimate, condition: Condition, uncertainty: Uncertainty
 ) -> RunAgainstOthers | None:
     """The accelerations against the decelerations, or the like: what differs by thrust or lag. None without both."""
-    if one.polar is None or other.polar is None:
+    if method_estimate.polar is None or other.polar is None:
         return None
-    return _compared(one, [other], np.linspace(*one.flown_CL, CURVES.points), condition, uncertainty)
+    return _compared(
+        method_estimate, [other], np.linspace(*method_estimate.flown_CL, CURVES.points), condition, uncertainty
+    )
 
 
 def _compared(
     run: MethodEstimate, others: list[MethodEstimate], lift: Array, condition: Condition, uncertainty: Uncertainty
 ) -> RunAgainstOthers | None:
     """Compares a run with the others at the value of `lift` where they differ most certainly; None without one."""
-    found = _differences(run, others, lift, uncertainty)
-    if found is None:
+    differences = _differences(run, others, lift, uncertainty)
+    if differences is None:
         return None
-    best = int(np.argmin(found.standard_error / np.abs(found.CD)))
-    CL, CD, CD_others, standard_error = (float(values[best]) for values in found)
+    best = int(np.argmin(differences.standard_error / np.abs(differences.CD)))
+    CL, CD, CD_others, standard_error = (float(values[best]) for values in differences)
     V = float(speed_at(CL, condition))
     power_by_CD = condition.rho * V**3 * condition.wing_area_m2 / 2  # (3.45)
     return RunAgainstOthers(
@@ -83,14 +85,14 @@ def _differences(
     difference of their effects. None where they cover none."""
     if not others:
         return None
-    ends = np.array([one.flown_CL for one in others])
+    ends = np.array([method_estimate.flown_CL for method_estimate in others])
     covering = (ends[:, 0] <= lift[:, None]) & (lift[:, None] <= ends[:, 1])
     shared = covering.any(axis=1)
     CL, covering = lift[shared], covering[shared]
     if not len(CL):
         return None
     rows = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
-    noise = np.stack([_variance(rows, one.noise) for one in others], axis=1)
+    noise = np.stack([_variance(rows, method_estimate.noise) for method_estimate in others], axis=1)
     weight = covering / noise
     weight /= weight.sum(axis=1, keepdims=True)
     weighed = (weight[:, :, None] * rows[:, None, :]).reshape(len(CL), -1)
@@ -99,14 +101,18 @@ def _differences(
         """The weighed mean (k, n) of what changes the polars by (3, n) each."""
         return np.asarray(weighed @ np.concatenate([value.reshape(3, -1) for value in values]))
 
-    CD, CD_others = rows @ _polar(run), by_others([_polar(one) for one in others])[:, 0]
+    CD, CD_others = rows @ _polar(run), by_others([_polar(method_estimate) for method_estimate in others])[:, 0]
     variance = _variance(rows, run.noise) + np.sum(weight**2 * noise, axis=1)
     variance += (COMPARISON.run_slope_rad * CL) ** 2 * (1 + np.sum(weight**2, axis=1))
-    by_trajectory = rows @ run.trajectory_deviations - by_others([one.trajectory_deviations for one in others])
+    by_trajectory = rows @ run.trajectory_deviations - by_others(
+        [method_estimate.trajectory_deviations for method_estimate in others]
+    )
     variance += np.sum(by_trajectory**2, axis=1)
     sigma = error_prior_sigma(uncertainty)
     for name, sensitivity in run.sensitivities.items():
-        change = rows @ sensitivity - by_others([one.sensitivities[name] for one in others])[:, 0]
+        change = (
+            rows @ sensitivity - by_others([method_estimate.sensitivities[name] for method_estimate in others])[:, 0]
+        )
         variance += (change * sigma[name]) ** 2
     return _Differences(CL, CD, CD_others, np.sqrt(variance))
 

@@ -47,12 +47,12 @@ def rows(plan: FlightPlan) -> list[Row]:
     """The flight in order: pieces that follow each other unchanged are one row."""
     first, last = len(before(plan.aircraft)), len(after(plan.aircraft))
     starts_s = plan.history.starts_s
-    found = [Row("", "on the ground, then take off", _steps(plan.maneuvers[:first]), float(starts_s[first]))]
-    for piece, same in groupby(zip(plan.pieces, plan.piece_seconds, strict=True), key=lambda one: one[0]):
+    rows = [Row("", "on the ground, then take off", _steps(plan.maneuvers[:first]), float(starts_s[first]))]
+    for piece, same in groupby(zip(plan.pieces, plan.piece_seconds, strict=True), key=lambda pair: pair[0]):
         seconds = [taken_s for _, taken_s in same]
-        found.append(Row(f"{len(seconds)} ×", piece.title, _steps(piece.maneuvers), sum(seconds)))
+        rows.append(Row(f"{len(seconds)} ×", piece.title, _steps(piece.maneuvers), sum(seconds)))
     landing_s = float(starts_s[-1] - starts_s[-1 - last])
-    return [*found, Row("", "land, then on the ground", _steps(plan.maneuvers[-last:]), landing_s)]
+    return [*rows, Row("", "land, then on the ground", _steps(plan.maneuvers[-last:]), landing_s)]
 
 
 def _steps(maneuvers: Sequence[Maneuver]) -> str:
@@ -102,12 +102,12 @@ def margin(plan: FlightPlan) -> str:
 
 def warnings(plan: FlightPlan) -> list[str]:
     """What is to be mended before the day in the field: propeller's table, battery, wind, height."""
-    found = []
+    warnings = []
     propeller, dashed = plan.aircraft.propeller, uncovered_mps(plan)
     if len(dashed):
         J, rpm = _propeller_in(_runs(plan), propeller)
         last = propeller.rows[-1]
-        found.append(
+        warnings.append(
             f"At {' and '.join(f'{speed:.1f}' for speed in dashed)} m/s most of the runs lie outside the table of"
             f" {propeller.name}, which has {propeller.rows[0].rpm:.0f} to {last.rpm:.0f} rpm and J to {last.J[-1]:.2f}."
             f" They take {np.quantile(rpm, 0.05):.0f} to {np.quantile(rpm, 0.95):.0f} rpm and J to"
@@ -116,23 +116,23 @@ def warnings(plan: FlightPlan) -> list[str]:
     battery_Wh, needed_Wh = plan.aircraft.aircraft.propulsion.battery_energy_Wh, energy_Wh(plan)
     usable = ASKED.usable
     if battery_Wh is not None and needed_Wh > usable * battery_Wh:
-        found.append(
+        warnings.append(
             f"The flight takes some {needed_Wh:.0f} Wh; with {100 * usable:.0f} % of the battery there are"
             f" {usable * battery_Wh:.0f} Wh. Plan fewer --minutes."
         )
     wind_mps, cruise_mps, fast_share = plan.request.wind_mps, plan.aircraft.cruise_mps, 0.7
     if wind_mps > fast_share * cruise_mps:
-        found.append(
+        warnings.append(
             f"The wind at {plan.request.space.height_m:.0f} m is {wind_mps:.1f} m/s, the speed between maneuvers"
             f" {cruise_mps:.1f} m/s: the flight hardly advances against it, and may end far downwind of the take-off."
             " Plan for less --wind."
         )
     highest_m = 400 * FOOT_M  # 14 CFR 107.51; 120 m in Regulation (EU) 2019/947
     if plan.request.space.height_m > highest_m:
-        found.append(
+        warnings.append(
             f"{plan.request.space.height_m:.0f} m is above {highest_m:.0f} m (400 ft), the limit in many countries."
         )
-    return found
+    return warnings
 
 
 def uncovered_mps(plan: FlightPlan) -> Array:
@@ -153,7 +153,7 @@ def _runs(plan: FlightPlan) -> pd.DataFrame:
     """The rows of the history in which a run is flown."""
     table = plan.history.table
     maneuver = np.searchsorted(plan.history.starts_s, table.index.to_numpy(), side="right") - 1
-    in_run = np.array([isinstance(one, Run) for one in plan.maneuvers])
+    in_run = np.array([isinstance(maneuver, Run) for maneuver in plan.maneuvers])
     return table[in_run[np.minimum(maneuver, len(in_run) - 1)]]
 
 
@@ -200,19 +200,19 @@ def expected_interval(plan: FlightPlan) -> list[tuple[str, str]]:
 def losses(plan: FlightPlan) -> list[str]:
     """What is lost where a piece cannot be flown, and by an autopilot."""
     worst = float(max(plan.half_widths))
-    found = []
+    losses = []
     for part in plan.contributions:
         times = f"{part.times} × " if part.times > 1 else ""
-        found.append(
+        losses.append(
             f"{times}{part.title} ({part.seconds:.0f} s): without it ±{part.worst_without:.1f} % instead of"
             f" ±{worst:.1f} %"
         )
     if plan.worst_with_porpoising is not None:
-        found.append(
+        losses.append(
             "An autopilot's mission cannot porpoise. With porpoising by a pilot, in the same time:"
             f" ±{plan.worst_with_porpoising:.1f} % instead of ±{worst:.1f} %."
         )
-    return found
+    return losses
 
 
 STYLE = """
@@ -297,7 +297,7 @@ def _headings(plan: FlightPlan) -> str:
     heading_deg = plan.request.heading_deg
     if heading_deg is None:
         return ""
-    there, back = (course_text(radians(one)) for one in (heading_deg, heading_deg + 180))
+    there, back = (course_text(radians(course_deg)) for course_deg in (heading_deg, heading_deg + 180))
     return f" {there} (first) and {back},"
 
 

@@ -145,12 +145,12 @@ def expected_aircraft(
             raise InputError(f"{aircraft.name}: full throttle does not carry the aircraft; check propeller and motor")
         i = int(can[-1])
         fastest_mps = float(np.interp(0.0, -excess[i : i + 2], V[i : i + 2]))  # or the last V
-    found = ExpectedAircraft(
+    expectation = ExpectedAircraft(
         aircraft=aircraft, propeller=propeller, rho=rho, A=A, stall_mps=stall_mps, fastest_mps=fastest_mps,
         acceleration_throttle=MANEUVERS.acceleration_throttle, full_throttle=True, basis="; ".join([*basis, motor]),
         stall_basis=stall_basis, _grid_V=V, _grid_thrust_N=thrust,
     )  # fmt: skip
-    return _inside_the_table(found)
+    return _inside_the_table(expectation)
 
 
 def _check_stall(aircraft: Aircraft, rho: float, stall_mps: float, least: float = 0.25, most: float = 4.0) -> None:
@@ -158,7 +158,7 @@ def _check_stall(aircraft: Aircraft, rho: float, stall_mps: float, least: float 
     S, W = aircraft.geometry.wing_area_m2, aircraft.mass.weight_N
     CL = 2 * W / (rho * S * stall_mps**2)
     if not least <= CL <= most:
-        speeds = " to ".join(f"{(2 * W / (rho * S * one)) ** 0.5:.1f}" for one in (most, least))
+        speeds = " to ".join(f"{(2 * W / (rho * S * CL)) ** 0.5:.1f}" for CL in (most, least))
         raise InputError(
             f"{aircraft.name}: a stall speed of {stall_mps:g} m/s takes a lift coefficient of {CL:.2g} at {W:.1f} N and"
             f" {S:g} m²; {speeds} m/s is possible: check --stall, weight and wing area"

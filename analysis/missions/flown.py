@@ -61,8 +61,8 @@ def flown(read: ReadMission, where: str, assumed: Assumed) -> Mission:
     if assumed.home_deg is not None:
         start = Start(*assumed.home_deg, start.above_sea_m if start else None)
     if start is None:
-        said = "".join(f" {note}" for note in read.notes)
-        raise InputError(f'{where}: has no home position; give --home "48.1,11.5"{"." if said else ""}{said}')
+        notes = "".join(f" {note}" for note in read.notes)
+        raise InputError(f'{where}: has no home position; give --home "48.1,11.5"{"." if notes else ""}{notes}')
     latitude, longitude, above_sea_m = start
     if not (abs(latitude) <= 90 and abs(longitude) <= 360 and (above_sea_m is None or math.isfinite(above_sea_m))):
         raise InputError(

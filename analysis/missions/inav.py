@@ -41,32 +41,35 @@ COMMANDS = {
 
 def read_inav(root: Element, where: str) -> ReadMission:
     """Raises InputError beginning with `where`, and naming the item."""
-    found = [one for one in root.iter() if _name(one) == ITEM]
-    items = [_item(one, where) for one in found]
+    elements = [element for element in root.iter() if _name(element) == ITEM]
+    items = [_item(element, where) for element in elements]
     if len({item.number for item in items}) < len(items):
         raise InputError(f"{where}: has several missions of INAV; save the one that is to be flown alone")
     try:
-        map_view = next((one for one in root.iter() if _name(one) in ("mwp", "meta") and "home-x" in one.attrib), None)
+        map_view = next(
+            (element for element in root.iter() if _name(element) in ("mwp", "meta") and "home-x" in element.attrib),
+            None,
+        )
         home = None if map_view is None else (float(map_view.get("home-y", "")), float(map_view.get("home-x", "")))
     except ValueError as error:
         raise InputError(f"{where}: home is no latitude and longitude ({error})") from None
     return ReadMission(items, Start(*home, None) if home and any(home) else None)
 
 
-def _item(one: Element, where: str) -> Item:
-    number = one.get("no", "without a number")
+def _item(element: Element, where: str) -> Item:
+    number = element.get("no", "without a number")
     try:
-        action = Action(one.get("action", "").upper())
-        latitude, longitude, height_m = (float(one.get(key, "0")) for key in ("lat", "lon", "alt"))
-        first, second, third = (float(one.get(f"parameter{i}", "0")) for i in (1, 2, 3))
+        action = Action(element.get("action", "").upper())
+        latitude, longitude, height_m = (float(element.get(key, "0")) for key in ("lat", "lon", "alt"))
+        first, second, third = (float(element.get(f"parameter{i}", "0")) for i in (1, 2, 3))
         above_sea = bool(int(third) & 1)
         position = int(number)
     except (ValueError, OverflowError) as error:
         raise InputError(f"{where}: item {number} of INAV is not understood ({error})") from None
     frame = Frame.ABOVE_SEA if above_sea else Frame.RELATIVE
-    told = {Action.HOLD_FOR_TIME: (first, 0), Action.JUMP: (first, second)}.get(action, (0, 0))
-    return item_of(position, COMMANDS[action], frame, [*told, 0.0, math.nan, latitude, longitude, height_m])
+    parameters = {Action.HOLD_FOR_TIME: (first, 0), Action.JUMP: (first, second)}.get(action, (0, 0))
+    return item_of(position, COMMANDS[action], frame, [*parameters, 0.0, math.nan, latitude, longitude, height_m])
 
 
-def _name(one: Element) -> str:
-    return one.tag.rpartition("}")[2].lower()
+def _name(element: Element) -> str:
+    return element.tag.rpartition("}")[2].lower()

@@ -60,15 +60,15 @@ from flightpower.flight.errors import InputError
 
 def read_results(path: Path) -> Results:
     """A results.json. Raises InputError when it is something else, or not to be trusted."""
-    found = read.read_results(path)
-    if found.trust is Trust.NOT_TO_BE_TRUSTED:
-        raise InputError(f"{path}: not to be trusted ({found.evidence[0].kind}); plan without it")
-    return found
+    results = read.read_results(path)
+    if results.trust is Trust.NOT_TO_BE_TRUSTED:
+        raise InputError(f"{path}: not to be trusted ({results.evidence[0].kind}); plan without it")
+    return results
 
 
 def polar(results: Sequence[Results]) -> Array | None:
     """A0, A1, A2 of the last flight that has a drag polar; None without one."""
-    known = [found.drag_polar for found in results if found.drag_polar is not None]
+    known = [flight_results.drag_polar for flight_results in results if flight_results.drag_polar is not None]
     return np.array([known[-1].A0, known[-1].A1, known[-1].A2]) if known else None
 
 
@@ -78,10 +78,12 @@ def information(results: Sequence[Results]) -> Array | None:
     What each flight knew beyond the prior, each error by itself: results.json has no correlations.
     """
     total = np.zeros((len(SENSOR_ERRORS), len(SENSOR_ERRORS)))
-    for found in results:
-        if found.path is None:
-            raise InputError(f"{found.log}: these results have no sensor errors, so a plan cannot begin with them")
-        for error in found.path.sensor_errors:
+    for flight_results in results:
+        if flight_results.path is None:
+            raise InputError(
+                f"{flight_results.log}: these results have no sensor errors, so a plan cannot begin with them"
+            )
+        for error in flight_results.path.sensor_errors:
             if error.name in INSTALLATION:
                 i, factor = SENSOR_ERRORS.index(error.name), SENSOR_ERROR_KINDS[error.name].shown[0]
                 gained = (factor / error.standard_error) ** 2 - (factor / error.assumed_sigma) ** 2
@@ -136,13 +138,13 @@ def question(name: str, expected: ExpectedAircraft, slowest_mps: float, fastest_
         best = float(np.clip(speed_at(center(expected.A), condition(expected)), slowest_mps, fastest_mps))
         V = np.unique(np.clip(best * np.array([0.95, 1.0, 1.05]), slowest_mps, fastest_mps))
 
-    def widths_of(found: Covariances) -> Array:
-        return half_widths(_of_difference(found) if name == "propellers" else found, expected, V)
+    def widths_of(covariances: Covariances) -> Array:
+        return half_widths(_of_difference(covariances) if name == "propellers" else covariances, expected, V)
 
-    def cost(found: Covariances) -> float:
+    def cost(covariances: Covariances) -> float:
         if name == "probe":
-            return _probe_cost(found.errors)
-        widths = widths_of(found)
+            return _probe_cost(covariances.errors)
+        widths = widths_of(covariances)
         return float(np.max(widths) + SEARCH.mean_share * np.mean(widths))
 
     return Question(name, QUESTION_TITLES[name], V, cost, widths_of)
@@ -153,18 +155,18 @@ def condition(expected: ExpectedAircraft) -> Condition:
     return Condition(expected.aircraft.mass.weight_N, expected.rho, expected.aircraft.geometry.wing_area_m2)
 
 
-def half_widths(found: Covariances, expected: ExpectedAircraft, V: Array) -> Array:
+def half_widths(covariances: Covariances, expected: ExpectedAircraft, V: Array) -> Array:
     """Half widths of the 95 % interval of power [%] at speeds V (n,) [m/s]."""
-    power, sigma = power_required(V, Polar(expected.A, found.polar), condition(expected))
+    power, sigma = power_required(V, Polar(expected.A, covariances.polar), condition(expected))
     return np.asarray(100 * NORMAL_95 * sigma / power)
 
 
-def _of_difference(found: Covariances) -> Covariances:
+def _of_difference(covariances: Covariances) -> Covariances:
     """Covariances of the difference of two such flights, which share the errors of the installation."""
-    errors = found.errors.copy()
+    errors = covariances.errors.copy()
     same = [SENSOR_ERRORS.index(error) for error in INSTALLATION]
     errors[same] = errors[:, same] = 0.0
-    return found._replace(errors=2 * errors, noise=2 * found.noise, fixed=0 * found.fixed)
+    return covariances._replace(errors=2 * errors, noise=2 * covariances.noise, fixed=0 * covariances.fixed)
 
 
 def _probe_cost(errors: Array) -> float:
@@ -231,9 +233,9 @@ def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps
     flown = len(problem.blocks.t_s[problem.blocks.airborne])
     assumed, length = problem.conditions.in_cruise(gust_mps), aircraft.aircraft.uncertainty.gust_length
     slow = planned_ratios(flown, problem.blocks.step_s, assumed, length)
-    found = Estimate(linearized.errors, linearized.step.covariance)
+    estimate = Estimate(linearized.errors, linearized.step.covariance)
     prior = Estimate(linearized.errors, np.diag(problem.error_sigma**2))
-    return with_slow_power(found, prior, gust_mps, slow).covariance
+    return with_slow_power(estimate, prior, gust_mps, slow).covariance
 
 
 def linearized_trajectory(

@@ -15,20 +15,20 @@ def read_line(root: Element, where: str, assumed: Assumed) -> Mission:
 
     Raises InputError beginning with `where`.
     """
-    lines = [one for one in root.iter() if _name(one) == "LineString"]
+    lines = [element for element in root.iter() if _name(element) == "LineString"]
     if len(lines) != 1:
         raise InputError(
             f"{where}: has {len(lines)} lines (LineString); save the one that is to be flown alone, or the mission as"
             " .plan, .waypoints, or INAV's XML"
         )
-    found = {_name(child): (child.text or "").strip() for child in lines[0]}
-    points = _points(found.get("coordinates", ""), where)
-    with_heights = found.get("altitudeMode", "clampToGround") != "clampToGround" and all(
-        len(one) == 3 for one in points
+    texts = {_name(child): (child.text or "").strip() for child in lines[0]}
+    points = _points(texts.get("coordinates", ""), where)
+    with_heights = texts.get("altitudeMode", "clampToGround") != "clampToGround" and all(
+        len(element) == 3 for element in points
     )
-    absolute = with_heights and found["altitudeMode"] == "absolute"
+    absolute = with_heights and texts["altitudeMode"] == "absolute"
     planned = absolute and any(
-        _name(one) == "name" and one.text == GROUND_STATION for mark in root.iter("*") for one in mark
+        _name(element) == "name" and element.text == GROUND_STATION for mark in root.iter("*") for element in mark
     )
     start = Start(*(assumed.home_deg or (points[0][1], points[0][0])), None)
     base_m, notes = 0.0, []
@@ -68,5 +68,5 @@ def _points(text: str, where: str) -> list[tuple[float, ...]]:
     return points
 
 
-def _name(one: Element) -> str:
-    return one.tag.rpartition("}")[2]
+def _name(element: Element) -> str:
+    return element.tag.rpartition("}")[2]

@@ -191,13 +191,13 @@ class Wind(NamedTuple):
 def parse_wind(text: str, sd_mps: float) -> Wind:
     """The wind of "5 m/s from 270 deg", or "0" for calm. Raises InputError."""
     calm = re.fullmatch(r"0(?:\.0*)?\s*(?:m/s|kt|km/h)?", text.strip())
-    found = WIND.fullmatch(text.strip())
+    match = WIND.fullmatch(text.strip())
     if calm:
         return Wind(0.0, 0.0, sd_mps)
-    if not found:
+    if not match:
         raise InputError(f'--wind {text}: should be speed and direction it comes from, such as "5 m/s from 270 deg"')
-    speed_mps = Quantity("--wind, its speed", "m/s", '"10 kt"', least=0, most=40).parse(found["speed"])
-    direction = _degrees(found["direction"], f"--wind {text}", "direction")
+    speed_mps = Quantity("--wind, its speed", "m/s", '"10 kt"', least=0, most=40).parse(match["speed"])
+    direction = _degrees(match["direction"], f"--wind {text}", "direction")
     return Wind(-speed_mps * sin(radians(direction)), -speed_mps * cos(radians(direction)), sd_mps)
 
 

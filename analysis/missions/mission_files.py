@@ -25,7 +25,7 @@ def load_mission(path: Path, assumed: Assumed = Assumed()) -> Mission:
         root = ElementTree.fromstring(text.strip())
     except (ElementTree.ParseError, ValueError) as error:
         raise InputError(f"{where}: not XML of INAV, and no KML ({error})") from None
-    if any(one.tag.lower().endswith(ITEM) for one in root.iter()):
+    if any(element.tag.lower().endswith(ITEM) for element in root.iter()):
         return flown(read_inav(root, where), where, assumed)
     return read_line(root, where, assumed)
 

@@ -60,7 +60,7 @@ def kept_in_place(
 
     wind_from_deg : clockwise from the first leg
     """
-    flown, found = paths(plan, expected, space.height_m), list(plan)
+    flown, maneuvers = paths(plan, expected, space.height_m), list(plan)
     wind = wind_vector(wind_mps, wind_from_deg)
     parts = list(_parts(plan, flown))
     place, heading, way, before = np.zeros(2), 0.0, 1.0, None  # of x, the turn before
@@ -69,40 +69,44 @@ def kept_in_place(
         assert part is not None
         headwind_mps = -way * float(wind[0])
         if part.held is not None and part.turn is not None and after is not None:
-            held = found[part.held]
+            held = maneuvers[part.held]
             assert isinstance(held, Hold | Porpoise)
             turn_x_m = _turn_x_m(flown[part.turn], after, way, space, float(wind[0]))
             turn_m = way * (turn_x_m - float(turned[0]))
             longer_s = _longer_s(part, held, headwind_mps, (turn_m, space.leg_m))
             if before is None:
                 longer_s = min(longer_s, _until_a_leg_away_s(part, wind, space.leg_m))
-            found[part.held] = replace(held, duration_s=held.duration_s + longer_s)
+            maneuvers[part.held] = replace(held, duration_s=held.duration_s + longer_s)
             part = replace(part, air_m=part.air_m + longer_s * held.speed_mps, seconds=part.seconds + longer_s)
         if before is None:
-            until_turn = fly(found[: part.turn], expected, space.height_m, wind_mps, wind_from_deg=wind_from_deg)
+            until_turn = fly(maneuvers[: part.turn], expected, space.height_m, wind_mps, wind_from_deg=wind_from_deg)
             place = until_turn.position_m[-1]
         else:
-            turn, begun_mps = found[before], float(flown[before].V[0])
+            turn, begun_mps = maneuvers[before], float(flown[before].V[0])
             assert isinstance(turn, Turn)
             for _ in range(3):  # another angle takes another time
                 crab = _crab_rad(part, turned, wind)
                 turn = _turned_to(turn, (crab if way > 0 else pi - crab) - heading)
                 turned = place + _moved(turn_path(expected, begun_mps, turn), heading, wind)
-            found[before], place = turn, turned
+            maneuvers[before], place = turn, turned
             heading += turn.angle_rad
             place = place + part.air_m * np.array([cos(heading), sin(heading)]) + part.seconds * wind
         if part.turn is not None and after is not None:
             turned = place + _moved(flown[part.turn], heading, wind)
             before = part.turn
             way = _way_after(flown[part.turn], after, way, float(turned[0]), float(wind[0]))
-    return found
+    return maneuvers
 
 
 def _parts(plan: Sequence[Maneuver], flown: Sequence[Path]) -> Iterator[_Part]:
     turns = [i for i, maneuver in enumerate(plan) if isinstance(maneuver, Turn)]
     for before, turn in pairwise([-1, *turns, len(plan)]):
         numbers = range(before + 1, turn)
-        held = [(one.speed_mps, i, one.duration_s) for i in numbers if isinstance(one := plan[i], Hold | Porpoise)]
+        held = [
+            (maneuver.speed_mps, i, maneuver.duration_s)
+            for i in numbers
+            if isinstance(maneuver := plan[i], Hold | Porpoise)
+        ]
         held_mps, number, duration_s = max(held, default=(0.0, None, 0.0))
         shortest_s = 8.0  # of a circuit
         yield _Part(
@@ -120,10 +124,10 @@ def _turned_to(turn: Turn, angle_rad: float) -> Turn:
     """The turn, to the same side and by about as much, that ends after this angle or whole circles more."""
     whole = 2 * pi
     more = (angle_rad - turn.angle_rad + pi) % whole - pi
-    found = turn.angle_rad + more
-    if abs(found) < pi / 2:  # rather a circle than none
-        found += copysign(whole, turn.angle_rad)
-    return replace(turn, angle_rad=found)
+    angle = turn.angle_rad + more
+    if abs(angle) < pi / 2:  # rather a circle than none
+        angle += copysign(whole, turn.angle_rad)
+    return replace(turn, angle_rad=angle)
 
 
 def _crab_rad(part: _Part, begun: Array, wind: Array) -> float:

@@ -111,7 +111,7 @@ class PieceKind(StrEnum):
     FULL_THROTTLE = "full throttle"
 
     @property
-    def by_hand(self) -> bool:
+    def manual_only(self) -> bool:
         """Whether no autopilot's mission holds it."""
         return self is PieceKind.PORPOISE
 
@@ -219,14 +219,16 @@ def catalog(
 
     Raises InputError where there is no room for the turns.
     """
-    found = [
+    pieces = [
         *run_pairs(expected, space, wind_kt),
         *circuits(expected, space, wind_kt, longest_s),
         *circles(expected, wind_kt),
         *porpoising(expected, space, pilot, wind_kt, longest_s),
     ]
     narrowest_mps = _turning_mps(expected, STEEP_BANK_RAD, wind_kt)
-    kept = [piece for piece in (_with_room(piece, narrowest_mps, space.side_m) for piece in found) if piece is not None]
+    kept = [
+        piece for piece in (_with_room(piece, narrowest_mps, space.side_m) for piece in pieces) if piece is not None
+    ]
     if not any(piece.kind is PieceKind.RUNS for piece in kept):
         raise InputError(
             f"--side {space.side_m:g}: too narrow for a turn of {expected.aircraft.name}; its narrowest, at"

@@ -42,7 +42,7 @@ def waypoint_file(plan: FlightPlan, home: Home) -> str:
 
 def left_out(plan: FlightPlan) -> list[str]:
     """Titles of the pieces that the mission does not hold."""
-    return [piece.title for piece in dict.fromkeys(plan.pieces) if piece.kind.by_hand]
+    return [piece.title for piece in dict.fromkeys(plan.pieces) if piece.kind.manual_only]
 
 
 def _items(plan: FlightPlan, home: Home) -> list[Item]:
@@ -73,7 +73,7 @@ def _items(plan: FlightPlan, home: Home) -> list[Item]:
     pitch_deg = 12.0
     add(Command.TAKE_OFF, pitch_deg, 0, 0, nan, place=_place(home, space.leg_m / 4, 0.0))
     for piece in plan.pieces:
-        if piece.kind.by_hand:
+        if piece.kind.manual_only:
             continue
         for maneuver in piece.maneuvers:
             match maneuver:

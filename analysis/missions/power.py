@@ -185,9 +185,14 @@ def _as_columns(parameters: ParameterVector, values: Array) -> SigmaPoints:
 
 def _overall_efficiency(required: list[PowerPoint], battery: list[PowerPoint], idle_W: float) -> float:
     """Power required over the motor's electrical power, the mean over the speeds that both curves have."""
-    V = np.array([one.speed_mps for one in required])
-    drawn_W = np.interp(V, [one.speed_mps for one in battery], [one.power_W for one in battery]) - idle_W
-    return float(np.clip(np.mean([one.power_W for one in required] / drawn_W), 0.1, 0.9))
+    V = np.array([power_point.speed_mps for power_point in required])
+    drawn_W = (
+        np.interp(
+            V, [power_point.speed_mps for power_point in battery], [power_point.power_W for power_point in battery]
+        )
+        - idle_W
+    )
+    return float(np.clip(np.mean([power_point.power_W for power_point in required] / drawn_W), 0.1, 0.9))
 
 
 def interval_of(draws: Array) -> Interval:

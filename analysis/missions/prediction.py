@@ -148,9 +148,11 @@ class RouteResult(msgspec.Struct, frozen=True, kw_only=True):
 def predict(results: RouteInput, mission: Mission, flight: Flight, seed: int = 0) -> RouteResult:
     """Raises InputError where the results do not give the power, or a leg cannot be flown as the mission asks."""
     rng = np.random.default_rng(seed)
-    found = Route(source_of(results, flight.idle_W, RESOLUTION.draws, rng), mission, flight, rng).result()
+    prediction = Route(source_of(results, flight.idle_W, RESOLUTION.draws, rng), mission, flight, rng).result()
     return msgspec.structs.replace(
-        found, flights=[one.log for one in results.flights], losses_of=results.use.losses_of if results.use else []
+        prediction,
+        flights=[flight.log for flight in results.flights],
+        losses_of=results.use.losses_of if results.use else [],
     )
 
 
@@ -165,9 +167,9 @@ class Route:
         else:
             at_stall = flight.weight_N / (SEA_LEVEL_DENSITY * flight.stall_mps**2 / 2)
             self.stall_CL = at_stall / self.source.reference.wing_area_m2
-        one = np.ones((1, 1))
+        unity = np.ones((1, 1))
         wind = flight.wind
-        self.nominal = World(self.source.nominal, wind.east_mps * one, wind.north_mps * one, one, one)
+        self.nominal = World(self.source.nominal, wind.east_mps * unity, wind.north_mps * unity, unity, unity)
         self.legs = self._legs()
         self.limits = self._limits(self.legs)
         self.V = self._speeds()
@@ -222,20 +224,20 @@ class Route:
         best = self._fastest() if wanted is Objective.TIME else self._best(self.legs)
         V, to_equivalent = best.copy(), self._equivalent()
         for i, step in enumerate(self.mission.steps):
-            asked = wanted if isinstance(wanted, Speed) else step.speed if wanted is None else None
-            if asked is None:
+            requested = wanted if isinstance(wanted, Speed) else step.speed if wanted is None else None
+            if requested is None:
                 continue
-            V[i] = self._over_ground(asked.mps, i) if asked.over_ground else asked.mps / to_equivalent[i]
+            V[i] = self._over_ground(requested.mps, i) if requested.over_ground else requested.mps / to_equivalent[i]
             low, high = self.limits.slowest[i] * to_equivalent[i], self.limits.fastest[i] * to_equivalent[i]
-            told = f"{step.name}: an airspeed of {V[i] * to_equivalent[i]:.1f} m/s"
+            message = f"{step.name}: an airspeed of {V[i] * to_equivalent[i]:.1f} m/s"
             if V[i] * to_equivalent[i] < 0.99 * low:
                 raise InputError(
-                    f"{told} is below {low:.1f} m/s, the slowest flown with its stall margin;"
+                    f"{message} is below {low:.1f} m/s, the slowest flown with its stall margin;"
                     " fly faster, give the stall speed with --stall, or leave the choice with --speed energy"
                 )
             if V[i] * to_equivalent[i] > 1.01 * high:
                 raise InputError(
-                    f"{told} is above {high:.1f} m/s, the fastest flown; fly slower, or give --speed energy"
+                    f"{message} is above {high:.1f} m/s, the fastest flown; fly slower, or give --speed energy"
                 )
         self._check_progress(V)
         possible = self.source.nominal.best_climb_mps(V, self.legs.condition).reshape(-1)

@@ -118,9 +118,9 @@ def _landing(entry: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 def _item(position: int, item: dict[str, Any], where: str) -> Item:
     """Jumps name an item by its `doJumpId`; its position is that where it has none."""
-    told = item["params"] if "params" in item else [item[f"param{i}"] for i in range(1, 5)]
-    told = [*told, *item["coordinate"]] if len(told) == 4 and "coordinate" in item else told
-    params = [math.nan if value is None else float(value) for value in told]
+    parameters = item["params"] if "params" in item else [item[f"param{i}"] for i in range(1, 5)]
+    parameters = [*parameters, *item["coordinate"]] if len(parameters) == 4 and "coordinate" in item else parameters
+    params = [math.nan if value is None else float(value) for value in parameters]
     if len(params) != 7:
         raise InputError(f"{where}: item {position} has {len(params)} parameters instead of 7")
     return item_of(int(item.get("doJumpId", position)), int(item["command"]), int(item["frame"]), params)

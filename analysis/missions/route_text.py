@@ -27,8 +27,8 @@ def lines(result: RouteResult) -> Iterator[str]:
     yield f"Probability of ending with the reserve of {100 * result.reserve:.0f} %: {percent(result.probability)}."
     yield _no_return(result.no_return, result.sure)
     yield f"One more kilometer into the wind takes {_with_ends(result.headwind_Wh_per_km, 1, 2)} Wh."
-    near = min(result.directions, key=lambda one: one.safe_radius_m)
-    far = max(result.directions, key=lambda one: one.safe_radius_m)
+    near = min(result.directions, key=lambda direction: direction.safe_radius_m)
+    far = max(result.directions, key=lambda direction: direction.safe_radius_m)
     yield (
         f"Out and back on one charge: safely {near.safe_radius_m / 1000:.1f} km (course"
         f" {course_text(radians(near.course_deg))}) to {far.safe_radius_m / 1000:.1f} km (course"
@@ -75,7 +75,7 @@ def percent(probability: float) -> str:
 
 def _with_ends(interval: Interval, unit: float, digits: int) -> str:
     """ "40 (35 to 44)"."""
-    value, lo, hi = (_number(one / unit, digits) for one in (interval.value, interval.lo, interval.hi))
+    value, lo, hi = (_number(value_SI / unit, digits) for value_SI in (interval.value, interval.lo, interval.hi))
     return f"{value} ({lo} to {hi})"
 
 
@@ -83,11 +83,11 @@ def _number(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if isfinite(value) else "-" if value < 0 else "never"
 
 
-def _no_return(found: NoReturn | None, sure: float) -> str:
-    if found is None:
+def _no_return(no_return: NoReturn | None, sure: float) -> str:
+    if no_return is None:
         return f"The direct way home is safe (at least {100 * sure:.0f} %) from everywhere on the route."
     return (
-        f"Point of no return: {found.route_m / 1000:.2f} km along the route, on {found.leg},"
-        f" {found.from_home_m / 1000:.2f} km from home; beyond it the direct way home with the reserve is less than"
+        f"Point of no return: {no_return.route_m / 1000:.2f} km along the route, on {no_return.leg},"
+        f" {no_return.from_home_m / 1000:.2f} km from home; beyond it the direct way home with the reserve is less than"
         f" {100 * sure:.0f} % sure."
     )

@@ -143,7 +143,7 @@ def plan_flight(
             f" {slow:.1f} m/s, is not below the fastest that is planned, {fast:.1f} m/s; check stall speed, weight,"
             " propeller and motor"
         )
-    asked = question(request.question, aircraft, slow, fast)
+    objective = question(request.question, aircraft, slow, fast)
     kinds = aircraft, request.space, request.pilot, request.wind_kt
     pairs = _without_gentle_runs(catalog(*kinds), aircraft, request)
     last: tuple[Piece, ...] = (full_throttle(aircraft),) if aircraft.full_throttle else ()
@@ -160,21 +160,21 @@ def plan_flight(
         )
     # Room for as many of the others as of pairs; beside its straight part a piece has turns that take as long.
     others = catalog(*kinds, left / (2 * SEARCH.fewest_run_pairs))
-    found = [*pairs, *(piece for piece in others if piece.kind is not PieceKind.RUNS)]
-    pieces = [piece for piece in found if not (request.pilot.autopilot and piece.kind.by_hand)]
+    candidates = [*pairs, *(piece for piece in others if piece.kind is not PieceKind.RUNS)]
+    pieces = [piece for piece in candidates if not (request.pilot.autopilot and piece.kind.manual_only)]
     base = _evaluated(chosen, aircraft, request)
     start = _covariances(base[0], request)
     every = []
-    for number, piece in enumerate(found, start=1):
-        progress(f"what each piece adds: {number} of {len(found)}")
+    for number, piece in enumerate(candidates, start=1):
+        progress(f"what each piece adds: {number} of {len(candidates)}")
         every.append(_increment(piece, pairs[0], last, base, aircraft=aircraft, request=request))
-    increments = [increment for piece, increment in zip(found, every, strict=True) if piece in pieces]
+    increments = [increment for piece, increment in zip(candidates, every, strict=True) if piece in pieces]
     shortest_s = min(increment.seconds for increment in increments)
     room_s, base_s = left, _seconds_of(history)
     fits_s, exceeds_s = 0.0, inf
     for _ in range(8):  # pieces take more or less time beside others, and kept in place, than alone
         progress(f"a flight of {request.minutes:g} minutes from them")
-        counts = _exchanged(increments, left, start, asked)
+        counts = _exchanged(increments, left, start, objective)
         alone_s = sum(n * increment.seconds for n, increment in zip(counts, increments, strict=True))
         planned = [piece for piece, n in zip(pieces, counts, strict=True) for _ in range(n)]
         tried = _ordered([*planned, *pairs[:1] * SEARCH.fewest_run_pairs, *last])
@@ -191,39 +191,41 @@ def plan_flight(
         left = alone_s * room_s / taken_s
         if not fits_s < left < exceeds_s:
             left = (fits_s + exceeds_s) / 2 if isfinite(exceeds_s) else 2 * room_s
-    by_hand = None
+    manual_only = None
     if request.pilot.autopilot:
-        by_hand = float(np.max(asked.half_widths(_with(start, every, _exchanged(every, left, start, asked)))))
+        manual_only = float(
+            np.max(objective.half_widths(_with_pieces(start, every, _exchanged(every, left, start, objective))))
+        )
     progress("its interval")
     whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
     covariances = _covariances(whole, request)
     seconds = seconds_by_piece(chosen, history, aircraft)
-    contributions = _contributions(chosen, seconds, dict(zip(pieces, increments, strict=True)), covariances, asked)
+    contributions = _contributions(chosen, seconds, dict(zip(pieces, increments, strict=True)), covariances, objective)
     return FlightPlan(
         request=request,
         aircraft=aircraft,
-        question=asked,
+        question=objective,
         pieces=tuple(chosen),
         maneuvers=tuple(_placed(chosen, aircraft, request)),
         history=history,
         covariances=covariances,
-        half_widths=asked.half_widths(covariances),
+        half_widths=objective.half_widths(covariances),
         contributions=contributions,
-        worst_with_porpoising=by_hand,
+        worst_with_porpoising=manual_only,
     )
 
 
 def predicted(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> Covariances:
     """The covariances after any sequence of maneuvers."""
     history = _flown(maneuvers, aircraft, request)
-    found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
-    return _covariances(found, request)
+    expectation = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+    return _covariances(expectation, request)
 
 
-def _without_gentle_runs(found: list[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Piece]:
+def _without_gentle_runs(pieces: list[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Piece]:
     """The pairs of runs without those that the analysis would not take for runs: where motor or propeller's table leave
     little to accelerate with, a slow throttle is too gentle. All pairs, where it would take none."""
-    pairs = [piece for piece in found if piece.kind is PieceKind.RUNS]
+    pairs = [piece for piece in pieces if piece.kind is PieceKind.RUNS]
     return [piece for piece in pairs if _taken_for_runs(piece, aircraft, request)] or pairs
 
 
@@ -266,16 +268,16 @@ def _by_itself(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Req
 
 def _evaluated(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> tuple[Expected, float]:
     history = _by_itself(pieces, aircraft, request)
-    found = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
-    return found, _seconds_of(history)
+    expectation = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+    return expectation, _seconds_of(history)
 
 
-def _covariances(found: Expected, request: Request) -> Covariances:
-    fixed = found.systematic - found.shared @ found.errors @ found.shared.T
-    errors = found.errors
+def _covariances(expectation: Expected, request: Request) -> Covariances:
+    fixed = expectation.systematic - expectation.shared @ expectation.errors @ expectation.shared.T
+    errors = expectation.errors
     if request.earlier is not None:
         errors = np.asarray(np.linalg.inv(np.linalg.inv(errors) + request.earlier))
-    return Covariances(errors, found.noise, fixed, found.shared)
+    return Covariances(errors, expectation.noise, fixed, expectation.shared)
 
 
 def _increment(
@@ -294,8 +296,8 @@ def _increment(
     repeated = 2  # of a piece in the flight that its information is computed from
     planned = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
     if piece.kind is PieceKind.RUNS:
-        found, seconds = _evaluated(planned, aircraft, request)
-        errors, polar = found.errors, _gain(found.noise, alone.noise) / repeated
+        expectation, seconds = _evaluated(planned, aircraft, request)
+        errors, polar = expectation.errors, _gain(expectation.noise, alone.noise) / repeated
     else:
         history = _by_itself(planned, aircraft, request)
         errors = sensor_error_covariance(
@@ -314,19 +316,19 @@ def _gain(after: Array, before: Array) -> Array:
     return np.asarray(positive / np.outer(scale, scale))
 
 
-def _with(start: Covariances, increments: Sequence[_Increment], counts: Sequence[int]) -> Covariances:
+def _with_pieces(start: Covariances, increments: Sequence[_Increment], counts: Sequence[int]) -> Covariances:
     errors, polar = np.linalg.inv(start.errors), np.linalg.inv(start.noise)
     for increment, n in zip(increments, counts, strict=True):
         errors, polar = errors + n * increment.errors, polar + n * increment.polar
     return start._replace(errors=np.linalg.inv(errors), noise=np.linalg.inv(polar))
 
 
-def _exchanged(increments: Sequence[_Increment], left_s: float, start: Covariances, asked: Question) -> list[int]:
+def _exchanged(increments: Sequence[_Increment], left_s: float, start: Covariances, question: Question) -> list[int]:
     """How often each piece is flown."""
     counts = [0] * len(increments)
 
     def cost(counts: Sequence[int]) -> float:
-        return asked.cost(_with(start, increments, counts))
+        return question.cost(_with_pieces(start, increments, counts))
 
     def fits(counts: Sequence[int]) -> bool:
         return sum(n * increment.seconds for n, increment in zip(counts, increments, strict=True)) <= left_s
@@ -374,7 +376,7 @@ def _contributions(
     seconds: Sequence[float],
     increments: Mapping[Piece, _Increment],
     whole: Covariances,
-    asked: Question,
+    question: Question,
 ) -> tuple[Contribution, ...]:
     """Each kind of piece, and the worst half width of the plan without it. seconds: of each piece chosen"""
     listed = []
@@ -382,16 +384,17 @@ def _contributions(
         increment = increments.get(piece)
         if increment is None:
             continue
-        taken_s = sum(one_s for one, one_s in zip(chosen, seconds, strict=True) if one == piece)
+        taken_s = sum(one_s for other, one_s in zip(chosen, seconds, strict=True) if other == piece)
         without = whole._replace(
-            errors=_less(whole.errors, n * increment.errors), noise=_less(whole.noise, n * increment.polar)
+            errors=_without_information(whole.errors, n * increment.errors),
+            noise=_without_information(whole.noise, n * increment.polar),
         )
-        worst = float(np.max(asked.half_widths(without)))
+        worst = float(np.max(question.half_widths(without)))
         listed.append(Contribution(piece.title, n, taken_s, worst))
     return tuple(listed)
 
 
-def _less(covariance: Array, information: Array) -> Array:
+def _without_information(covariance: Array, information: Array) -> Array:
     """The covariance without some information."""
     root = np.linalg.cholesky(covariance)
     values, vectors = np.linalg.eigh(root.T @ information @ root)

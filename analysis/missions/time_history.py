@@ -66,13 +66,13 @@ def paths(
 ) -> list[Path]:
     """That of each maneuver, begun with the speed and the throttle at which the one before ends."""
     V, throttle = 1.6 * expected.stall_mps if airborne else 0.0, 0.5
-    found = []
+    paths = []
     for maneuver in plan:
         path = _path(maneuver, expected, height_m, V, throttle)
-        found.append(path)
+        paths.append(path)
         V = float(path.V[-1])
         throttle = maneuver.throttle if isinstance(maneuver, Run) else throttle_at(expected, V)
-    return found
+    return paths
 
 
 def wind_vector(wind_mps: float, wind_from_deg: float = PATH.wind_from_deg) -> Array:

@@ -56,22 +56,22 @@ def headline_answers(results: WithCurves, use: PerformanceResult | None = None) 
 
 def best_of_battery(results: WithCurves) -> list[HeadlineAnswer]:
     """Speeds of best endurance and range by the curve of electrical power, with both where the battery is known."""
-    found = results.curves[Kind.ELECTRICAL]
-    power = {round(p.speed_mps, 6): p for p in found.points}
+    curve = results.curves[Kind.ELECTRICAL]
+    power = {round(p.speed_mps, 6): p for p in curve.points}
 
     def note(speed_mps: float | None, on_battery: str) -> str:
         point = power.get(round(speed_mps or 0.0, 6))
         taken = f"{point.power_W:.0f} W ({point.power_lo_W:.0f} to {point.power_hi_W:.0f})" if point else ""
         below = " Power may still fall below it: slower flight was too short to tell."
-        return f"{taken}{on_battery}, in still air.{below if _at_slowest(speed_mps, found) else ''}"
+        return f"{taken}{on_battery}, in still air.{below if _at_slowest(speed_mps, curve) else ''}"
 
-    endurance = f", {interval_text(found.endurance_s.times(1 / 60), 'min', 0)}" if found.endurance_s else ""
-    distance = f", {interval_text(found.range_m.times(1e-3), 'km', 1)}" if found.range_m else ""
+    endurance = f", {interval_text(curve.endurance_s.times(1 / 60), 'min', 0)}" if curve.endurance_s else ""
+    distance = f", {interval_text(curve.range_m.times(1e-3), 'km', 1)}" if curve.range_m else ""
     return [
-        HeadlineAnswer(question, _end_remark(speed, found), note(speed.speed_mps, on_battery), speed.speed_mps)
+        HeadlineAnswer(question, _end_remark(speed, curve), note(speed.speed_mps, on_battery), speed.speed_mps)
         for question, speed, on_battery in (
-            ("Best endurance", found.least_power_speed or UNKNOWN_SPEED, endurance),
-            ("Best range", found.best_range_speed or UNKNOWN_SPEED, distance),
+            ("Best endurance", curve.least_power_speed or UNKNOWN_SPEED, endurance),
+            ("Best range", curve.best_range_speed or UNKNOWN_SPEED, distance),
         )
     ]
 

@@ -28,7 +28,7 @@ from flightpower.flight.units import DAY_S
 
 def render_fleet(fleet: FleetResults) -> str:
     """The page as one HTML file."""
-    names = {one.name for one in fleet.airframes}
+    names = {airframe.name for airframe in fleet.airframes}
     return render_page(
         "fleet.html",
         title=f"Fleet of {count(len(names), 'airframe')}, {count(fleet.flights, 'flight')}",
@@ -44,9 +44,9 @@ def render_fleet(fleet: FleetResults) -> str:
         histories=_histories(fleet),
         airframes=airframes_table(fleet),
         logs=[
-            (one.name, [(_date(log.start_unix_s), log.log, log.report) for log in one.logs])
-            for one in fleet.airframes
-            if one.logs
+            (airframe.name, [(_date(log.start_unix_s), log.log, log.report) for log in airframe.logs])
+            for airframe in fleet.airframes
+            if airframe.logs
         ],
         notes=fleet.notes,
         doubts=doubts(fleet),
@@ -57,11 +57,11 @@ def render_fleet(fleet: FleetResults) -> str:
 
 def fleet_answers(fleet: FleetResults) -> list[HeadlineAnswer]:
     """Which airframes changed, and how much airframes of one kind differ."""
-    changed = [one for one in fleet.airframes if one.changes]
+    changed = [airframe for airframe in fleet.airframes if airframe.changes]
     answers = [
         HeadlineAnswer(
             "Changed airframes",
-            f"{len({one.name for one in changed})} of {len({one.name for one in fleet.airframes})}",
+            f"{len({airframe.name for airframe in changed})} of {len({airframe.name for airframe in fleet.airframes})}",
             "By drag or propulsion, since their first flight.",
         )
     ]
@@ -94,7 +94,7 @@ def flights_csv(fleet: FleetResults) -> str:
     rows: list[Sequence[str]] = [("airframe", "mounted", "log", "start_utc", *shares, "report")]
     for airframe in fleet.airframes:
         shown: dict[tuple[str, float | None], FlightShareResult] = {
-            (one.log, one.start_unix_s): one for one in airframe.history
+            (item.log, item.start_unix_s): item for item in airframe.history
         }
         for log in airframe.logs:
             share = shown.get((log.log, log.start_unix_s))
@@ -109,7 +109,10 @@ def curves_csv(fleet: FleetResults) -> str:
     """A row for each point of each curve, for spreadsheets: of the airframes, and of the means of the fleet."""
     fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
     rows: list[Sequence[str]] = [("curve", "mounted", "kind", "weight_N", "air_density_kgpm3", *fields)]
-    curves = [(one.name, one.installation, one.kind, one.test, one.power_required) for one in fleet.airframes]
+    curves = [
+        (airframe.name, airframe.installation, airframe.kind, airframe.test, airframe.power_required)
+        for airframe in fleet.airframes
+    ]
     for mean in fleet.curves:
         name = f"airframes like {mean.airframes[0]}"
         curves += [(f"mean of {name}", "", Kind.POWER_REQUIRED, mean.test, mean.mean)]
@@ -129,40 +132,44 @@ def _csv(rows: Sequence[Sequence[str]]) -> str:
 
 def news_table(fleet: FleetResults) -> HtmlTable:
     """Changes, the latest first."""
-    changes = [(one, change) for one in fleet.airframes for change in one.changes]
+    changes = [(airframe, change) for airframe in fleet.airframes for change in airframe.changes]
     changes.sort(key=lambda pair: pair[1].since_unix_s or 0.0, reverse=True)
     return HtmlTable(
         ("airframe", "what changed", "seen after"),
-        [(one.name, change.text, change.found_log) for one, change in changes],
+        [(airframe.name, change.text, change.found_log) for airframe, change in changes],
     )
 
 
 def airframes_table(fleet: FleetResults) -> HtmlTable:
     return HtmlTable(
         ("airframe", "mounted", "flights", "last flight", "least power", "± %", "trust"),
-        [_row(one) for one in fleet.airframes],
+        [_row(airframe) for airframe in fleet.airframes],
         numbers=True,
     )
 
 
-def _row(one: AirframeResult) -> tuple[str, ...]:
-    least = min(one.power_required, key=lambda point: point.power_W)
+def _row(airframe_result: AirframeResult) -> tuple[str, ...]:
+    least = min(airframe_result.power_required, key=lambda point: point.power_W)
     share = 50 * (least.power_hi_W - least.power_lo_W) / least.power_W
     return (
-        one.name,
-        one.kind.words if one.kind is not Kind.POWER_REQUIRED else one.installation or "none named",
-        f"{one.pooled_flights} of {one.flights}",
-        _date(one.last_unix_s),
+        airframe_result.name,
+        airframe_result.kind.words
+        if airframe_result.kind is not Kind.POWER_REQUIRED
+        else airframe_result.installation or "none named",
+        f"{airframe_result.pooled_flights} of {airframe_result.flights}",
+        _date(airframe_result.last_unix_s),
         f"{least.power_W:.1f} W, {least.speed_mps:.1f} m/s",
         f"{share:.1f}",
-        one.trust,
+        airframe_result.trust,
     )
 
 
 def doubts(fleet: FleetResults) -> list[str]:
     """What speaks against the curves, by airframe."""
-    of_curves = [f"{one.name}: {sentence(evidence)}" for one in fleet.airframes for evidence in one.evidence]
-    return [*(one.text for one in fleet.contradictions), *of_curves]
+    of_curves = [
+        f"{airframe.name}: {sentence(evidence)}" for airframe in fleet.airframes for evidence in airframe.evidence
+    ]
+    return [*(contradiction.text for contradiction in fleet.contradictions), *of_curves]
 
 
 def _date(unix_s: float | None) -> str:
@@ -171,20 +178,23 @@ def _date(unix_s: float | None) -> str:
 
 def _histories(fleet: FleetResults) -> list[tuple[str, HtmlFigure, bool]]:
     """Name, figure, and whether the airframe changed; those that did are first."""
-    known = sorted((one for one in fleet.airframes if one.history), key=lambda one: not one.changes)
+    known = sorted(
+        (airframe for airframe in fleet.airframes if airframe.history), key=lambda airframe: not airframe.changes
+    )
     return [
-        (one.name, html_figure(history_figure(one), f"history-{i}"), bool(one.changes)) for i, one in enumerate(known)
+        (airframe.name, html_figure(history_figure(airframe), f"history-{i}"), bool(airframe.changes))
+        for i, airframe in enumerate(known)
     ]
 
 
 def history_figure(airframe: AirframeResult) -> Figure:
     """Drag and thrust of each flight by date, and the changes found."""
-    days = np.array([one.start_unix_s for one in airframe.history]) / DAY_S
+    days = np.array([share.start_unix_s for share in airframe.history]) / DAY_S
     figure = Figure(panels=2, height_px=420, cursor=Cursor.NEAREST, x=_dates(days))
     figure.zero_lines = {1, 2}
     for panel, name in ((1, "drag"), (2, "thrust")):
-        values = np.array([getattr(one, f"{name}_percent") for one in airframe.history])
-        half = np.array([getattr(one, f"{name}_half_width_percent") for one in airframe.history])
+        values = np.array([getattr(share, f"{name}_percent") for share in airframe.history])
+        half = np.array([getattr(share, f"{name}_half_width_percent") for share in airframe.history])
         figure.ys[panel - 1] = Axis(name, "%", from_zero=True, most_ticks=5)
         figure.add(
             Points(
@@ -204,15 +214,15 @@ def _dates(days: Array) -> Axis:
     """Evenly spaced dates, short ones, so that they do not meet on a phone; the year is in the title if it is one."""
     shown = np.unique(np.linspace(np.ceil(days[0]), max(np.floor(days[-1]), np.ceil(days[0])), 5).round())
     dates = [datetime.fromtimestamp(day * DAY_S, UTC) for day in shown.tolist()]
-    years = sorted({one.year for one in dates})
-    texts = [f"{one.day} {one:%b}" if len(years) == 1 else f"{one:%b %Y}" for one in dates]
+    years = sorted({date.year for date in dates})
+    texts = [f"{date.day} {date:%b}" if len(years) == 1 else f"{date:%b %Y}" for date in dates]
     title = f"date, UTC, {years[0]}" if len(years) == 1 else "date, UTC"
     return Axis(title, ticks=dict(zip(shown.tolist(), texts, strict=True)))
 
 
 def _level(changes: Sequence[ChangeResult], name: str, last_day: float) -> tuple[Array, Array]:
     """Corners of the line that the changes of drag or thrust make, from 0 %: steps, and drifts until the next one."""
-    days = [(one.since_unix_s or 0.0) / DAY_S for one in changes]
+    days = [(change_result.since_unix_s or 0.0) / DAY_S for change_result in changes]
     x, y, level = [], [], 0.0
     for change, since, until in zip(changes, days, [*days[1:], last_day], strict=True):
         after = level + getattr(change, f"{name}_percent")
@@ -227,10 +237,10 @@ def curve_figure(fleet: FleetResults, curve: FleetCurveResult) -> Figure:
     figure = Figure(height_px=480, cursor=Cursor.NEAREST, x=true_airspeed())
     V, _, lo, hi = curve_arrays(curve.another)
     figure.add(band(V, (lo, hi), GRAY, 0.3))
-    for one in (one for one in fleet.airframes if one.name in {*curve.airframes, *curve.changed}):
-        color, kind = (ORANGE, "changed airframe") if one.changes else (BLUE, "airframe")
-        V, P, _, _ = curve_arrays(one.power_required)
-        figure.add(Line(x=V, y=P, name=kind, color=color, width=2, label=one.name, value="{y:.1f} W"))
+    for airframe in (airframe for airframe in fleet.airframes if airframe.name in {*curve.airframes, *curve.changed}):
+        color, kind = (ORANGE, "changed airframe") if airframe.changes else (BLUE, "airframe")
+        V, P, _, _ = curve_arrays(airframe.power_required)
+        figure.add(Line(x=V, y=P, name=kind, color=color, width=2, label=airframe.name, value="{y:.1f} W"))
     V, P, _, _ = curve_arrays(curve.mean)
     figure.add(Line(x=V, y=P, name="mean", color=INK, width=5, value="{y:.1f} W"))
     figure.y = Axis("power required", "W", from_zero=True)

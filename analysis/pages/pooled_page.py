@@ -166,7 +166,7 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
     ]
     curves, installations = pooled.homogeneity, pooled.installation_homogeneity
     if pooled.agreement and curves:
-        outliers = ", ".join(one.log for one in pooled.outliers)
+        outliers = ", ".join(outlier.log for outlier in pooled.outliers)
         named = f"Outliers: {outliers}. " if outliers else ""
         all_but = outliers and pooled.agreement is Agreement.NOT_THE_CURVES
         answers.append(
@@ -184,10 +184,10 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
             f"At {more.speed_mps[worst]:.1f} m/s, by another flight like {more.like}.",
         )
     )
-    for one in pooled.flights_to_see:
-        if one.difference_percent == 2:
+    for flight in pooled.flights_to_see:
+        if flight.difference_percent == 2:
             answers.append(
-                HeadlineAnswer("To see a change of 2 %", _flights_each(one), "For each of the two configurations.")
+                HeadlineAnswer("To see a change of 2 %", _flights_each(flight), "For each of the two configurations.")
             )
     return answers
 

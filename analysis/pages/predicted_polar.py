@@ -88,7 +88,7 @@ def _table(lines: Sequence[str]) -> list[tuple[float, float]]:
 
 
 def _cells(line: str) -> list[str]:
-    separator = next((one for one in (",", ";", "\t") if one in line), None)
+    separator = next((mark for mark in (",", ";", "\t") if mark in line), None)
     return [cell.strip().strip('"') for cell in line.split(separator)]
 
 

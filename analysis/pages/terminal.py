@@ -36,8 +36,8 @@ def print_summary(results: Results, page: Path, console: Console) -> None:
     _print_table(console, f"{results.aircraft.title}: {results.kind.words}", curve)
     _print_answers(console, headline_answers(results))
     if not results.evidence:
-        said = verdict_section(results)
-        console.print(f"{said.heading}: {escape(said.reasons)}", highlight=False)
+        lines = verdict_section(results)
+        console.print(f"{lines.heading}: {escape(lines.reasons)}", highlight=False)
     disagreements = (disagreement.text for disagreement in results.disagreements)
     _print_notes(console, [*results.warnings, *results.withheld, *disagreements])
     _print_page(console, page)
@@ -87,8 +87,10 @@ def _print_table(console: Console, title: str, content: HtmlTable) -> None:
 
 
 def _print_answers(console: Console, answers: Sequence[HeadlineAnswer]) -> None:
-    for one in answers:
-        console.print(f"[bold]{one.question}: {escape(one.answer)}[/bold]. {escape(one.note)}", highlight=False)
+    for answer in answers:
+        console.print(
+            f"[bold]{answer.question}: {escape(answer.answer)}[/bold]. {escape(answer.note)}", highlight=False
+        )
 
 
 def _print_notes(console: Console, notes: Iterable[str]) -> None:

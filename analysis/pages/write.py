@@ -142,8 +142,8 @@ def _short(values: Array) -> Any:
 
 def named_runs(results: Results) -> list[NamedRun]:
     """The runs in the order of the table."""
-    z = {one.run: one.z for one in results.runs_against_others}
-    rms = {one.run: one.rms_mps2 for one in results.run_residuals}
+    z = {runs_against_other.run: runs_against_other.z for runs_against_other in results.runs_against_others}
+    rms = {run_residual.run: run_residual.rms_mps2 for run_residual in results.run_residuals}
     runs = []
     for number, run in enumerate(results.runs, start=1):
         says = [f"{run.lowest_speed_mps:.1f} to {run.highest_speed_mps:.1f} m/s", f"{run.altitude_change_m:+.1f} m"]

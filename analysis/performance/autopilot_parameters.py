@@ -51,7 +51,7 @@ class FlightValues:
         logged, factor = self.logged.get("ARSPD_RATIO"), self.airspeed_factor
         if not logged or factor is None:
             return None
-        value, lo, hi = (logged * one**2 for one in (factor.value, factor.lo, factor.hi))
+        value, lo, hi = (logged * ratio**2 for ratio in (factor.value, factor.lo, factor.hi))
         return Interval(value=value, lo=lo, hi=hi)
 
 
@@ -125,7 +125,9 @@ TOGETHER = {"CD0": ("CD0", "B")}  # values that are of no use alone
 def _withheld(value: str, firmware: str | None = None) -> str:
     """Why the parameters of a value are withheld, those of one firmware or of all; empty where it has none."""
     names = [
-        one.name for one in ENTRIES if one.value in TOGETHER.get(value, (value,)) and firmware in (None, one.firmware)
+        entry.name
+        for entry in ENTRIES
+        if entry.value in TOGETHER.get(value, (value,)) and firmware in (None, entry.firmware)
     ]
     verb, takes = ("are", "they take") if len(names) > 1 else ("is", "it takes")
     return f"{' and '.join(names)} {verb} withheld: {WITHOUT[value].format(takes=takes)}" if names else ""
@@ -133,9 +135,9 @@ def _withheld(value: str, firmware: str | None = None) -> str:
 
 def withheld_of(firmware: str, given: Collection[str]) -> list[str]:
     """Sentences on what does not follow for one firmware, in its own names. given: names of what does"""
-    lacking = {one.value for one in ENTRIES if one.firmware == firmware and one.name not in given}
-    found = [_withheld(value, firmware) for value in WITHOUT if value in lacking]
-    return [*found, f"{THROTTLE[firmware]} does not follow: it requires {REQUIRES_THROTTLE}", NO_STALL]
+    missing = {entry.value for entry in ENTRIES if entry.firmware == firmware and entry.name not in given}
+    withheld = [_withheld(value, firmware) for value in WITHOUT if value in missing]
+    return [*withheld, f"{THROTTLE[firmware]} does not follow: it requires {REQUIRES_THROTTLE}", NO_STALL]
 
 
 def typed_in(values: FlightValues) -> tuple[list[AutopilotParameter], list[str]]:
@@ -284,5 +286,5 @@ def flight_values(
     )
 
 
-def _intervals(found: Uncertain) -> list[Interval]:
-    return [around(value, half) for value, half in zip(found.value.tolist(), found.half_width.tolist(), strict=True)]
+def _intervals(values: Uncertain) -> list[Interval]:
+    return [around(value, half) for value, half in zip(values.value.tolist(), values.half_width.tolist(), strict=True)]

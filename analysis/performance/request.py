@@ -58,8 +58,8 @@ class Request:
 
     def questions(self, flown_weight_N: float) -> list[str]:
         """What is asked for and far from the aircraft, each as a question."""
-        asked = [unusual_weight("--weights", weight_N, flown_weight_N) for weight_N in self.weights_N]
-        return [one for one in (*asked, unusual_battery(self.battery_Wh, flown_weight_N)) if one]
+        questions = [unusual_weight("--weights", weight_N, flown_weight_N) for weight_N in self.weights_N]
+        return [question for question in (*questions, unusual_battery(self.battery_Wh, flown_weight_N)) if question]
 
 
 def unusual_weight(option: str, weight_N: float, flown_weight_N: float) -> str:
@@ -113,8 +113,8 @@ def parse_request(
 
 def _battery_Wh(text: str) -> float:
     """Energy [Wh] of "74", "74 Wh", or of charge and voltage as printed on a battery: "5000 mAh, 14.8 V"."""
-    found = CHARGE_AND_VOLTAGE.fullmatch(text)
-    value = _si_or_nan(found["charge"], "A h") * _si_or_nan(found["voltage"], "V") if found else _number(text, "W h")
+    match = CHARGE_AND_VOLTAGE.fullmatch(text)
+    value = _si_or_nan(match["charge"], "A h") * _si_or_nan(match["voltage"], "V") if match else _number(text, "W h")
     if math.isnan(value) and not math.isnan(_si_or_nan(text, "A h")):
         raise InputError(f'--battery-Wh {text}: a charge; give the voltage as well, such as "{text.strip()}, 14.8 V"')
     most_Wh = 300.0 * ASKED.heaviest_kg  # nothing but the best cells
@@ -128,8 +128,8 @@ def _battery_Wh(text: str) -> float:
 
 def voltage_of(text: str) -> float | None:
     """The voltage [V] of a battery given by charge and voltage; None of one given by energy."""
-    found = CHARGE_AND_VOLTAGE.fullmatch(text)
-    return _si_or_nan(found["voltage"], "V") if found else None
+    match = CHARGE_AND_VOLTAGE.fullmatch(text)
+    return _si_or_nan(match["voltage"], "V") if match else None
 
 
 def _share(text: str) -> float:

@@ -17,7 +17,7 @@ FULL_THROTTLE = ("unloaded_revps", "revps_per_Nm")
 def model_result(model: PerformanceModel) -> ComputationModel:
     """The form of `results.json`."""
     parameters, propeller = model.parameters, model.propeller
-    rows = [PropellerRow(rpm=one.rpm, J=list(one.J), cT=list(one.cT), cP=list(one.cP)) for one in propeller.rows]
+    rows = [PropellerRow(rpm=row.rpm, J=list(row.J), cT=list(row.cT), cP=list(row.cP)) for row in propeller.rows]
     return ComputationModel(
         names=list(parameters.names),
         values=parameters.values.tolist(),
@@ -39,7 +39,7 @@ def model_of(result: ComputationModel) -> PerformanceModel:
         tuple(result.names), np.array(result.values), np.array(result.covariance).reshape(2 * (len(result.names),))
     )
     table = result.propeller
-    rows = tuple(Row(one.rpm, tuple(one.J), tuple(one.cT), tuple(one.cP)) for one in table.rows)
+    rows = tuple(Row(row.rpm, tuple(row.J), tuple(row.cT), tuple(row.cP)) for row in table.rows)
     motor = part(parameters, FULL_THROTTLE) if set(FULL_THROTTLE) <= set(parameters.names) else None
     return PerformanceModel(
         parameters,

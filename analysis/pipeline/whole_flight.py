@@ -73,8 +73,8 @@ def analyze_daemon_log(
     if reason:
         recording = replace(recording, notes=(reason, *recording.notes))
     try:
-        found = analyze_recording(recording, options, progress, given, table, tried=tried, command_line=command_line)
-        return replace(found, log=log)
+        analysis = analyze_recording(recording, options, progress, given, table, tried=tried, command_line=command_line)
+        return replace(analysis, log=log)
     except InputError as error:
         if log.entries.get(SPEED[0]):
             raise
@@ -109,7 +109,7 @@ def analyze_recording(
     progress("finding the flight")
     flight = flight_table(recording, flown.weight_N, flown.wing_area_m2, options.left_out_s)
     progress("balancing energy")
-    found = estimate(flight, flown.weight_N, flown.wing_area_m2, flown.span_m, str(path))
+    electrical = estimate(flight, flown.weight_N, flown.wing_area_m2, flown.span_m, str(path))
     progress("balancing thrust")
     propulsion = given.propulsion if given else Propulsion()
     propeller = table or _propeller(options, propulsion)
@@ -125,16 +125,16 @@ def analyze_recording(
         uncertainty,
         stand_measurements(given) if given and options.propeller is None else (),
     )
-    drag = drag_estimate(flight, found, flown.span_m, source)
+    drag = drag_estimate(flight, electrical, flown.span_m, source)
     weighed = "given with the command" if options.flown_weight_N is not None else "mass.weight of the aircraft file"
     known = EnergyBalanceFindings(
         flight,
-        found,
+        electrical,
         drag,
         propeller.name if propeller else "",
         options.request.battery(given),
         recording.parameters,
-        compared(recording, flight, found),
+        compared(recording, flight, electrical),
         recording.vehicle,
         tried,
     )
@@ -142,7 +142,7 @@ def analyze_recording(
     results = assemble_energy_balance(path, flown, known, provenance)
     questions = options.request.questions(flown.weight_N)
     results = structs.replace(results, warnings=[*results.warnings, *questions])
-    return WholeFlightAnalysis(log=recording, flight=flight, estimate=found, results=results)
+    return WholeFlightAnalysis(log=recording, flight=flight, estimate=electrical, results=results)
 
 
 def _aircraft_file(options: Options) -> Aircraft | None:

@@ -81,7 +81,7 @@ class NextFlightLowers(StrEnum):
     V_SCALE = "V_scale"
 
 
-class WhyNot(StrEnum):
+class MethodRejection(StrEnum):
     """Why a method that needs more does not give the curve of a flight."""
 
     NONE = ""  # it gives the curve
@@ -98,7 +98,7 @@ class MethodTried(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     title: str
-    reason: WhyNot
+    reason: MethodRejection
     text: str  # the reason with its cause; empty where the method gives the curve
 
 

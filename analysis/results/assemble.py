@@ -151,9 +151,12 @@ def pooling_statistics(
         prior_sigma=[float(sigma) if np.isfinite(sigma) else None for sigma in joint.prior_sigma],
         prior_measurements=[
             PriorMeasurementStatistics(
-                name=one.name, coefficients=dict(one.coefficients), value=one.value, sigma=one.sigma
+                name=prior_measurement.name,
+                coefficients=dict(prior_measurement.coefficients),
+                value=prior_measurement.value,
+                sigma=prior_measurement.sigma,
             )
-            for one in joint.prior_measurements
+            for prior_measurement in joint.prior_measurements
         ]
         or msgspec.UNSET,
         changes={name: change.tolist() for name, change in joint.parameters.shared.items() if np.any(change)},

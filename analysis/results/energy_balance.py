@@ -66,10 +66,10 @@ class EnergyBalanceFindings(NamedTuple):
 
 
 def assemble_energy_balance(
-    log: Path, aircraft: FlownAircraft, found: EnergyBalanceFindings, provenance: Provenance
+    log: Path, aircraft: FlownAircraft, findings: EnergyBalanceFindings, provenance: Provenance
 ) -> Results:
     """The contents of `results.json`."""
-    flight, estimate, drag, propeller, battery, logged, simulated, vehicle, tried = found
+    flight, estimate, drag, propeller, battery, logged, simulated, vehicle, tried = findings
     known = None if isinstance(drag, DragWithheld) else drag
     condition = estimate.curve.condition
     standard = condition._replace(rho=SEA_LEVEL_DENSITY)
@@ -107,7 +107,7 @@ def assemble_energy_balance(
             methods_tried=list(tried),
             warnings=[*flight.notes, *_warnings(estimate), *([simulated.sentence()] if simulated else [])],
             withheld=[drag.sentence(), WITHHELD_CLIMB] if isinstance(drag, DragWithheld) else [WITHHELD_CLIMB],
-            balance=_balance(found),
+            balance=_balance(findings),
             autopilot_parameters=parameters,
             autopilot_parameters_withheld=withheld,
             provenance=provenance,
@@ -156,8 +156,8 @@ def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
     )
 
 
-def _balance(found: EnergyBalanceFindings) -> EnergyBalanceResult:
-    flight, estimate, drag, propeller, *_ = found
+def _balance(findings: EnergyBalanceFindings) -> EnergyBalanceResult:
+    flight, estimate, drag, propeller, *_ = findings
     scale, half_scale = estimate.airspeed.scale, NORMAL_95 * float(np.sqrt(estimate.airspeed.scale_variance))
     return EnergyBalanceResult(
         residual_W=float(np.sqrt(np.mean(estimate.residual_W**2))),
@@ -167,7 +167,7 @@ def _balance(found: EnergyBalanceFindings) -> EnergyBalanceResult:
         else None,
         thrust_basis="" if isinstance(drag, DragWithheld) else _thrust_basis(drag, propeller),
         shaft_over_electrical=drag.motor_efficiency,
-        thrust_efficiency=None if found.simulated else _thrust_efficiency(estimate),
+        thrust_efficiency=None if findings.simulated else _thrust_efficiency(estimate),
     )
 
 

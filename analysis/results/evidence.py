@@ -27,13 +27,13 @@ from flightpower.analysis.records.flight import (
     Evidence,
     EvidenceKind,
     Interval,
+    MethodRejection,
     PartOfResult,
     PoolingStatistics,
     PowerPoint,
     Results,
     RunAgainstOthers,
     Trust,
-    WhyNot,
 )
 from flightpower.analysis.results.settings import TRUST
 from flightpower.analysis.settings import CURVES, EVIDENCE, FLOWN
@@ -74,7 +74,7 @@ CULPRIT = {
 
 def evidence_against(results: Results) -> list[Evidence]:
     """The worst first, causes before their consequences; empty for a result that can be used within its interval."""
-    found = [
+    evidence = [
         *_estimation(results),
         *_failed_methods(results),
         *_counted_speed(results.pooling),
@@ -93,18 +93,18 @@ def evidence_against(results: Results) -> list[Evidence]:
         *_outside_table(results),
         *_curve(results),
     ]
-    return worst_first(found)
+    return worst_first(evidence)
 
 
 def worst_first(evidence: Iterable[Evidence]) -> list[Evidence]:
     """Sorts evidence by level, causes before their consequences."""
     kinds = list(EvidenceKind)
-    return sorted(evidence, key=lambda one: (_WORST_FIRST.index(one.level), kinds.index(one.kind)))
+    return sorted(evidence, key=lambda evidence: (_WORST_FIRST.index(evidence.level), kinds.index(evidence.kind)))
 
 
 def trust_by(evidence: Iterable[Evidence]) -> Trust:
     """The verdict: as bad as the worst evidence."""
-    return min((one.level for one in evidence), key=_WORST_FIRST.index, default=Trust.TRUSTED)
+    return min((piece.level for piece in evidence), key=_WORST_FIRST.index, default=Trust.TRUSTED)
 
 
 def with_trust(results: Results) -> Results:
@@ -115,26 +115,26 @@ def with_trust(results: Results) -> Results:
 
 def reasons_not_to_trust(results: Results) -> list[str]:
     """Each in one or two sentences; empty for a result that can be used within its interval, with doubts or without."""
-    return [one.text for one in results.evidence if one.level is Trust.NOT_TO_BE_TRUSTED]
+    return [evidence.text for evidence in results.evidence if evidence.level is Trust.NOT_TO_BE_TRUSTED]
 
 
-def sentence(one: Evidence) -> str:
+def sentence(evidence: Evidence) -> str:
     """What is in doubt, the flight where there are several, and why."""
-    return f"{one.part}. {_reason(one)}"
+    return f"{evidence.part}. {_reason(evidence)}"
 
 
 def sentences(evidence: Iterable[Evidence]) -> list[str]:
     """Sentences for all evidence, below a heading; each change of what is doubtful is announced."""
-    said, part = list[str](), None
-    for one in evidence:
-        also = "Also doubtful: " if said else ""
-        said.append(_reason(one) if one.part is part else f"{also}{sentence(one)}")
-        part = one.part
-    return said
+    sentences, part = list[str](), None
+    for statement in evidence:
+        also = "Also doubtful: " if sentences else ""
+        sentences.append(_reason(statement) if statement.part is part else f"{also}{sentence(statement)}")
+        part = statement.part
+    return sentences
 
 
-def _reason(one: Evidence) -> str:
-    return f"{one.log}: {one.text}" if one.log else one.text
+def _reason(evidence: Evidence) -> str:
+    return f"{evidence.log}: {evidence.text}" if evidence.log else evidence.text
 
 
 def _estimation(results: Results) -> Iterator[Evidence]:
@@ -164,8 +164,12 @@ def _failed_methods(results: Results) -> Iterator[Evidence]:
     """Where the runs allow drag, and no method finds any that can be: aircraft file and sensors are those of the energy
     balance, too."""
     tried = results.methods_tried
-    failed = [one for one in tried if one.reason not in (WhyNot.NONE, WhyNot.NOT_FLOWN)]
-    if not failed or tried[-1].reason is WhyNot.NONE:
+    failed = [
+        method_tried
+        for method_tried in tried
+        if method_tried.reason not in (MethodRejection.NONE, MethodRejection.NOT_FLOWN)
+    ]
+    if not failed or tried[-1].reason is MethodRejection.NONE:
         return
     yield Evidence(
         kind=EvidenceKind.METHOD_FAILED,
@@ -204,7 +208,7 @@ def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     if statistics is None:
         return
     deviations = _thrust_deviations(statistics)
-    worst = max(deviations, key=lambda one: abs(one.sigmas), default=None)
+    worst = max(deviations, key=lambda deviation: abs(deviation.sigmas), default=None)
     limit = noise_limit(len(deviations))
     if worst is None or abs(worst.sigmas) <= limit:
         return
@@ -372,11 +376,11 @@ _CHECK_EFFICIENCY: Mapping[EvidenceKind, str] = {
 def _efficiency(kind: EvidenceKind, values: list[Interval], best: float) -> Iterator[Evidence]:
     """Not to be trusted where the interval of one speed is above one; doubtful where it is above `best`, or the value
     is above one."""
-    impossible = [one for one in values if one.lo > 1]
-    doubtful = [one for one in values if one.lo > best or one.value > 1]
+    impossible = [interval for interval in values if interval.lo > 1]
+    doubtful = [interval for interval in values if interval.lo > best or interval.value > 1]
     if not doubtful:
         return
-    figure = max(one.value for one in doubtful)
+    figure = max(interval.value for interval in doubtful)
     yield Evidence(
         kind=kind,
         level=Trust.NOT_TO_BE_TRUSTED if impossible else Trust.DOUBTFUL,
@@ -413,11 +417,11 @@ def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
     A current that is measured wrong makes one that no power train has, or hardly any. Outside of what they have, a
     deviation of 95 % is enough.
     """
-    found = results.balance.thrust_efficiency if results.balance else None
-    if found is None or found.lo <= 0:
+    eta = results.balance.thrust_efficiency if results.balance else None
+    if eta is None or eta.lo <= 0:
         return
     usual, T = POWER_TRAIN.efficiency, TRUST
-    error = math.hypot(math.log(found.hi / found.lo) / (2 * NORMAL_95), usual.sigma * (1 - usual.mean))
+    error = math.hypot(math.log(eta.hi / eta.lo) / (2 * NORMAL_95), usual.sigma * (1 - usual.mean))
     beyond = -float(special.ndtri(T.false_alarm_rate))  # on each side: too little current, and too much
 
     def at(sigmas: float) -> float:
@@ -425,21 +429,21 @@ def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
 
     least = max(at(-beyond), min(T.least_power_train, at(-NORMAL_95)))
     most = min(at(beyond), max(T.best_propeller, at(NORMAL_95)))
-    if least <= found.value <= most:
+    if least <= eta.value <= most:
         return
-    impossible = found.value > T.best_propeller and found.lo > T.best_power_train
-    certain = impossible or not at(-T.beyond_doubt * beyond) <= found.value <= at(T.beyond_doubt * beyond)
+    impossible = eta.value > T.best_propeller and eta.lo > T.best_power_train
+    certain = impossible or not at(-T.beyond_doubt * beyond) <= eta.value <= at(T.beyond_doubt * beyond)
     yield Evidence(
         kind=EvidenceKind.THRUST_EFFICIENCY,
         level=Trust.NOT_TO_BE_TRUSTED if certain else Trust.DOUBTFUL,
         part=PartOfResult.CURVE,
-        figure=found.value,
-        limit=least if found.value < least else most,
+        figure=eta.value,
+        limit=least if eta.value < least else most,
         false_alarm_rate=T.false_alarm_rate,
         text=(
             "Climbs, changes of speed and drag show an efficiency from battery to thrust of"
-            f" {found.value:.2f} ({found.lo:.2f} to {found.hi:.2f}), where small aircraft have 0.4 to 0.7, as if the"
-            f" current were shown {usual.mean / found.value:.2g} times as large as it is: check the scale of the"
+            f" {eta.value:.2f} ({eta.lo:.2f} to {eta.hi:.2f}), where small aircraft have 0.4 to 0.7, as if the"
+            f" current were shown {usual.mean / eta.value:.2g} times as large as it is: check the scale of the"
             " current sensor against a charger or a clamp meter, then voltage, mass and wing area."
         ),
     )
@@ -489,22 +493,22 @@ def _effect(name: str, statistics: PoolingStatistics) -> float:
 
 def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
     """Errors none of which is beyond its own limit, and which one cause moves together."""
-    found = results.path.joint_conflict if results.path else None
-    if found is None or found.probability > TRUST.false_alarm_rate or any(_sensor_errors(results)):
+    test = results.path.joint_conflict if results.path else None
+    if test is None or test.probability > TRUST.false_alarm_rate or any(_sensor_errors(results)):
         return
-    worst = sorted(found.errors, key=lambda name: -abs(found.errors[name]))[:2]
-    named = " and ".join(f"the {SENSOR_ERROR_KINDS[name].title} ({found.errors[name]:+.1f})" for name in worst)
+    worst = sorted(test.errors, key=lambda name: -abs(test.errors[name]))[:2]
+    named = " and ".join(f"the {SENSOR_ERROR_KINDS[name].title} ({test.errors[name]:+.1f})" for name in worst)
     causes = "; or ".join(dict.fromkeys(CULPRIT[name] for name in worst))
     yield Evidence(
         kind=EvidenceKind.SENSOR_ERRORS_TOGETHER,
         level=Trust.DOUBTFUL,
         part=PartOfResult.CURVE,
         subject=" ".join(worst),
-        figure=found.probability,
+        figure=test.probability,
         limit=TRUST.false_alarm_rate,
         false_alarm_rate=TRUST.false_alarm_rate,
         text=(
-            f"Sensor errors, none beyond its limit, are improbable together (probability {found.probability:.1g}, limit"
+            f"Sensor errors, none beyond its limit, are improbable together (probability {test.probability:.1g}, limit"
             f" {TRUST.false_alarm_rate:g}), most of all {named} in the standard deviations assumed. One cause may move"
             f" them: the air sank or rose, or an instrument is mounted wrong ({causes})."
         ),
@@ -522,9 +526,9 @@ _DOUBTED = {
 
 def _implausible(results: Results) -> Iterator[Evidence]:
     """Runs that were flown while the daemon found readings that cannot be true together."""
-    found = results.provenance.implausible if results.provenance else []
+    readings = results.provenance.implausible if results.provenance else []
     for compared, doubted in _DOUBTED.items():
-        periods = [(one.start_s, one.end_s) for one in found if one.compared is compared]
+        periods = [(reading.start_s, reading.end_s) for reading in readings if reading.compared is compared]
         shared_s = sum(
             max(0.0, min(end_s, run.end_s) - max(start_s, run.start_s))
             for run in results.runs
@@ -549,11 +553,11 @@ def _implausible(results: Results) -> Iterator[Evidence]:
 def _runs(results: Results) -> Iterator[Evidence]:
     """The run that differs most from the others of its kind."""
     compared = results.runs_against_others
-    worst = max(compared, key=lambda one: abs(one.z), default=None)
+    worst = max(compared, key=lambda runs_against_other: abs(runs_against_other.z), default=None)
     limit = noise_limit(len(compared))
     if worst is None or abs(worst.z) <= limit:
         return
-    beyond = sum(abs(one.z) > limit for one in compared)
+    beyond = sum(abs(runs_against_other.z) > limit for runs_against_other in compared)
     yield Evidence(
         kind=EvidenceKind.RUN_AGAINST_OTHERS,
         level=_level(worst.z, limit),

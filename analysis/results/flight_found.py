@@ -70,13 +70,13 @@ def run_residuals(estimate: DynamicEstimate, kinds: Mapping[str, str]) -> list[R
 
     kinds: of the runs, by name
     """
-    found = []
+    residuals = []
     for fit in estimate.fits:
         residual = fit.measured[DRAG] - fit.modeled[DRAG]
         residual = residual[np.isfinite(residual)]
         step_s = float(fit.t_s[1] - fit.t_s[0])
         correlation = autocorrelation(residual, round(RESULTS.longest_lag_s / step_s))
-        found.append(
+        residuals.append(
             RunResidual(
                 run=fit.run,
                 kind=kinds[fit.run],
@@ -86,7 +86,7 @@ def run_residuals(estimate: DynamicEstimate, kinds: Mapping[str, str]) -> list[R
                 autocorrelation=[round(float(r), 4) for r in correlation],
             )
         )
-    return found
+    return residuals
 
 
 def autocorrelation(residual: Array, lags: int) -> Array:

@@ -65,7 +65,7 @@ class StallMargin(NamedTuple):
 
 def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMargin()) -> str:
     """The text of the file. Raises InputError where no parameter of this firmware follows, or none leaves a margin."""
-    own = [one for one in results.autopilot_parameters if one.firmware == FIRMWARE[firmware]]
+    own = [parameter for parameter in results.autopilot_parameters if parameter.firmware == FIRMWARE[firmware]]
     if not own:
         raise InputError(f"{results.log}: no parameter of {FIRMWARE[firmware]} follows from these results")
     own += [
@@ -81,8 +81,8 @@ def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMa
         f"# {FIRMWARE[firmware]}, from the flight {results.log}, by flightpower {results.software_version}.",
         "# Airspeeds are equivalent (calibrated) ones, rounded up. Compare each value with yours before you load it.",
         f"# {reason}",
-        *(line for one in _names_used(own) for line in _lines(one, firmware, least_mps)),
-        *(f"# {sentence}" for sentence in withheld_of(FIRMWARE[firmware], {one.name for one in own})),
+        *(line for parameter in _names_used(own) for line in _lines(parameter, firmware, least_mps)),
+        *(f"# {sentence}" for sentence in withheld_of(FIRMWARE[firmware], {parameter.name for parameter in own})),
     ]
     return "\n".join(lines) + "\n"
 
@@ -119,43 +119,43 @@ def _rate(name: str, firmware: For, interval: Interval, basis: str) -> Autopilot
 
 def _names_used(own: list[AutopilotParameter]) -> Iterator[AutopilotParameter]:
     """Keeps, of an old and a new name of one parameter, that in the log, else the new one."""
-    logged = {one.name for one in own if one.logged is not None}
+    logged = {parameter.name for parameter in own if parameter.logged is not None}
     old = {name for name, newer in NEWER.items() if name in logged and newer not in logged}
-    for one in own:
+    for parameter in own:
         replaced = {NEWER[name] for name in old}
-        if one.name not in replaced and (one.name not in NEWER or one.name in old):
-            yield one
+        if parameter.name not in replaced and (parameter.name not in NEWER or parameter.name in old):
+            yield parameter
 
 
-def _lines(one: AutopilotParameter, firmware: For, least_mps: float) -> Iterator[str]:
+def _lines(p: AutopilotParameter, firmware: For, least_mps: float) -> Iterator[str]:
     """Comments on interval, reason and margin, then the value."""
-    unit = f" {one.unit}" if one.unit else ""
-    yield f"# {one.name}: {one.value:.4g} ({one.lo:.4g} to {one.hi:.4g}){unit}: {one.basis}."
-    if one.logged is not None:
-        yield f"# {one.name} in the log: {one.logged:g}"
-    least = least_mps * (100.0 if one.unit == CENTIMETERS else 1.0)
-    value = one.value
-    if one.name in FASTEST and value < least:
+    unit = f" {p.unit}" if p.unit else ""
+    yield f"# {p.name}: {p.value:.4g} ({p.lo:.4g} to {p.hi:.4g}){unit}: {p.basis}."
+    if p.logged is not None:
+        yield f"# {p.name} in the log: {p.logged:g}"
+    least = least_mps * (100.0 if p.unit == CENTIMETERS else 1.0)
+    value = p.value
+    if p.name in FASTEST and value < least:
         raise InputError(
-            f"{one.name}: the fastest flown, {value:.4g}{unit}, is below the stall margin, {least:.4g}{unit};"
+            f"{p.name}: the fastest flown, {value:.4g}{unit}, is below the stall margin, {least:.4g}{unit};"
             " fly faster, or give the stall speed with --stall"
         )
-    if one.name in SLOWEST | CRUISE and value < least:
-        yield f"# {one.name} is raised to the stall margin, {least:.4g}{unit}."
+    if p.name in SLOWEST | CRUISE and value < least:
+        yield f"# {p.name} is raised to the stall margin, {least:.4g}{unit}."
         value = least
-    written = _up(value, one, firmware) if one.name in SLOWEST | CRUISE | FASTEST else _rounded(value, firmware)
+    written = _up(value, p, firmware) if p.name in SLOWEST | CRUISE | FASTEST else _rounded(value, firmware)
     match firmware:
         case For.INAV:
-            yield f"set {one.name} = {written}"
+            yield f"set {p.name} = {written}"
         case For.PX4:
-            yield f"1\t1\t{one.name}\t{written}\t9"
+            yield f"1\t1\t{p.name}\t{written}\t9"
         case For.ARDUPILOT:
-            yield f"{one.name},{written}"
+            yield f"{p.name},{written}"
 
 
-def _up(value: float, one: AutopilotParameter, firmware: For) -> str:
+def _up(value: float, parameter: AutopilotParameter, firmware: For) -> str:
     """Rounded up: no airspeed falls below its margin by rounding."""
-    digits = 0 if firmware is For.INAV or one.name in WHOLE else 2
+    digits = 0 if firmware is For.INAV or parameter.name in WHOLE else 2
     return f"{ceil(10**digits * value - 1e-9) / 10**digits:.{digits}f}"
 
 

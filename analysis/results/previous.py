@@ -20,11 +20,11 @@ def replaced(folder: Path, results: Results, written: Collection[str] = TABLES) 
     written: names of the files that replace others. Tables of an earlier analysis beside them are named.
     """
     left = [name for name in TABLES if name not in written and (folder / name).exists()]
-    said = _replaced(folder, results)
+    text = _replaced(folder, results)
     if not left:
-        return said
+        return text
     of_earlier = f"{', '.join(left)} in {folder} {'is' if len(left) == 1 else 'are'} of an earlier analysis"
-    return f"{said}; {of_earlier}" if said else of_earlier
+    return f"{text}; {of_earlier}" if text else of_earlier
 
 
 def _replaced(folder: Path, results: Results) -> str:

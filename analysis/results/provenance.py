@@ -71,7 +71,11 @@ def provenance_of_file(
         origin, sha256 = _given(str(aircraft))
         files.append(SourceFile(role=ROLES["aircraft.toml"], name="", origin=origin, sha256=sha256))
     fix = recording.fix if recording else Fix()
-    ends_s = [(one.t_s[0], one.t_s[-1]) for one in recording.channels.values() if len(one.t_s)] if recording else []
+    ends_s = (
+        [(channel.t_s[0], channel.t_s[-1]) for channel in recording.channels.values() if len(channel.t_s)]
+        if recording
+        else []
+    )
     first_s, last_s = (min(a for a, _ in ends_s), max(b for _, b in ends_s)) if ends_s else (0.0, 0.0)
     start_utc, clock = _start(fix, first_s)
     return Provenance(
@@ -91,7 +95,7 @@ def _start(fix: Fix, first_s: float) -> tuple[str | None, Clock]:
 def _implausible(log: Log, end_ns: int) -> list[ImplausibleReadings]:
     """Stretches from each warning to its all-clear, or to the end of the log."""
     start_ns = next((entry.time_ns for entry in log.entries.get("/imu", [])), 0)
-    found: list[ImplausibleReadings] = []
+    implausible_readings: list[ImplausibleReadings] = []
     since_ns: dict[Comparison, int] = {}
     for entry in log.entries.get("/daq/event", []):
         event = entry.message
@@ -100,8 +104,12 @@ def _implausible(log: Log, end_ns: int) -> list[ImplausibleReadings]:
         if event.severity != "info":
             since_ns.setdefault(event.compared, entry.time_ns)
         elif event.compared in since_ns:
-            found.append(_period(event.compared, since_ns.pop(event.compared) - start_ns, entry.time_ns - start_ns))
-    return found + [_period(compared, at_ns - start_ns, end_ns - start_ns) for compared, at_ns in since_ns.items()]
+            implausible_readings.append(
+                _period(event.compared, since_ns.pop(event.compared) - start_ns, entry.time_ns - start_ns)
+            )
+    return implausible_readings + [
+        _period(compared, at_ns - start_ns, end_ns - start_ns) for compared, at_ns in since_ns.items()
+    ]
 
 
 def _period(compared: Comparison, start_ns: int, end_ns: int) -> ImplausibleReadings:

@@ -117,7 +117,7 @@ def read_ardupilot(path: Path) -> FlightRecording:
             channels[name] = channel(table["t_s"], table[field])
     place: dict[str, Channel] = {}
     fix = Fix()
-    for table in sorted(log.of(GPS), key=lambda one: -np.mean(one["Status"] >= 3))[:1]:
+    for table in sorted(log.of(GPS), key=lambda receiver: -np.mean(receiver["Status"] >= 3))[:1]:
         channels |= _gps(table)
         fixed = table["Status"] >= 3
         place = places(table["t_s"][fixed], table["Lat"][fixed], table["Lng"][fixed])
@@ -169,15 +169,17 @@ def _batteries(tables: Mapping[tuple[str, int], Table], kinds: tuple[str, ...]) 
 def _with_sums(batteries: Mapping[tuple[str, int], Battery], parameters: Mapping[str, float]) -> list[Battery]:
     """The monitors, of which BATTn_MONITOR says which sum others: those of BATTn_SUM_MASK, or all later ones."""
     numbers = [instance + (kind in SECOND_MONITOR) for kind, instance in batteries]
-    found = []
+    sums = []
     for number, battery in zip(numbers, batteries.values(), strict=True):
         prefix = f"BATT{'' if number == 0 else number + 1}"
         mask = int(np.nan_to_num(parameters.get(f"{prefix}_SUM_MASK", 0.0)))
         chosen = {i for i in range(mask.bit_length()) if mask >> i & 1} if mask else {i for i in numbers if i > number}
-        summed = [one.name for i, one in zip(numbers, batteries.values(), strict=True) if i in chosen - {number}]
+        summed = [
+            battery.name for i, battery in zip(numbers, batteries.values(), strict=True) if i in chosen - {number}
+        ]
         is_sum = parameters.get(f"{prefix}_MONITOR") == BatteryMonitor.SUM
-        found.append(battery._replace(sum_of=frozenset(summed)) if is_sum else battery)
-    return found
+        sums.append(battery._replace(sum_of=frozenset(summed)) if is_sum else battery)
+    return sums
 
 
 def _throttle(log: Messages) -> Channel | None:
@@ -185,8 +187,8 @@ def _throttle(log: Messages) -> Channel | None:
     for kind in ("CTUN", "AETR"):
         for table in log.of((kind,)):
             for field in FIELDS[kind]:
-                if len((found := channel(table["t_s"], table[field] / 100)).value):
-                    return found
+                if len((throttle := channel(table["t_s"], table[field] / 100)).value):
+                    return throttle
     number = next((i for i in range(1, 15) if log.parameters.get(f"SERVO{i}_FUNCTION") == ServoFunction.THROTTLE), 3)
     ends = [log.parameters.get(f"SERVO{number}_{end}", log.parameters.get(f"RC3_{end}")) for end in ("MIN", "MAX")]
     for table in log.of(("RCOU",)):
@@ -201,12 +203,12 @@ def _throttle(log: Messages) -> Channel | None:
 
 def _lifting_s(log: Messages, t_s: Array) -> list[Array]:
     """Times at which the lifting motors run: by their throttle, and those of t_s (n,) in whose mode they run."""
-    found = [table["t_s"][table["ThO"] > 0] for table in log.of(LIFT)]
+    times = [table["t_s"][table["ThO"] > 0] for table in log.of(LIFT)]
     for table in log.of(("MODE",)):
         numbers = _mode_numbers(table)
         latest = np.searchsorted(table["t_s"], t_s, side="right") - 1
-        found.append(t_s[(latest >= 0) & np.isin(numbers[np.clip(latest, 0, None)], LIFTED)])
-    return found
+        times.append(t_s[(latest >= 0) & np.isin(numbers[np.clip(latest, 0, None)], LIFTED)])
+    return times
 
 
 def _mode_numbers(table: Table) -> Array:
@@ -221,12 +223,12 @@ def _modes(log: Messages) -> list[Event]:
 def _truth(log: Messages) -> dict[str, Channel]:
     """What ArduPilot's own simulation flew."""
     names = (("SIM2", "As", recording.TRUE_AIRSPEED), ("SIM", "Alt", recording.TRUE_HEIGHT))
-    return {name: channel(one["t_s"], one[field]) for kind, field, name in names for one in log.of((kind,))[:1]}
+    return {name: channel(table["t_s"], table[field]) for kind, field, name in names for table in log.of((kind,))[:1]}
 
 
 def _without_current(batteries: list[Battery]) -> dict[frozenset[str], str]:
     """What a battery shows that gave no current."""
-    shown = [one for one in batteries if len(one.voltage.value)]
+    shown = [battery for battery in batteries if len(battery.voltage.value)]
     return (
         {recording.OF_BATTERY: f" (it shows {np.median(shown[0].voltage.value):.1f} V and no current)"} if shown else {}
     )
@@ -291,7 +293,7 @@ def _motors(log: Messages) -> list[Channel]:
     for kinds in (CONTROLLERS, RPM):
         fields = [field for field in FIELDS[kinds[0]] if field.upper().startswith("RPM")]
         motors = [channel(table["t_s"], table[field] / 60) for table in log.of(kinds) for field in fields]
-        if any(np.any(one.value > 0) for one in motors):
+        if any(np.any(motor.value > 0) for motor in motors):
             return motors
     return []
 

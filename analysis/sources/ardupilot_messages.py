@@ -85,14 +85,14 @@ def all_channels(path: Path) -> AllChannels:
     Raises InputError where the log cannot be read.
     """
     log = _read(path, RawTelemetryLog, ())
-    found: dict[str, Callable[[], Channel]] = {}
+    channels: dict[str, Callable[[], Channel]] = {}
     for kind in log.names():
         for (_, number), table in _instances(kind, log.columns(kind), ()):
             name = f"{kind} {number}" if number else kind
-            found |= {
+            channels |= {
                 f"{name}.{field}": partial(channel, table["t_s"], table[field]) for field in table if field != "t_s"
             }
-    return found
+    return channels
 
 
 Telemetry = TypeVar("Telemetry")
@@ -126,17 +126,17 @@ def _read(
 def read_messages(path: Path) -> Messages:
     """The messages of a log. Raises InputError where it cannot be read, or is that of a vehicle without wings."""
     log = _read(path, TelemetryLog, KINDS_READ)
-    said = log.columns("MSG")
-    texts = [_text(text) for text in said.get("Message", ())]
+    messages = log.columns("MSG")
+    texts = [_text(text) for text in messages.get("Message", ())]
     versions = [_text(text) for text in log.columns("VER").get("FWS", ())]
     for text in (*texts, *versions):
         _refuse_wingless(path, text)
-    boards = (found[1] for text in texts if (found := SERIAL_NUMBER.match(text)))
+    boards = (match[1] for text in texts if (match := SERIAL_NUMBER.match(text)))
     vehicle = next((vehicle_of(number) for number in boards), "")
     tables = {key: table for kind in FIELDS for key, table in _instances(kind, _columns(log, kind), FIELDS[kind])}
-    told, multipliers = log.columns("FMTU"), log.columns("MULT")
+    units, multipliers = log.columns("FMTU"), log.columns("MULT")
     for (kind, _), table in tables.items():
-        for field, unit in _units(log.form(kind), told, multipliers).items():
+        for field, unit in _units(log.form(kind), units, multipliers).items():
             if field in table:
                 table[field] = unit * table[field]
     if not tables:
@@ -151,7 +151,7 @@ def read_messages(path: Path) -> Messages:
     lost = int(np.max(known, initial=0.0))
     notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
     parameters = {_text(name): float(x) for name, x in pairs if isinstance(x, float)}
-    timed = tuple(zip(_times_s("MSG", said, len(texts)), texts, strict=True))
+    timed = tuple(zip(_times_s("MSG", messages, len(texts)), texts, strict=True))
     return Messages(tables, parameters, notes, vehicle, timed, isinstance(log, TelemetryLog))
 
 
@@ -163,16 +163,16 @@ def _columns(log: DataflashLog | TelemetryLog | TextLog | MatlabLog, kind: str) 
     return log.columns(kind, {*FIELDS[kind], *INSTANCE, *clocks})
 
 
-def _units(form: Form | None, told: dict[str, NDArray[Any]], multipliers: dict[str, NDArray[Any]]) -> dict[str, float]:
+def _units(form: Form | None, units: dict[str, NDArray[Any]], multipliers: dict[str, NDArray[Any]]) -> dict[str, float]:
     """SI value of one unit of each unscaled integer field, by FMTU and MULT.
 
     Firmware before 2015, which writes no FMTU, has voltage and current in hundredths.
     """
     if form is None:
         return {}
-    if not len(told.get("FmtType", ())):
+    if not len(units.get("FmtType", ())):
         return {field: 0.01 for field in form.whole_numbers() if field in ("Volt", "Curr")}
-    pairs = zip(told["FmtType"], told.get("MultIds", ()), strict=False)
+    pairs = zip(units["FmtType"], units.get("MultIds", ()), strict=False)
     mine = [ids for number, ids in pairs if number == form.number and isinstance(ids, bytes)]
     ids, factors = (multipliers.get(name, np.zeros(0)) for name in ("Id", "Mult"))
     usable = without_damage(factors) if factors.dtype.kind == "f" else np.zeros(0)
@@ -235,7 +235,7 @@ def _refuse_unknown(path: Path, energy_control: dict[str, NDArray[Any]]) -> None
 
 
 def _refuse_wingless(path: Path, text: str) -> None:
-    found = WINGLESS.search(text)
-    if found:
-        kind = KINDS.get(next(group for group in found.groups() if group), "a vehicle without wings")
+    match = WINGLESS.search(text)
+    if match:
+        kind = KINDS.get(next(group for group in match.groups() if group), "a vehicle without wings")
         raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")

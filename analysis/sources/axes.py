@@ -102,10 +102,10 @@ class _Means(Signals):
 
     def change(self, value: Array, samples: int = 1) -> Array:
         """To each sample from the one before; of two, from the sample before to the one after it."""
-        found = np.full(len(value), np.nan)
+        change = np.full(len(value), np.nan)
         late = samples // 2
-        found[samples - late : len(value) - late] = value[samples:] - value[:-samples]
-        return found
+        change[samples - late : len(value) - late] = value[samples:] - value[:-samples]
+        return change
 
     def _column(self, name: str) -> Array:
         return self._means[name].to_numpy()

@@ -44,9 +44,9 @@ class MappedColumn:
     def in_si(self, value: Array, quantity: Quantity, where: str) -> Array:
         """Raises InputError for a unit that is none, or that of another quantity."""
         unit = KINDS[quantity].unit
-        zero, one = (to_si(f"{x} {self.unit}".strip(), unit, f"{where}: {quantity}.unit") for x in (0, 1))
+        zero, unity = (to_si(f"{x} {self.unit}".strip(), unit, f"{where}: {quantity}.unit") for x in (0, 1))
         added = to_si(self.offset, unit, f"{where}: {quantity}.offset") if self.offset else 0.0
-        return np.asarray(self.factor * (zero + (one - zero) * value) + added)
+        return np.asarray(self.factor * (zero + (unity - zero) * value) + added)
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,13 @@ class ColumnMap:
 
 def map_of(table: Path, given: Path | None = None) -> ColumnMap:
     """The map given, or the one beside a table. Raises InputError when there is none, or it is wrong."""
-    found = map_files(table, given)
-    if not found:
+    candidates = map_files(table, given)
+    if not candidates:
         raise InputError(
             f"{table}: a table, whose columns need a map: {DRAFT} {table} -o {table.name}.{BESIDE}; look through it,"
             f" and analyze the table with --columns {table.name}.{BESIDE}"
         )
-    return load_map(found[0])
+    return load_map(candidates[0])
 
 
 def map_files(table: Path, given: Path | None) -> list[Path]:
@@ -88,8 +88,8 @@ def load_map(path: Path) -> ColumnMap:
     if Quantity.TIME not in entries:
         raise InputError(f"{path}: no [time]; it needs the column of the times")
     read = {Quantity(name): read_table(MappedColumn, entry, f"{path}: {name}") for name, entry in entries.items()}
-    for quantity, one in read.items():
-        one.in_si(np.zeros(1), quantity, str(path))
+    for quantity, column in read.items():
+        column.in_si(np.zeros(1), quantity, str(path))
     return ColumnMap(path, read)
 
 
@@ -98,25 +98,25 @@ def mapped_channels(table: Path, columns: Columns, column_map: ColumnMap) -> dic
 
     Raises InputError when the table lacks a column, holds several aircraft, or its times do not ascend.
     """
-    lacking = [one.column for one in column_map.columns.values() if one.column not in columns]
-    if lacking:
+    missing = [value.column for value in column_map.columns.values() if value.column not in columns]
+    if missing:
         raise InputError(
-            f"{table}: has no column {', '.join(lacking)}, which {column_map.path} names; it has {', '.join(columns)}"
+            f"{table}: has no column {', '.join(missing)}, which {column_map.path} names; it has {', '.join(columns)}"
         )
     si = {
-        quantity: one.in_si(columns[one.column], quantity, str(column_map.path))
-        for quantity, one in column_map.columns.items()
+        quantity: value.in_si(columns[value.column], quantity, str(column_map.path))
+        for quantity, value in column_map.columns.items()
     }
     if (number := si.pop(Quantity.AIRCRAFT, None)) is not None and len(
         seen := np.unique(number[~np.isnan(number)])
     ) > 1:
         raise InputError(
             f"{table}: holds {len(seen)} aircraft ({column_map.named(Quantity.AIRCRAFT)} is"
-            f" {', '.join(f'{one:g}' for one in seen[:5])}): write a table for each"
+            f" {', '.join(f'{value:g}' for value in seen[:5])}): write a table for each"
         )
     t_s = si.pop(Quantity.TIME)
     _check_times(table, t_s, column_map)
-    found = {}
+    channels = {}
     for quantity, value in si.items():
         known = np.isfinite(value) & np.isfinite(t_s)
         if known.sum() < READABLE.fewest_samples:
@@ -124,8 +124,8 @@ def mapped_channels(table: Path, columns: Columns, column_map: ColumnMap) -> dic
                 f"{table}: {column_map.named(quantity)} has {known.sum()} numbers; leave it out of the map"
             )
         taken_s, first = np.unique(t_s[known], return_index=True)
-        found[quantity] = Channel(taken_s - column_map.columns[quantity].delay_s, value[known][first])
-    return found
+        channels[quantity] = Channel(taken_s - column_map.columns[quantity].delay_s, value[known][first])
+    return channels
 
 
 def _check_times(table: Path, t_s: Array, column_map: ColumnMap) -> None:

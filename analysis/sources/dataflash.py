@@ -127,8 +127,8 @@ class DataflashLog:
 
     def form(self, name: str) -> Form | None:
         """How messages of a name are packed; None where the log has none."""
-        found = next(((number, kind) for number, kind in self._kinds.items() if kind.name == name), None)
-        return None if found is None else Form(found[0], found[1].fields, found[1].codes)
+        numbered = next(((number, kind) for number, kind in self._kinds.items() if kind.name == name), None)
+        return None if numbered is None else Form(numbered[0], numbered[1].fields, numbered[1].codes)
 
     def columns(self, name: str, wanted: Collection[str] = ()) -> dict[str, NDArray[Any]]:
         """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers.

@@ -115,14 +115,14 @@ def _ulog_chain_us(data: bytes, at: int) -> list[int]:
 
 def _dataflash_times_s(data: bytes) -> list[float]:
     log = DataflashLog(data)
-    found = []
+    times_s = []
     for name in log.names():
         for field, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3)):
             times = log.columns(name).get(field, np.zeros(0)) if name != "GPS" or field == "TimeUS" else np.zeros(0)
-            found += [unit * float(t) for t in times if t > 0]
+            times_s += [unit * float(t) for t in times if t > 0]
     # A damaged byte makes a time of years.
-    usual = float(np.median(found)) if found else 0.0
-    return [t for t in found if abs(t - usual) < 1e5]
+    usual = float(np.median(times_s)) if times_s else 0.0
+    return [t for t in times_s if abs(t - usual) < 1e5]
 
 
 def _telemetry_times_s(first: bytes, last: bytes) -> Iterator[float]:
@@ -148,8 +148,10 @@ def _mcap(path: Path) -> Extent:
             summary = None
     if summary is None or summary.statistics is None:
         return Extent(LogKind.DAEMON)
-    found = summary.statistics
-    start_s = found.message_start_time / 1e9
+    statistics = summary.statistics
+    start_s = statistics.message_start_time / 1e9
     return Extent(
-        LogKind.DAEMON, start_s if start_s > CHANNELS.clock_set_unix_s else None, found.message_end_time / 1e9 - start_s
+        LogKind.DAEMON,
+        start_s if start_s > CHANNELS.clock_set_unix_s else None,
+        statistics.message_end_time / 1e9 - start_s,
     )

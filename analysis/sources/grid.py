@@ -132,20 +132,20 @@ def stretches(flag: NDArray[np.bool_]) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def resampled(one: Channel, t_s: Array, window_s: float, longest_gap_s: float) -> Array:
+def resampled(channel: Channel, t_s: Array, window_s: float, longest_gap_s: float) -> Array:
     """Values at t_s (n,): moving average over a Hann window, then linear interpolation; NaN in gaps, beyond the ends.
 
     A channel slower than half the window is only interpolated, and a gap is at least four of its intervals.
     """
-    if len(one.t_s) < 2:
+    if len(channel.t_s) < 2:
         return np.full(len(t_s), np.nan)
-    interval = float(np.median(np.diff(one.t_s)))
+    interval = float(np.median(np.diff(channel.t_s)))
     width = round(window_s / interval)
-    value = one.value if width < 2 else smoothed(one.value, width)
-    after = np.clip(np.searchsorted(one.t_s, t_s), 1, len(one.t_s) - 1)
-    bridged = one.t_s[after] - one.t_s[after - 1] <= max(longest_gap_s, 4 * interval)
-    within = (t_s >= one.t_s[0]) & (t_s <= one.t_s[-1])
-    return np.where(bridged & within, np.interp(t_s, one.t_s, value), np.nan)
+    value = channel.value if width < 2 else smoothed(channel.value, width)
+    after = np.clip(np.searchsorted(channel.t_s, t_s), 1, len(channel.t_s) - 1)
+    bridged = channel.t_s[after] - channel.t_s[after - 1] <= max(longest_gap_s, 4 * interval)
+    within = (t_s >= channel.t_s[0]) & (t_s <= channel.t_s[-1])
+    return np.where(bridged & within, np.interp(t_s, channel.t_s, value), np.nan)
 
 
 def smoothed(value: Array, width: int) -> Array:

@@ -48,8 +48,8 @@ def read_jeti(text: str) -> dict[str, Array]:
             continue
         for at in range(2, len(cells) - len(VALUE) + 1, len(VALUE)):
             number, kind, decimals, value = cells[at : at + len(VALUE)]
-            if (found := _value(kind, decimals, value)) is not None:
-                values[device, number][time_ms] = found
+            if (decoded := _value(kind, decimals, value)) is not None:
+                values[device, number][time_ms] = decoded
                 if kind == str(Type.POSITION.value) and "[" not in names.get((device, number), "["):
                     names[device, number] += " [°]"
     times_ms = np.array(sorted({at for of in values.values() for at in of}), dtype=float)

@@ -87,27 +87,29 @@ class Grid:
     """The quantities on one grid of FLIGHT.step_s, smoothed over a second; NaN in gaps."""
 
     def __init__(self, channels: Channels):
-        low = min(float(one.t_s[0]) for one in channels.values())
-        high = max(float(one.t_s[-1]) for one in channels.values())
+        low = min(float(channel.t_s[0]) for channel in channels.values())
+        high = max(float(channel.t_s[-1]) for channel in channels.values())
         self.t_s = np.arange(low, high, FLIGHT.step_s)
         self._channels, self._made = channels, dict[Quantity, Array | None]()
 
     def __getitem__(self, quantity: Quantity) -> Array | None:
         """None where the table has it not."""
         if quantity not in self._made:
-            one = self._channels.get(quantity)
-            if one is not None and quantity in (Q.HEADING, Q.COURSE, Q.ROLL):
-                one = Channel(one.t_s, np.unwrap(one.value))
-            elif one is not None and quantity in (Q.HEIGHT, Q.STATIC_PRESSURE):
-                one = without_steps(one)
-            made = None if one is None else resampled(one, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s)
+            channel = self._channels.get(quantity)
+            if channel is not None and quantity in (Q.HEADING, Q.COURSE, Q.ROLL):
+                channel = Channel(channel.t_s, np.unwrap(channel.value))
+            elif channel is not None and quantity in (Q.HEIGHT, Q.STATIC_PRESSURE):
+                channel = without_steps(channel)
+            made = None if channel is None else resampled(channel, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s)
             self._made[quantity] = made
         return self._made[quantity]
 
     def all(self, *quantities: Quantity) -> list[Array] | None:
         """None where one is missing."""
-        found = [self[quantity] for quantity in quantities]
-        return None if any(one is None for one in found) else [one for one in found if one is not None]
+        columns = [self[quantity] for quantity in quantities]
+        return (
+            None if any(values is None for values in columns) else [values for values in columns if values is not None]
+        )
 
     def rate(self, value: Array) -> Array:
         """Derivative by time (n,)."""
@@ -172,7 +174,9 @@ class Grid:
             return (Q.GROUND_SPEED, Q.COURSE), both[0] * np.cos(both[1]), both[0] * np.sin(both[1])
         if {Q.LATITUDE, Q.LONGITUDE} <= self._channels.keys():
             by_position = velocity_by_position(self._channels[Q.LATITUDE], self._channels[Q.LONGITUDE])
-            north, east = (resampled(one, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for one in by_position)
+            north, east = (
+                resampled(channel, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for channel in by_position
+            )
             return (Q.LATITUDE, Q.LONGITUDE), north, east
         return None
 
@@ -197,14 +201,14 @@ def relation(first: Array, second: Array) -> Relation | None:
     known = np.isfinite(first + second)
     if known.sum() * FLIGHT.step_s < 20.0:
         return None
-    x, y = (np.where(known, one - np.mean(one[known]), 0.0) for one in (first, second))
+    x, y = (np.where(known, values - np.mean(values[known]), 0.0) for values in (first, second))
     if np.std(x[known]) == 0 or np.std(y[known]) == 0:
         return None
     reach = round(6.0 / FLIGHT.step_s)
-    found = _correlations(x, y, known, reach)
-    best = int(np.argmax(np.abs(found)))
+    correlation = _correlations(x, y, known, reach)
+    best = int(np.argmax(np.abs(correlation)))
     ratio = float(np.std(x[known]) / np.std(y[known]))
-    return Relation(float(found[reach]), float(found[best]), (best - reach) * FLIGHT.step_s, ratio)
+    return Relation(float(correlation[reach]), float(correlation[best]), (best - reach) * FLIGHT.step_s, ratio)
 
 
 def _correlations(x: Array, y: Array, known: NDArray[np.bool_], reach: int) -> Array:
@@ -227,25 +231,25 @@ def findings(channels: Channels, name: Callable[[Quantity], str]) -> list[Findin
     """What cannot be true together, first what contradicts most. name: of a quantity, for the texts."""
     if not channels:
         return []
-    found = list(_ranges(channels, name))
+    findings = list(_ranges(channels, name))
     grid = Grid(channels)
-    found += _gravity(grid, name)
-    found += _battery(grid, name)
+    findings += _gravity(grid, name)
+    findings += _battery(grid, name)
     for laws in (_attitude_laws, _vertical_laws, _speed_laws, _power_laws):
         for law in laws(grid):
-            if (one := _judged(law, name)) is not None:
-                found.append(one)
-    found += _ground_speed(grid, name)
-    often = Counter(quantity for one in found for quantity in one.quantities)
-    return sorted(found, key=lambda one: (one.mistake is not Mistake.RANGE, -often[one.quantities[0]]))
+            if (finding := _judged(law, name)) is not None:
+                findings.append(finding)
+    findings += _ground_speed(grid, name)
+    often = Counter(quantity for finding in findings for quantity in finding.quantities)
+    return sorted(findings, key=lambda finding: (finding.mistake is not Mistake.RANGE, -often[finding.quantities[0]]))
 
 
 def _ranges(channels: Channels, name: Callable[[Quantity], str]) -> Iterator[Finding]:
-    for quantity, one in channels.items():
+    for quantity, channel in channels.items():
         kind = KINDS[quantity]
-        beyond = np.logical_or(one.value < kind.least, one.value > kind.greatest)
+        beyond = np.logical_or(channel.value < kind.least, channel.value > kind.greatest)
         if np.mean(beyond) > 0.2:
-            usual = float(np.median(one.value[beyond]))
+            usual = float(np.median(channel.value[beyond]))
             yield Finding(
                 Mistake.RANGE,
                 (quantity,),
@@ -259,7 +263,7 @@ def _gravity(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
     force = grid.all(*ForceAxes)
     if force is None:
         return
-    median = np.array([np.nanmedian(one) for one in force])
+    median = np.array([np.nanmedian(component) for component in force])
     size = float(np.nanmedian(np.linalg.norm(force, axis=0)))
     largest = int(np.argmax(np.abs(median)))
     down = name(Q.FORCE_DOWN)
@@ -283,7 +287,7 @@ def _gravity(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
 def _battery(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
     both = grid.all(Q.VOLTAGE, Q.CURRENT)
     if both is not None:
-        spread = [float(np.nanstd(one)) / max(abs(float(np.nanmean(one))), 1e-9) for one in both]
+        spread = [float(np.nanstd(values)) / max(abs(float(np.nanmean(values))), 1e-9) for values in both]
         if spread[0] > 0.15 and spread[0] > 1.5 * spread[1]:
             yield Finding(
                 Mistake.EXCHANGED,
@@ -373,10 +377,12 @@ def _speed_laws(grid: Grid) -> Iterator[Law]:
         yield Law((Q.FORCE_DOWN, Q.PITCH_RATE, of), np.where(flown, -down, np.nan), needed, False, lag_s=lag_s)
     if alpha is not None and down is not None:
         yield Law((Q.ANGLE_OF_ATTACK, Q.FORCE_DOWN, of), *SIDES[Motion.LIFT_BY_ANGLE_OF_ATTACK](grid), False)
-    for one in (Q.INDICATED_AIRSPEED, Q.DYNAMIC_PRESSURE):
-        if one is not of and (other := grid[one]) is not None:
-            shown = other if one is Q.INDICATED_AIRSPEED else np.sqrt(2 * np.maximum(other, 0.0) / SEA_LEVEL_DENSITY)
-            yield Law((one, of), shown, V, True)
+    for quantity in (Q.INDICATED_AIRSPEED, Q.DYNAMIC_PRESSURE):
+        if quantity is not of and (other := grid[quantity]) is not None:
+            shown = (
+                other if quantity is Q.INDICATED_AIRSPEED else np.sqrt(2 * np.maximum(other, 0.0) / SEA_LEVEL_DENSITY)
+            )
+            yield Law((quantity, of), shown, V, True)
     if height is not None and grid.all(Q.FORCE_FORWARD, Q.FORCE_DOWN, Q.ANGLE_OF_ATTACK) is not None:
         yield Law((Q.FORCE_FORWARD, of, height[0]), *SIDES[Motion.FORCE_ALONG_PATH](grid), True)
 
@@ -387,8 +393,8 @@ def _power_laws(grid: Grid) -> Iterator[Law]:
     of = Q.POWER if both is None else Q.CURRENT
     if power is not None:
         for quantity in (Q.MOTOR_SPEED, Q.THROTTLE):
-            if (one := grid[quantity]) is not None:
-                yield Law((quantity, of), one, np.cbrt(np.maximum(power, 0.0)), False)
+            if (values := grid[quantity]) is not None:
+                yield Law((quantity, of), values, np.cbrt(np.maximum(power, 0.0)), False)
     airspeed, height = grid.airspeed(), grid.height()
     if airspeed is None or height is None:
         return
@@ -400,37 +406,37 @@ def _power_laws(grid: Grid) -> Iterator[Law]:
 
 
 def _judged(law: Law, name: Callable[[Quantity], str]) -> Finding | None:
-    found = relation(law.first, law.second)
-    if found is None or float(np.nanstd(law.second)) < law.least:
+    fitted = relation(law.first, law.second)
+    if fitted is None or float(np.nanstd(law.second)) < law.least:
         return None
-    first, others = name(law.quantities[0]), " and ".join(name(one) for one in law.quantities[1:])
-    if abs(found.best) < LAWS.correlation.related:
+    first, others = name(law.quantities[0]), " and ".join(name(quantity) for quantity in law.quantities[1:])
+    if abs(fitted.best) < LAWS.correlation.related:
         if not law.exact:
             return None
         return Finding(
             Mistake.UNRELATED,
             law.quantities,
-            f"{first} does not follow {others}, by which it is given (correlation {found.best:.2f}): one of these"
+            f"{first} does not follow {others}, by which it is given (correlation {fitted.best:.2f}): one of these"
             " columns is another quantity, or its unit is wrong",
         )
     shortest_s, share, _ = LAWS.delay
-    explained = 1 - found.best**2 < share * (1 - found.at_once**2)
-    if abs(found.delay_s) - law.lag_s >= shortest_s and explained and abs(found.best) > LAWS.correlation.delayed:
-        late = f"late by {found.delay_s:.1f} s" if found.delay_s > 0 else f"early by {-found.delay_s:.1f} s"
+    explained = 1 - fitted.best**2 < share * (1 - fitted.at_once**2)
+    if abs(fitted.delay_s) - law.lag_s >= shortest_s and explained and abs(fitted.best) > LAWS.correlation.delayed:
+        late = f"late by {fitted.delay_s:.1f} s" if fitted.delay_s > 0 else f"early by {-fitted.delay_s:.1f} s"
         return Finding(
             Mistake.DELAY, law.quantities, f"{first} is {late} against {others}: give the delay of one in the map"
         )
-    if found.best < 0:
+    if fitted.best < 0:
         return Finding(
             Mistake.SIGN,
             law.quantities,
             f"{first} falls where it rises by {others}: one of them has the wrong sign or axis; factor = -1 in the map",
         )
-    if law.exact and found.best > LAWS.correlation.scaled and not _one_unit(found.ratio):
+    if law.exact and fitted.best > LAWS.correlation.scaled and not _one_unit(fitted.ratio):
         return Finding(
             Mistake.UNIT,
             law.quantities,
-            f"{first} varies {found.ratio:.3g} times as much as it does by {others}{_looks_like(found.ratio)}",
+            f"{first} varies {fitted.ratio:.3g} times as much as it does by {others}{_looks_like(fitted.ratio)}",
         )
     return None
 
@@ -443,13 +449,16 @@ def _factors() -> dict[str, float]:
 
 def _one_unit(ratio: float) -> bool:
     """Whether a ratio is nearer to one than to any of two units."""
-    return bool(abs(np.log(ratio)) < min(abs(np.log(one)) for one in _factors().values()) / 2)
+    return bool(abs(np.log(ratio)) < min(abs(np.log(factor)) for factor in _factors().values()) / 2)
 
 
 def _looks_like(ratio: float) -> str:
-    off = {words: min(abs(np.log(ratio * by)) for by in (one, 1 / one)) for words, one in _factors().items()}
-    near = {words: one for words, one in off.items() if one < 0.12}
-    unit = min(near, key=lambda one: near[one], default=None)
+    off = {
+        words: min(abs(np.log(ratio * by)) for by in (difference, 1 / difference))
+        for words, difference in _factors().items()
+    }
+    near = {words: difference for words, difference in off.items() if difference < 0.12}
+    unit = min(near, key=lambda difference: near[difference], default=None)
     return f": one of them is in {unit}, or should be" if unit else ": correct the unit of one of them"
 
 
@@ -464,7 +473,7 @@ def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Findi
     flown = np.isfinite(V + north + east) & _flown(V)
     if flown.sum() * FLIGHT.step_s < 30.0:
         return
-    over = " and ".join(name(one) for one in quantities)
+    over = " and ".join(name(quantity) for quantity in quantities)
 
     def fit(lag: int) -> tuple[float, float]:
         """Scale, and remaining spread over the airspeed: |v - w|² = k² V², linear in w, |w|² and k²."""
@@ -472,7 +481,7 @@ def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Findi
         rows = rows[(rows - lag >= 0) & (rows - lag < len(V))][::5]
         n, e, d, shown = north[rows - lag], east[rows - lag], down[rows - lag], V[rows]
         usable = np.isfinite(n + e + d)
-        n, e, d, shown = (one[usable] for one in (n, e, d, shown))
+        n, e, d, shown = (values[usable] for values in (n, e, d, shown))
         columns = np.stack([2 * n, 2 * e, shown**2, np.ones(len(n))], axis=1)
         size = np.mean(shown**2)
         weak = np.diag([2.0, 2.0, 0.0, 0.0]) * np.sqrt(size)  # winds are slow beside airspeeds

@@ -183,8 +183,8 @@ def draft(table: Path, output: Path | None = None) -> str:
             continue
         suspect = _suspect(wrong)
         left_out[suspect] = (proposed.columns[suspect], wrong[0].text)
-        proposed = replace(proposed, columns={q: one for q, one in proposed.columns.items() if q is not suspect})
-    return _text(table, columns, proposed, left_out) + "".join(f"\n# {one}\n" for one in beyond)
+        proposed = replace(proposed, columns={q: note for q, note in proposed.columns.items() if q is not suspect})
+    return _text(table, columns, proposed, left_out) + "".join(f"\n# {note}\n" for note in beyond)
 
 
 def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
@@ -192,14 +192,14 @@ def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
 
     Raises InputError where no column has the name of a time.
     """
-    found = _of_recorder(columns)
-    if not found.keys() & MOTION:  # other columns may show it
-        found = _by_names(columns) | found
-    if Q.TIME not in found:
+    mapped = _of_recorder(columns)
+    if not mapped.keys() & MOTION:  # other columns may show it
+        mapped = _by_names(columns) | mapped
+    if Q.TIME not in mapped:
         raise InputError(
             f"{table}: no column is named as a time; it has {', '.join(columns) or 'no column of numbers or times'}"
         )
-    return ColumnMap(path, found)
+    return ColumnMap(path, mapped)
 
 
 def map_without_question(table: Path, columns: Columns) -> tuple[ColumnMap, str] | None:
@@ -208,10 +208,10 @@ def map_without_question(table: Path, columns: Columns) -> tuple[ColumnMap, str]
     None where the program is not known, its columns show no motion, or the laws contradict its names.
     """
     recorder = recorder_of(columns)
-    found = _of_recorder(columns)
-    if recorder is None or Q.TIME not in found or not found.keys() & MOTION:
+    mapped = _of_recorder(columns)
+    if recorder is None or Q.TIME not in mapped or not mapped.keys() & MOTION:
         return None
-    proposed = ColumnMap(table, found)
+    proposed = ColumnMap(table, mapped)
     try:
         return None if _findings(table, columns, proposed) else (proposed, recorder.title)
     except InputError:  # of its times
@@ -225,16 +225,16 @@ def _of_recorder(columns: Columns) -> dict[Quantity, MappedColumn]:
         return {}
     varying = [name for name, value in columns.items() if np.nanstd(value) > 0]
     known = known_columns(recorder, varying)
-    units = {quantity: one.unit or _unit_by_name(name, quantity) for quantity, (name, one) in known.items()}
+    units = {quantity: column.unit or _unit_by_name(name, quantity) for quantity, (name, column) in known.items()}
     return {
-        quantity: MappedColumn(name, unit, -1.0 if one.opposite else 1.0)
-        for quantity, (name, one) in known.items()
+        quantity: MappedColumn(name, unit, -1.0 if column.opposite else 1.0)
+        for quantity, (name, column) in known.items()
         if (unit := units[quantity]) is not None
     }
 
 
 def _by_names(columns: Columns) -> dict[Quantity, MappedColumn]:
-    found: dict[Quantity, MappedColumn] = {}
+    mapped_columns: dict[Quantity, MappedColumn] = {}
     taken: set[str] = set()
     for quantity, patterns in NAMES.items():
         named = (
@@ -249,18 +249,18 @@ def _by_names(columns: Columns) -> dict[Quantity, MappedColumn]:
             unit = _unit_by_name(name, quantity) or _unit_by_values(columns[name], quantity)
             if unit is not None:
                 climbing = quantity is Q.VELOCITY_DOWN and re.fullmatch(CLIMB, _words(_plain(name)))
-                found[quantity] = MappedColumn(name, unit, -1.0 if climbing else 1.0, _offset(quantity, name))
+                mapped_columns[quantity] = MappedColumn(name, unit, -1.0 if climbing else 1.0, _offset(quantity, name))
                 taken.add(name)
                 break
-    return found
+    return mapped_columns
 
 
 def _is_named(name: str, pattern: str, quantity: Quantity) -> bool:
     """Whether a name, with or without its unit, is the quantity's, and no unit in brackets is another quantity's."""
-    told = _in_brackets(name)
-    if told is not None and told not in (*UNITS[KINDS[quantity].unit], "mbar", "mile/hour"):
+    unit = _in_brackets(name)
+    if unit is not None and unit not in (*UNITS[KINDS[quantity].unit], "mbar", "mile/hour"):
         return False
-    return any(re.fullmatch(pattern, _words(one)) for one in (_plain(name), name))
+    return any(re.fullmatch(pattern, _words(text)) for text in (_plain(name), name))
 
 
 def _words(name: str) -> str:
@@ -317,7 +317,7 @@ def _findings(table: Path, columns: Columns, proposed: ColumnMap) -> list[Findin
 
 
 def _without_aircraft(proposed: ColumnMap) -> ColumnMap:
-    return replace(proposed, columns={q: one for q, one in proposed.columns.items() if q is not Q.AIRCRAFT})
+    return replace(proposed, columns={q: column for q, column in proposed.columns.items() if q is not Q.AIRCRAFT})
 
 
 def _mended(
@@ -326,13 +326,13 @@ def _mended(
     """The map with a change that leaves fewer contradictions; or else as many, but without the one that it mends, as
     one mistake hides another; None where there is none that was not tried."""
     as_many = None
-    for one in wrong:
+    for finding in wrong:
         best, fewest = None, len(wrong)
-        for changed in _changes(proposed, one):
+        for changed in _changes(proposed, finding):
             left = _findings(table, columns, changed)
             if len(left) < fewest:
                 best, fewest = changed, len(left)
-            gone = all((other.mistake, other.quantities) != (one.mistake, one.quantities) for other in left)
+            gone = all((other.mistake, other.quantities) != (finding.mistake, finding.quantities) for other in left)
             if as_many is None and len(left) == len(wrong) and gone and changed not in tried:
                 as_many = changed
         if best is not None:
@@ -345,13 +345,13 @@ def _changes(proposed: ColumnMap, wrong: Finding) -> Iterator[ColumnMap]:
     for quantity in wrong.quantities:
         if quantity not in proposed.columns:
             continue
-        one = proposed.columns[quantity]
+        column = proposed.columns[quantity]
         together = next((group for group in ALIKE if quantity in group), (quantity,))
         # Values of angles show their unit themselves.
-        fixed = KINDS[quantity].unit == "rad" or _unit_by_name(one.column, quantity) is not None
-        for unit in (one.unit,) if fixed else UNITS[KINDS[quantity].unit]:
+        fixed = KINDS[quantity].unit == "rad" or _unit_by_name(column.column, quantity) is not None
+        for unit in (column.unit,) if fixed else UNITS[KINDS[quantity].unit]:
             entries = dict(proposed.columns)
-            if unit != one.unit:
+            if unit != column.unit:
                 entries |= {q: replace(entries[q], unit=unit) for q in together if q in entries}
                 yield replace(proposed, columns=dict(entries))
             entries[quantity] = replace(entries[quantity], factor=-entries[quantity].factor)
@@ -362,7 +362,7 @@ def _suspect(wrong: list[Finding]) -> Quantity:
     """The quantity in most findings; of equals, the least needed one."""
     needed = [Q.TIME, Q.TRUE_AIRSPEED, Q.VOLTAGE, Q.CURRENT, Q.VELOCITY_NORTH, Q.VELOCITY_EAST, Q.HEIGHT, Q.THRUST]
     rank = {q: i for i, q in enumerate(needed)} | {Q.HEADING: len(needed) + 1}  # no method requires a heading
-    count = {q: sum(q in one.quantities for one in wrong) for q in wrong[0].quantities}
+    count = {q: sum(q in finding.quantities for finding in wrong) for q in wrong[0].quantities}
     return max(count, key=lambda q: (count[q], rank.get(q, len(needed)), q))
 
 
@@ -373,11 +373,11 @@ def _text(
         f"# Columns of {table.name}: look through units and signs. Every entry has column and unit; also factor (-1",
         '# turns the sign around), offset = "0 m/s", and delay = "0.3 s" of a value that is late.',
     ]
-    for quantity, one in proposed.columns.items():
-        lines += ["", f"# {KINDS[quantity].meaning}; {_range(columns[one.column])}", *_entry(quantity, one)]
-    for quantity, (one, why) in left_out.items():
-        lines += ["", f"# Left out: {why}.", *(f"# {line}" for line in _entry(quantity, one))]
-    used = {one.column for one in proposed.columns.values()} | {one.column for one, _ in left_out.values()}
+    for quantity, column in proposed.columns.items():
+        lines += ["", f"# {KINDS[quantity].meaning}; {_range(columns[column.column])}", *_entry(quantity, column)]
+    for quantity, (mapped, why) in left_out.items():
+        lines += ["", f"# Left out: {why}.", *(f"# {line}" for line in _entry(quantity, mapped))]
+    used = {column.column for column in proposed.columns.values()} | {column.column for column, _ in left_out.values()}
     if unused := [name for name in columns if name not in used]:
         lines += ["", f"# Not used: {', '.join(unused)}"]
     return "\n".join(lines) + "\n"
@@ -388,8 +388,8 @@ def _range(value: Array) -> str:
     return f"from {low:.4g} to {high:.4g}, {middle:.4g} in the middle"
 
 
-def _entry(quantity: Quantity, one: MappedColumn) -> list[str]:
-    entry = [f"[{quantity}]", f'column = "{one.column}"', f'unit = "{one.unit}"']
-    if one.factor != 1:
-        entry.append(f"factor = {one.factor:g}")
-    return [*entry, f'offset = "{one.offset}"'] if one.offset else entry
+def _entry(quantity: Quantity, mapped_column: MappedColumn) -> list[str]:
+    entry = [f"[{quantity}]", f'column = "{mapped_column.column}"', f'unit = "{mapped_column.unit}"']
+    if mapped_column.factor != 1:
+        entry.append(f"factor = {mapped_column.factor:g}")
+    return [*entry, f'offset = "{mapped_column.offset}"'] if mapped_column.offset else entry

@@ -75,7 +75,7 @@ def read_mat(data: bytes) -> dict[str, Any]:
     if order not in (b"IM", b"MI") or version not in (0x0100, 0x0001):
         raise ValueError("no .mat file of version 5")
     limit = allowed_bytes(len(data))
-    found: dict[str, Any] = {}
+    variables: dict[str, Any] = {}
     for kind, content in _elements(memoryview(data)[HEADER.size :], end):
         if kind == Kind.COMPRESSED:
             unpacked = zlib.decompressobj().decompress(content, limit)
@@ -83,8 +83,8 @@ def read_mat(data: bytes) -> dict[str, Any]:
         if kind == Kind.MATRIX:
             name, value = _matrix(content, end)
             if value is not None:
-                found[name] = value
-    return found
+                variables[name] = value
+    return variables
 
 
 def _elements(data: memoryview, end: str) -> Iterator[tuple[int, memoryview]]:

@@ -48,8 +48,8 @@ def _messages(path: Path, kinds: tuple[str, ...]) -> dict[str, dict[str, NDArray
     except Exception:  # damaged files lead to errors of many kinds
         return {}
     kinds = kinds or tuple(name for name in variables if not name.startswith("__") and not name.endswith(LABEL))
-    found = {kind: _columns(variables[kind], variables.get(kind + LABEL)) for kind in kinds if kind in variables}
-    return {kind: columns for kind, columns in found.items() if columns}
+    messages = {kind: _columns(variables[kind], variables.get(kind + LABEL)) for kind in kinds if kind in variables}
+    return {kind: columns for kind, columns in messages.items() if columns}
 
 
 def _columns(value: Any, labels: Any) -> dict[str, NDArray[Any]]:

@@ -58,11 +58,11 @@ class Signals(Protocol):
         ...
 
 
-def quantity(signals: Signals, one: Quantity) -> Array:
+def quantity(signals: Signals, quantity: Quantity) -> Array:
     """Raises KeyError where there is none."""
-    value = signals[one]
+    value = signals[quantity]
     if value is None:
-        raise KeyError(one)
+        raise KeyError(quantity)
     return value
 
 

@@ -18,7 +18,7 @@ TABLES = (".csv", ".parquet", ".mat")  # suffixes of tables; their first bytes t
 
 def suffixes() -> tuple[str, ...]:
     """Suffixes of the logs that are read, in lower case, those of readers of other packages too."""
-    others = (suffix.lower() for one in installed_readers() for suffix in one.reader.suffixes)
+    others = (suffix.lower() for installed_reader in installed_readers() for suffix in installed_reader.reader.suffixes)
     return tuple(dict.fromkeys((*SUFFIXES.values(), *others)))
 
 

@@ -116,15 +116,15 @@ def all_channels(path: Path) -> AllChannels:
                 )
     except (OSError, EOFError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from None
-    found: dict[str, Callable[[], Channel]] = {}
+    channels: dict[str, Callable[[], Channel]] = {}
     for message, values in sorted(rows.items()):
         table = np.array(list(zip_longest(*values, fillvalue=np.nan)))
         names = FIELDS.get(message, ())
         for i, column in enumerate(table[1:]):
             if np.isfinite(column).any():
                 name = names[i] if i < len(names) else i + 1
-                found[f"{message}.{name}"] = partial(channel, table[0], column)
-    return found
+                channels[f"{message}.{name}"] = partial(channel, table[0], column)
+    return channels
 
 
 def _tables(path: Path) -> dict[str, Table]:
@@ -163,8 +163,8 @@ def _tables(path: Path) -> dict[str, Table]:
                 f" ({', '.join(FIELDS[name])}); write a CSV file and a map of its columns (flightpower new columns)"
             )
     tables: dict[str, Table] = {}
-    for name, found in rows.items():
-        columns = recording.without_damage(found).T
+    for name, lines in rows.items():
+        columns = recording.without_damage(lines).T
         tables[name] = dict(zip(("t_s", *FIELDS[name]), columns, strict=True))
     return tables
 
@@ -217,8 +217,8 @@ def _place(gps: Table) -> dict[str, Channel]:
     fixed = _fixed(gps)
     if not fixed.any():
         return {}
-    found = (1e-2 * gps[field][fixed] for field in ("north_cm", "east_cm"))
-    return {name: channel(gps["t_s"][fixed], x - x[0]) for name, x in zip(recording.PLACE, found, strict=True)}
+    position = (1e-2 * gps[field][fixed] for field in ("north_cm", "east_cm"))
+    return {name: channel(gps["t_s"][fixed], x - x[0]) for name, x in zip(recording.PLACE, position, strict=True)}
 
 
 def _date(gps: Table) -> Fix:

@@ -78,8 +78,8 @@ def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel
     step_s = float(np.median(np.diff(t_s[new]))) if len(new) > 1 else float(np.median(np.diff(t_s)))
     even_s = np.arange(t_s[0], t_s[-1], step_s)
     given = EARTH_RADIUS_M * (lat - lat[0]), EARTH_RADIUS_M * np.cos(float(np.median(lat))) * (lon - lon[0])
-    ratio = max(_noise(one[new]) for one in given) / (step_s * RECEIVER.velocity_mps[0])
-    north, east = (np.interp(even_s, t_s[new], one[new]) for one in given)
+    ratio = max(_noise(coordinate[new]) for coordinate in given) / (step_s * RECEIVER.velocity_mps[0])
+    north, east = (np.interp(even_s, t_s[new], coordinate[new]) for coordinate in given)
     each_side = max(1, int(np.ceil(np.cbrt(1.5 * ratio**2))))  # 1 / sum k² = 3 / (2 n³) of n on each side
     return Channel(even_s, _slope(north, each_side) / step_s), Channel(even_s, _slope(east, each_side) / step_s)
 

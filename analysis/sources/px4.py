@@ -87,8 +87,8 @@ def read_px4(path: Path) -> FlightRecording:
     airspeed, zeroed = _airspeed(topics)
     channels = airspeed | _static(topics) | _force(topics) | _gps(topics)
     batteries = [
-        Battery(f"battery_status {one.instance}", one.channel("voltage_v"), one.channel("current_a"))
-        for one in topics.get("battery_status", [])
+        Battery(f"battery_status {topic.instance}", topic.channel("voltage_v"), topic.channel("current_a"))
+        for topic in topics.get("battery_status", [])
     ]
     battery, battery_notes = measuring_battery(batteries, _controllers(topics))
     if battery:
@@ -112,7 +112,7 @@ def read_px4(path: Path) -> FlightRecording:
         tuple(notes + battery_notes + hover_notes + motor_notes),
         zeroed,
         parameters,
-        inside=frozenset(f"{name} {one.instance}" for name in BAROMETERS for one in topics.get(name, [])),
+        inside=frozenset(f"{name} {topic.instance}" for name in BAROMETERS for topic in topics.get(name, [])),
         enabled_by=ENABLED_BY,
         vehicle=vehicle,
         place=place,
@@ -141,20 +141,20 @@ def all_channels(path: Path) -> AllChannels:
 
     Raises InputError where the log cannot be read.
     """
-    found: dict[str, Callable[[], Channel]] = {}
+    channels: dict[str, Callable[[], Channel]] = {}
     for data in _opened(path, None).data_list:
         if "timestamp" not in data.data:
             continue
         topic, instance = _Topic(data.data, int(data.multi_id)), f" {data.multi_id}" if data.multi_id else ""
-        found |= {f"{data.name}{instance}.{field}": partial(topic.channel, field) for field in data.data}
-    return found
+        channels |= {f"{data.name}{instance}.{field}": partial(topic.channel, field) for field in data.data}
+    return channels
 
 
 def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str], str, list[Event]]:
     """The topics by name, the autopilot's parameters, notes, the vehicle, and the messages to its pilot."""
     log = _opened(path, TOPICS)
     topics: dict[str, list[_Topic]] = {}
-    for data in sorted(log.data_list, key=lambda one: one.multi_id):
+    for data in sorted(log.data_list, key=lambda instance: instance.multi_id):
         if "timestamp" in data.data and len(data.data["timestamp"]):
             topics.setdefault(data.name, []).append(_Topic(data.data, int(data.multi_id)))
     if not topics:
@@ -167,7 +167,9 @@ def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list
         str(name): float(value) for name, value in log.initial_parameters.items() if isinstance(value, int | float)
     }
     uuid = log.msg_info_dict.get("sys_uuid")
-    messages = [Event(1e-6 * one.timestamp, EventKind.MESSAGE, str(one.message)) for one in log.logged_messages]
+    messages = [
+        Event(1e-6 * instance.timestamp, EventKind.MESSAGE, str(instance.message)) for instance in log.logged_messages
+    ]
     return topics, parameters, notes, vehicle_of(uuid) if isinstance(uuid, str) and uuid else "", messages
 
 
@@ -249,19 +251,19 @@ def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool
     The validated airspeed has most samples; all instances are looked at.
     """
     for name, fields in AIRSPEED_TOPICS:
-        found = []
-        for one in topics.get(name, []):
+        channels = []
+        for topic in topics.get(name, []):
             for field in fields:
-                speed = one.values(field) if one.has(field) else np.full(len(one.t_s), np.nan)
+                speed = topic.values(field) if topic.has(field) else np.full(len(topic.t_s), np.nan)
                 for source in ("selected_airspeed_index", "airspeed_source"):
-                    if one.has(source):
+                    if topic.has(source):
                         # 0 is ground speed less wind, 4 synthetic, -1 none.
-                        speed = np.where(np.isin(one.values(source), (1, 2, 3)), speed, np.nan)
-                found.append(channel(one.t_s, recording.pressure_of_indicated_airspeed(speed)))
-        best = most_varying(found)
+                        speed = np.where(np.isin(topic.values(source), (1, 2, 3)), speed, np.nan)
+                channels.append(channel(topic.t_s, recording.pressure_of_indicated_airspeed(speed)))
+        best = most_varying(channels)
         if best is not None and len(best.t_s) >= READABLE.fewest_samples:
             return {recording.AIRSPEED_PRESSURE: best}, True
-    raw = [one.channel(field) for one in topics.get("differential_pressure", []) for field in PRESSURE_FIELDS]
+    raw = [topic.channel(field) for topic in topics.get("differential_pressure", []) for field in PRESSURE_FIELDS]
     best = most_varying(raw)
     return ({} if best is None else {recording.AIRSPEED_PRESSURE: best}), False
 
@@ -279,11 +281,11 @@ def _lifting_s(topics: dict[str, list[_Topic]], t_s: Array) -> list[Array]:
 
 
 def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
-    for one in topics.get("vehicle_air_data", []):
-        if one.has("baro_pressure_pa"):
-            return {recording.STATIC: one.channel("baro_pressure_pa")}
-    for one in topics.get("sensor_baro", []):
-        pressure = one.channel("pressure")
+    for topic in topics.get("vehicle_air_data", []):
+        if topic.has("baro_pressure_pa"):
+            return {recording.STATIC: topic.channel("baro_pressure_pa")}
+    for barometer in topics.get("sensor_baro", []):
+        pressure = barometer.channel("pressure")
         if len(pressure.value):
             factor = 100.0 if np.median(pressure.value) < READABLE.possible["static_Pa"][0] / 10 else 1.0
             return {recording.STATIC: Channel(pressure.t_s, factor * pressure.value)}
@@ -293,22 +295,22 @@ def _static(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
 def _force(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
     for name, field in (("vehicle_acceleration", "xyz"), ("sensor_combined", "accelerometer_m_s2")):
         axes = {axis: f"{field}[{i}]" for i, axis in enumerate(FORCES)}
-        for one in topics.get(name, []):
-            if one.has(axes[recording.FORCE_Z]):
-                return {axis: one.channel(column) for axis, column in axes.items() if one.has(column)}
+        for topic in topics.get(name, []):
+            if topic.has(axes[recording.FORCE_Z]):
+                return {axis: topic.channel(column) for axis, column in axes.items() if topic.has(column)}
     return {}
 
 
 def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
     fields = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
     for name in ("vehicle_gps_position", "sensor_gps"):
-        for one in topics.get(name, []):
-            if not all(one.has(field) for field in fields):
+        for topic in topics.get(name, []):
+            if not all(topic.has(field) for field in fields):
                 continue
-            fixed = one.values("fix_type") >= 3 if one.has("fix_type") else np.ones(len(one.t_s), dtype=bool)
+            fixed = topic.values("fix_type") >= 3 if topic.has("fix_type") else np.ones(len(topic.t_s), dtype=bool)
             if fixed.sum() >= READABLE.fewest_samples:
                 return {
-                    axis: channel(one.t_s[fixed], one.values(field)[fixed])
+                    axis: channel(topic.t_s[fixed], topic.values(field)[fixed])
                     for axis, field in zip(recording.GPS, fields, strict=True)
                 }
     return {}
@@ -317,57 +319,59 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
 def _receiver(topics: dict[str, list[_Topic]]) -> tuple[_Topic, str, str, NDArray[np.bool_]] | None:
     """The receiver with positions, the names of latitude and longitude, and its rows with a fix."""
     names = (("latitude_deg", "longitude_deg"), ("lat", "lon"))  # since 1.14, and before
-    for one in (one for name in ("vehicle_gps_position", "sensor_gps") for one in topics.get(name, [])):
+    for topic in (topic for name in ("vehicle_gps_position", "sensor_gps") for topic in topics.get(name, [])):
         for latitude, longitude in names:
-            if one.has(latitude) and one.has(longitude):
-                fixed = one.values("fix_type") >= 3 if one.has("fix_type") else np.ones(len(one.t_s), dtype=bool)
-                return one, latitude, longitude, fixed
+            if topic.has(latitude) and topic.has(longitude):
+                fixed = topic.values("fix_type") >= 3 if topic.has("fix_type") else np.ones(len(topic.t_s), dtype=bool)
+                return topic, latitude, longitude, fixed
     return None
 
 
 def _place(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], Fix]:
     """The distance from the first position, and date and place."""
-    found = _receiver(topics)
-    if found is None:
+    receiver = _receiver(topics)
+    if receiver is None:
         return {}, Fix()
-    one, *names, fixed = found
-    t_s, latitude, longitude = one.t_s[fixed], *(one.values(name)[fixed] for name in names)
+    topic, *names, fixed = receiver
+    t_s, latitude, longitude = topic.t_s[fixed], *(topic.values(name)[fixed] for name in names)
     heights = (("altitude_msl_m", 1.0), ("alt", 1e-3))  # since 1.14, and before
-    height_m = next((unit * one.values(name)[fixed] for name, unit in heights if one.has(name)), None)
-    unix_s = 1e-6 * one.values("time_utc_usec")[fixed] if one.has("time_utc_usec") else None
+    height_m = next((unit * topic.values(name)[fixed] for name, unit in heights if topic.has(name)), None)
+    unix_s = 1e-6 * topic.values("time_utc_usec")[fixed] if topic.has("time_utc_usec") else None
     return places(t_s, latitude, longitude), fix_of(t_s, latitude, longitude, height_m, unix_s)
 
 
 def _modes(topics: dict[str, list[_Topic]]) -> list[Event]:
     names = {int(mode): mode.name.replace("_", " ").capitalize() for mode in FlightMode}
-    found = [one for one in topics.get("vehicle_status", []) if one.has("nav_state")]
-    return modes(found[0].t_s, found[0].values("nav_state"), names) if found else []
+    statuses = [topic for topic in topics.get("vehicle_status", []) if topic.has("nav_state")]
+    return modes(statuses[0].t_s, statuses[0].values("nav_state"), names) if statuses else []
 
 
 def _throttles(topics: dict[str, list[_Topic]]) -> list[Channel]:
     """Throttles of the propulsion, 0 to 1: newer firmware has a thrust along the first axis."""
-    newer = [one.channel("xyz[0]") for one in topics.get("vehicle_thrust_setpoint", [])]
-    vtol = any(one.has("is_vtol") and one.values("is_vtol").any() for one in topics.get("vehicle_status", []))
+    newer = [topic.channel("xyz[0]") for topic in topics.get("vehicle_thrust_setpoint", [])]
+    vtol = any(topic.has("is_vtol") and topic.values("is_vtol").any() for topic in topics.get("vehicle_status", []))
     older = topics.get("actuator_controls_1" if vtol else "actuator_controls_0", [])
-    return newer or [one.channel("control[3]") for one in older]
+    return newer or [topic.channel("control[3]") for topic in older]
 
 
 def _controllers(topics: dict[str, list[_Topic]]) -> list[Battery]:
     return [
-        Battery(f"esc {i}", one.channel(f"esc[{i}].esc_voltage"), one.channel(f"esc[{i}].esc_current"))
-        for one in topics.get("esc_status", [])
+        Battery(f"esc {i}", topic.channel(f"esc[{i}].esc_voltage"), topic.channel(f"esc[{i}].esc_current"))
+        for topic in topics.get("esc_status", [])
         for i in range(8)
-        if one.has(f"esc[{i}].esc_current")
+        if topic.has(f"esc[{i}].esc_current")
     ]
 
 
 def _motors(topics: dict[str, list[_Topic]]) -> list[Channel]:
     """Speeds of rotation [rev/s]: by the speed controllers, or by RPM sensors."""
     fields = [f"esc[{i}].esc_rpm" for i in range(8)]
-    by_controller = [one.channel(field) for one in topics.get("esc_status", []) for field in fields if one.has(field)]
-    by_sensor = [one.channel(field) for one in topics.get("rpm", []) for field in RPM_FIELDS if one.has(field)]
-    found = by_controller if any(np.any(one.value != 0) for one in by_controller) else by_sensor
-    return [Channel(one.t_s, np.abs(one.value) / 60) for one in found]
+    by_controller = [
+        topic.channel(field) for topic in topics.get("esc_status", []) for field in fields if topic.has(field)
+    ]
+    by_sensor = [topic.channel(field) for topic in topics.get("rpm", []) for field in RPM_FIELDS if topic.has(field)]
+    speeds = by_controller if any(np.any(channel.value != 0) for channel in by_controller) else by_sensor
+    return [Channel(speed.t_s, np.abs(speed.value) / 60) for speed in speeds]
 
 
 def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
@@ -378,10 +382,10 @@ def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
         ("vehicle_air_data", "ambient_temperature"),
         ("sensor_baro", "temperature"),
     )
-    found = {}
+    thermometers = {}
     for name, field in sources:
-        for one in topics.get(name, []):
-            celsius = one.channel(field)
+        for topic in topics.get(name, []):
+            celsius = topic.channel(field)
             if np.any(celsius.value != 0):  # no thermometer: exactly 0 throughout
-                found[f"{name} {one.instance}"] = Channel(celsius.t_s, celsius.value + 273.15)
-    return found
+                thermometers[f"{name} {topic.instance}"] = Channel(celsius.t_s, celsius.value + 273.15)
+    return thermometers

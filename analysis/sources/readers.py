@@ -54,13 +54,13 @@ def reader_of(path: Path) -> Installed | None:
     if not installed_readers():
         return None
     start = first_bytes(path)
-    for one in installed_readers():
+    for installed_reader in installed_readers():
         try:
-            if one.reader.recognizes(start):
-                return one
+            if installed_reader.reader.recognizes(start):
+                return installed_reader
         except Exception as error:  # of another package: anything may be wrong with it
             raise InputError(
-                f"{path}: the {one.title} fails ({type(error).__name__}: {error}): report it there"
+                f"{path}: the {installed_reader.title} fails ({type(error).__name__}: {error}): report it there"
             ) from None
     return None
 

@@ -25,9 +25,9 @@ WRITTEN_BY = {
 
 def autopilot_of(path: Path) -> Autopilot | None:
     """The autopilot of a log; None where the file is no autopilot's. Raises InputError when it cannot be read."""
-    found = format_of(path)
-    if found is Format.MAT:
+    log_format = format_of(path)
+    if log_format is Format.MAT:
         from flightpower.analysis.sources.matlab_log import is_matlab_log  # loads NumPy
 
         return Autopilot.ARDUPILOT if is_matlab_log(path) else None
-    return WRITTEN_BY.get(found)
+    return WRITTEN_BY.get(log_format)

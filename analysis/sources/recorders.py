@@ -124,14 +124,14 @@ def recorder_of(names: Collection[str]) -> Recorder | None:
     def is_there(sign: str) -> bool:
         return any(re.fullmatch(sign, name) for name in plain)
 
-    return next((one for one in RECORDERS if all(map(is_there, one.signs))), None)
+    return next((recorder for recorder in RECORDERS if all(map(is_there, recorder.signs))), None)
 
 
 def known_columns(recorder: Recorder, names: Collection[str]) -> dict[Quantity, tuple[str, Known]]:
     """The columns of a table by quantity: of each, the first in the recorder's list that is there."""
-    found = {}
+    matched = {}
     for quantity, columns in recorder.columns.items():
         there = ((name, known) for known in columns for name in names if re.fullmatch(known.name, name.lower()))
         if (first := next(there, None)) is not None:
-            found[quantity] = first
-    return found
+            matched[quantity] = first
+    return matched

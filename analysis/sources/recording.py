@@ -165,7 +165,7 @@ def modes(t_s: ArrayLike, numbers: ArrayLike, names: Mapping[int, str]) -> list[
 
 def in_order(events: Iterable[Event]) -> tuple[Event, ...]:
     """Events in order of time, without those whose time or text is missing."""
-    return tuple(sorted(one for one in events if np.isfinite(one.t_s) and one.text.strip()))
+    return tuple(sorted(event for event in events if np.isfinite(event.t_s) and event.text.strip()))
 
 
 def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:
@@ -182,7 +182,7 @@ def without_jumps(*groups: Mapping[str, Channel]) -> tuple[list[dict[str, Channe
     main = groups[0].get(AIRSPEED_PRESSURE, groups[0].get(GPS[0]))
     if main is None:
         return [dict(group) for group in groups], []
-    together = {name: one for group in groups for name, one in group.items()}
+    together = {name: channel for group in groups for name, channel in group.items()}
     kept, notes = without_clock_jumps(main, together)
     return [{name: kept[name] for name in group if name in kept} for group in groups], notes
 
@@ -193,9 +193,9 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
     Values that are impossible, single wrong times and channels that are too short are left out.
     """
     main = _without_single_times(main)
-    channels = {name: _without_single_times(one) for name, one in channels.items()}
+    channels = {name: _without_single_times(channel) for name, channel in channels.items()}
     temperature = READABLE.possible["temperature_K"]
-    channels = {name: _possible(one, *POSSIBLE.get(name, temperature)) for name, one in channels.items()}
+    channels = {name: _possible(channel, *POSSIBLE.get(name, temperature)) for name, channel in channels.items()}
     parts = _parts(main.t_s)
     notes = []
     if len(parts) > 1:
@@ -203,9 +203,9 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
         span = float(main.t_s[kept.stop - 1] - main.t_s[kept.start])
         notes = [f"The log's clock jumped; the longest part without a jump, {span:.0f} s, is used."]
         low, high = main.t_s[kept.start], main.t_s[kept.stop - 1]
-        channels = {name: _within(one, float(low), float(high)) for name, one in channels.items()}
-    ascending = {name: _ascending(one) for name, one in channels.items()}
-    return {name: one for name, one in ascending.items() if len(one.t_s) >= READABLE.fewest_samples}, notes
+        channels = {name: _within(channel, float(low), float(high)) for name, channel in channels.items()}
+    ascending = {name: _ascending(channel) for name, channel in channels.items()}
+    return {name: channel for name, channel in ascending.items() if len(channel.t_s) >= READABLE.fewest_samples}, notes
 
 
 def without_hover(airspeed: Channel, lifting_s: Sequence[Array]) -> tuple[Channel, list[str]]:
@@ -228,19 +228,19 @@ def without_hover(airspeed: Channel, lifting_s: Sequence[Array]) -> tuple[Channe
     return Channel(airspeed.t_s[wing], airspeed.value[wing]), [note]
 
 
-def _without_single_times(one: Channel) -> Channel:
+def _without_single_times(channel: Channel) -> Channel:
     """Without samples whose time differs from those of both neighbors, which agree with one another."""
-    if len(one.t_s) < 3:
-        return one
-    before, here, after = one.t_s[:-2], one.t_s[1:-1], one.t_s[2:]
+    if len(channel.t_s) < 3:
+        return channel
+    before, here, after = channel.t_s[:-2], channel.t_s[1:-1], channel.t_s[2:]
     wrong = (after >= before) & ((here > after) | (here < before))
     kept = np.concatenate([[True], ~wrong, [True]])
-    return Channel(one.t_s[kept], one.value[kept])
+    return Channel(channel.t_s[kept], channel.value[kept])
 
 
-def _possible(one: Channel, least: float, greatest: float, spike: float) -> Channel:
-    kept = (one.value >= least) & (one.value <= greatest)
-    t_s, value = one.t_s[kept], one.value[kept]
+def _possible(channel: Channel, least: float, greatest: float, spike: float) -> Channel:
+    kept = (channel.value >= least) & (channel.value <= greatest)
+    t_s, value = channel.t_s[kept], channel.value[kept]
     if len(value) < READABLE.fewest_samples:
         return Channel(t_s, value)
     around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, 2, mode="reflect"), 5), axis=1)
@@ -255,22 +255,22 @@ def _parts(t_s: Array) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, len(t_s)], strict=True)]
 
 
-def _within(one: Channel, low: float, high: float) -> Channel:
+def _within(channel: Channel, low: float, high: float) -> Channel:
     """The part of a channel that overlaps most with an interval of time."""
     best = Channel(np.empty(0), np.empty(0))
-    for rows in _parts(one.t_s) if len(one.t_s) else []:
-        t_s, value = one.t_s[rows], one.value[rows]
+    for rows in _parts(channel.t_s) if len(channel.t_s) else []:
+        t_s, value = channel.t_s[rows], channel.value[rows]
         inside = (t_s >= low) & (t_s <= high)
         if inside.sum() > len(best.t_s):
             best = Channel(t_s[inside], value[inside])
     return best
 
 
-def _ascending(one: Channel) -> Channel:
-    if not len(one.t_s):
-        return one
-    later = np.concatenate([[True], one.t_s[1:] > np.maximum.accumulate(one.t_s)[:-1]])
-    return Channel(one.t_s[later], one.value[later])
+def _ascending(channel: Channel) -> Channel:
+    if not len(channel.t_s):
+        return channel
+    later = np.concatenate([[True], channel.t_s[1:] > np.maximum.accumulate(channel.t_s)[:-1]])
+    return Channel(channel.t_s[later], channel.value[later])
 
 
 class Battery(NamedTuple):
@@ -292,11 +292,13 @@ def measuring_battery(
     batteries, notes = _without_parts(batteries)
     power = [_mean_power_W(battery) for battery in batteries]
     if not any(P > 0 for P in power):
-        measuring = [one for one in controllers if _mean_power_W(one) > 0 and np.ptp(one.current.value) > 0]
+        measuring = [
+            battery for battery in controllers if _mean_power_W(battery) > 0 and np.ptp(battery.current.value) > 0
+        ]
         if not measuring:
             return None, []
         note = "No power module measures current: power is that of the speed controllers, without the avionics."
-        return reduce(_together, measuring), [note]
+        return reduce(_in_parallel, measuring), [note]
     best = int(np.argmax(power))
     if best > 0:
         notes.append(f"{batteries[best].name} measures the propulsion: {batteries[0].name} carries less power.")
@@ -310,27 +312,29 @@ def measuring_battery(
         elif _same_pack(batteries[i], batteries[best]):
             notes.append(f"{pair} has its voltage and current: one battery, measured twice, is counted once.")
         else:
-            used = _together(used, batteries[i])
+            used = _in_parallel(used, batteries[i])
             notes.append(f"{pair} is added to it: two packs feed the motor.")
     return used, notes
 
 
 def _without_parts(batteries: Sequence[Battery]) -> tuple[list[Battery], list[str]]:
     """The monitors without those that are contained in another one's sum, and notes."""
-    power = {one.name: _mean_power_W(one) for one in batteries}
+    power = {battery.name: _mean_power_W(battery) for battery in batteries}
     left_out: set[str] = set()
     notes = []
-    for total in sorted(batteries, key=lambda one: (not one.sum_of, -power[one.name])):
-        others = [one for one in batteries if one.name not in left_out | {total.name} and power[one.name] > 0]
-        parts = [one for one in others if one.name in total.sum_of] or _parts_of(total, others)
+    for total in sorted(batteries, key=lambda battery: (not battery.sum_of, -power[battery.name])):
+        others = [
+            battery for battery in batteries if battery.name not in left_out | {total.name} and power[battery.name] > 0
+        ]
+        parts = [battery for battery in others if battery.name in total.sum_of] or _parts_of(total, others)
         if not parts or total.name in left_out:
             continue
-        if power[total.name] < max(power[one.name] for one in parts):  # a sum that does not work
+        if power[total.name] < max(power[part.name] for part in parts):  # a sum that does not work
             left_out.add(total.name)
         else:
-            left_out |= {one.name for one in parts}
-            notes.append(f"{total.name} is the sum of {' and '.join(one.name for one in parts)}: they are not added.")
-    return [one for one in batteries if one.name not in left_out], notes
+            left_out |= {part.name for part in parts}
+            notes.append(f"{total.name} is the sum of {' and '.join(part.name for part in parts)}: they are not added.")
+    return [battery for battery in batteries if battery.name not in left_out], notes
 
 
 def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
@@ -340,7 +344,7 @@ def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
         return ()
     working = current_A >= np.mean(current_A)
     t_s, current_A = t_s[working], current_A[working]
-    shown = [(one, np.interp(t_s, *one.current)) for one in others if len(one.current.t_s)]
+    shown = [(battery, np.interp(t_s, *battery.current)) for battery in others if len(battery.current.t_s)]
     largest = sorted(shown, key=lambda pair: -float(np.mean(pair[1])))[:8]  # the combinations stay few in a damaged log
     errors_A = {
         parts: float(np.median(np.abs(current_A - sum(largest[i][1] for i in parts))))
@@ -351,10 +355,10 @@ def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
     return [largest[i][0] for i in best] if best and _same_current(current_A, errors_A[best]) else ()
 
 
-def _same_pack(one: Battery, other: Battery) -> bool:
+def _same_pack(battery: Battery, other: Battery) -> bool:
     """Whether two monitors show the same voltage, and the same current at each time, within their errors."""
-    t_s = one.current.t_s
-    shown = [(np.interp(t_s, *b.voltage), np.interp(t_s, *b.current)) for b in (one, other)]
+    t_s = battery.current.t_s
+    shown = [(np.interp(t_s, *b.voltage), np.interp(t_s, *b.current)) for b in (battery, other)]
     (V, A), (other_V, other_A) = shown
     error_V = float(np.median(np.abs(V - other_V)))
     return error_V < 0.02 * float(np.median(V)) and _same_current(A, float(np.median(np.abs(A - other_A))))
@@ -365,18 +369,20 @@ def _same_current(current_A: Array, error_A: float) -> bool:
     return error_A < 0.05 * float(np.median(np.abs(current_A)))
 
 
-def _together(one: Battery, other: Battery) -> Battery:
+def _in_parallel(battery: Battery, other: Battery) -> Battery:
     """Both packs as one with the voltage of the first that gives the power of both."""
-    t_s = one.current.t_s
+    t_s = battery.current.t_s
     other_W = np.interp(t_s, *other.voltage) * np.interp(t_s, *other.current)
-    current_A = one.current.value + other_W / np.maximum(np.interp(t_s, *one.voltage), 1.0)
-    return Battery(f"{one.name} and {other.name}", one.voltage, Channel(t_s, current_A))
+    current_A = battery.current.value + other_W / np.maximum(np.interp(t_s, *battery.voltage), 1.0)
+    return Battery(f"{battery.name} and {other.name}", battery.voltage, Channel(t_s, current_A))
 
 
 def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]:
     """The speed of the one motor that turns, and a note where several do."""
     turning = [
-        one for one in motors if len(one.value) and float(np.percentile(one.value, 90)) > INSTANCES.turning_revps
+        channel
+        for channel in motors
+        if len(channel.value) and float(np.percentile(channel.value, 90)) > INSTANCES.turning_revps
     ]
     if len(turning) > 1:
         return None, [f"{len(turning)} motors turn in this log; motor speed is used of a single one only."]
@@ -385,8 +391,8 @@ def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]
 
 def most_varying(channels: Sequence[Channel]) -> Channel | None:
     """The channel that varies most: of several airspeed sensors, the one that is connected."""
-    varying = [one for one in channels if len(one.value) and np.ptp(one.value) > 0]
-    return max(varying, key=lambda one: float(np.std(one.value)), default=None)
+    varying = [channel for channel in channels if len(channel.value) and np.ptp(channel.value) > 0]
+    return max(varying, key=lambda channel: float(np.std(channel.value)), default=None)
 
 
 def _mean_power_W(battery: Battery) -> float:

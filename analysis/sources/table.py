@@ -63,7 +63,7 @@ def log_of_table(path: Path, given: Path | None = None) -> Log:
     if not map_files(path, given) and (known := map_without_question(path, columns)) is not None:
         column_map, recorder = known
         log = as_log(path, mapped_channels(path, columns, column_map))
-        used = ", ".join(f"{one.column} as {quantity}" for quantity, one in column_map.columns.items())
+        used = ", ".join(f"{column.column} as {quantity}" for quantity, column in column_map.columns.items())
         log.metadata[TABLE] = {"note": f"Columns are known by the names of {recorder}: {used}."}
         return log
     column_map = map_of(path, given)
@@ -77,13 +77,13 @@ def refuse_without_method(log: Log) -> None:
     """Raises InputError for a table of which no method gives a curve, naming what its map lacks."""
     if gives_electrical_power(log) or all(map(log.entries.get, TOPICS_FOR_DRAG)):
         return
-    lacking = []
+    missing = []
     if not log.entries.get("/static"):
-        lacking.append(f"[{Q.HEIGHT}] or [{Q.STATIC_PRESSURE}]")
+        missing.append(f"[{Q.HEIGHT}] or [{Q.STATIC_PRESSURE}]")
     if not log.entries.get("/battery"):
-        lacking.append(f"[{Q.VOLTAGE}] with [{Q.CURRENT}], or [{Q.POWER}]")
+        missing.append(f"[{Q.VOLTAGE}] with [{Q.CURRENT}], or [{Q.POWER}]")
     raise InputError(
-        f"{log.path}: the map of its columns lacks {'; '.join(lacking)}, which a curve needs: add the columns that"
+        f"{log.path}: the map of its columns lacks {'; '.join(missing)}, which a curve needs: add the columns that"
         f" have it ({DRAFT} {log.path} lists those that are not used)"
     )
 
@@ -96,7 +96,7 @@ def contradiction(path: Path, wrong: list[Finding], column_map: ColumnMap) -> In
 
 def as_log(path: Path, channels: Channels) -> Log:
     """The messages of quantities in SI units. Raises InputError where neither airspeed nor ground velocity is known."""
-    known = {quantity: _averaged(_possible(quantity, one)) for quantity, one in channels.items()}
+    known = {quantity: _averaged(_possible(quantity, channel)) for quantity, channel in channels.items()}
     topics: dict[str, Fields] = {}
     attachments = {"zero.json": _zeros()}
     pressure = _static(known)
@@ -111,9 +111,9 @@ def as_log(path: Path, channels: Channels) -> Log:
     if q is not None:
         topics["/probe/airspeed"] = {"differential_pressure_Pa": q}
         for topic, angle in (("/probe/alpha", Q.ANGLE_OF_ATTACK), ("/probe/beta", Q.SIDESLIP)):
-            if (one := known.get(angle)) is not None:
-                value = ALPHA_PORT_SLOPE * one.value * np.interp(one.t_s, *q)
-                topics[topic] = {"differential_pressure_Pa": Channel(one.t_s, value)}
+            if (channel := known.get(angle)) is not None:
+                value = ALPHA_PORT_SLOPE * channel.value * np.interp(channel.t_s, *q)
+                topics[topic] = {"differential_pressure_Pa": Channel(channel.t_s, value)}
                 attachments["probe.json"] = _vane_as_probe()
     for topic, quantities in (("/imu", IMU), ("/attitude", ATTITUDE), ("/gps", GPS)):
         topics[topic] = {field: known[quantity] for field, quantity in quantities.items() if quantity in known}
@@ -145,29 +145,29 @@ def as_log(path: Path, channels: Channels) -> Log:
     if not topics.keys() & {"/probe/airspeed", "/gps"}:
         raise InputError(f"{path}: neither airspeed nor ground velocity is in it; a curve needs one of them")
     log = Log(path, attachments=attachments)
-    start_s = min(float(one.t_s[0]) for fields in topics.values() for one in fields.values())
+    start_s = min(float(channel.t_s[0]) for fields in topics.values() for channel in fields.values())
     for topic, fields in topics.items():
         log.entries[topic] = _entries(topic, fields, start_s)
         log.fields[topic] = frozenset(fields)
     return log
 
 
-def _possible(quantity: Quantity, one: Channel) -> Channel:
+def _possible(quantity: Quantity, channel: Channel) -> Channel:
     """A state of the air without its values that no air has, unless most are so; other quantities as they are."""
     kind = KINDS[quantity]
-    rows = (one.value >= kind.least) & (one.value <= kind.greatest)
+    rows = (channel.value >= kind.least) & (channel.value <= kind.greatest)
     if quantity not in STATES_OF_AIR or not np.mean(rows) > 0.5:
-        return one
-    return Channel(one.t_s[rows], one.value[rows])
+        return channel
+    return Channel(channel.t_s[rows], channel.value[rows])
 
 
-def _averaged(one: Channel) -> Channel:
+def _averaged(channel: Channel) -> Channel:
     """Means of so many samples that their interval is one of a log."""
-    width = int(np.ceil(STRUCTURE.interval_s[0] / float(np.median(np.diff(one.t_s))) - 1e-6))
+    width = int(np.ceil(STRUCTURE.interval_s[0] / float(np.median(np.diff(channel.t_s))) - 1e-6))
     if width < 2:
-        return one
-    n = len(one.t_s) // width * width
-    return Channel(one.t_s[:n].reshape(-1, width).mean(axis=1), one.value[:n].reshape(-1, width).mean(axis=1))
+        return channel
+    n = len(channel.t_s) // width * width
+    return Channel(channel.t_s[:n].reshape(-1, width).mean(axis=1), channel.value[:n].reshape(-1, width).mean(axis=1))
 
 
 def _height(pressure_Pa: Array) -> Array:
@@ -216,7 +216,7 @@ def _by_course(speed: Channel, course: Channel) -> Fields:
 
 def _battery(known: Mapping[Quantity, Channel]) -> Fields:
     """Voltage and current; of a power alone, the current at the voltage, or at one volt."""
-    power, voltage, current = (known.get(one) for one in (Q.POWER, Q.VOLTAGE, Q.CURRENT))
+    power, voltage, current = (known.get(quantity) for quantity in (Q.POWER, Q.VOLTAGE, Q.CURRENT))
     if power is not None:
         volt = np.ones(len(power.t_s)) if voltage is None else np.interp(power.t_s, *voltage)
         return {"voltage_V": Channel(power.t_s, volt), "current_A": Channel(power.t_s, power.value / volt)}
@@ -225,15 +225,15 @@ def _battery(known: Mapping[Quantity, Channel]) -> Fields:
 
 def _entries(topic: str, fields: Fields, start_s: float) -> Entries:
     """Entries at the times of the densest field; the others are interpolated."""
-    densest = max(fields.values(), key=lambda one: len(one.t_s))
+    densest = max(fields.values(), key=lambda channel: len(channel.t_s))
     entries = Entries(TYPE_OF_TOPIC[topic])
     n = len(densest.t_s)
     entries.time_ns = array("Q", np.round((densest.t_s - start_s) * 1e9).astype(np.uint64).tolist())
     entries.tick = array("L", range(n))
     entries.status = array("B", [STATUS_CODE[Status.OK]]) * n
     for name, column in entries.columns.items():
-        one = fields.get(name)
-        column.extend([None] * n if one is None else np.interp(densest.t_s, *one).tolist())
+        channel = fields.get(name)
+        column.extend([None] * n if channel is None else np.interp(densest.t_s, *channel).tolist())
     return entries
 
 

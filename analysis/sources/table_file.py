@@ -41,9 +41,9 @@ class Table(NamedTuple):
 
 def table_kind(path: Path) -> Format | None:
     """The format of a table (CSV is TEXT); None where the file is none. Raises InputError when it cannot be read."""
-    found = format_of(path)
-    if found is not Format.TEXT:
-        return found if found in NO_LINES_OF_CELLS else None
+    file_format = format_of(path)
+    if file_format is not Format.TEXT:
+        return file_format if file_format in NO_LINES_OF_CELLS else None
     from flightpower.analysis.sources.table_text import layout_of  # loads pandas
 
     start = first_bytes(path)
@@ -121,22 +121,22 @@ def _numbers(table: Any) -> Columns:
 
     from flightpower.analysis.sources.table_text import positions_of, seconds_of_times
 
-    found: dict[str, Any] = {}
+    columns: dict[str, Any] = {}
     for name in map(str, table):
         column = table[name]
         if pd.api.types.is_datetime64_any_dtype(column):
-            found[name] = (column - column.min()).dt.total_seconds().to_numpy(dtype=np.float64)
+            columns[name] = (column - column.min()).dt.total_seconds().to_numpy(dtype=np.float64)
         elif pd.api.types.is_numeric_dtype(column):
-            found[name] = column.to_numpy(dtype=np.float64, na_value=np.nan)
+            columns[name] = column.to_numpy(dtype=np.float64, na_value=np.nan)
         else:
             numbers = pd.to_numeric(column, errors="coerce")
             if numbers.notna().mean() >= 0.5 * column.notna().mean():
-                found[name] = numbers.to_numpy(dtype=np.float64)
+                columns[name] = numbers.to_numpy(dtype=np.float64)
             elif (seconds := seconds_of_times(column)) is not None:
-                found[name] = seconds
+                columns[name] = seconds
             elif (positions := positions_of(column)) is not None:
-                found |= {f"{name} latitude": positions[0], f"{name} longitude": positions[1]}
-    known = {name: without_damage(x) for name, x in found.items()}
+                columns |= {f"{name} latitude": positions[0], f"{name} longitude": positions[1]}
+    known = {name: without_damage(x) for name, x in columns.items()}
     return {name: x for name, x in known.items() if np.isfinite(x).sum() >= READABLE.fewest_samples}
 
 
@@ -199,11 +199,13 @@ def _at_times_of_all(vectors: Mapping[str, Array]) -> tuple[Columns, list[str]] 
     leaves = Counter(name.rpartition(".")[2] for name in structures.values())
     leaf, count = leaves.most_common(1)[0] if leaves else ("", 0)
     clocks = {key: vectors[name] for key, name in structures.items() if name.rpartition(".")[2] == leaf}
-    if count < 2 or max(one[0] for one in clocks.values()) >= min(one[-1] for one in clocks.values()):
+    if count < 2 or max(clock[0] for clock in clocks.values()) >= min(clock[-1] for clock in clocks.values()):
         return None
-    tick = 1e-3 * min(float(np.median(np.diff(one))) for one in clocks.values())  # times that differ by less are one
-    first = min(float(one[0]) for one in clocks.values())
-    places = {key: np.round((one - first) / tick) for key, one in clocks.items()}
+    tick = 1e-3 * min(
+        float(np.median(np.diff(clock))) for clock in clocks.values()
+    )  # times that differ by less are one
+    first = min(float(clock[0]) for clock in clocks.values())
+    places = {key: np.round((clock - first) / tick) for key, clock in clocks.items()}
     together = np.unique(np.concatenate(list(places.values())))
     columns = {leaf: first + tick * together}
     without = []

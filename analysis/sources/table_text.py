@@ -42,12 +42,12 @@ def layout_of(text: str) -> Layout | None:
     """
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     separators: Sequence[str] = SEPARATORS
-    if lines and (told := re.fullmatch(r"\"?sep=(.)\"?", lines[0].strip())):
-        separators, lines = (told[1],), lines[1:]
+    if lines and (match := re.fullmatch(r"\"?sep=(.)\"?", lines[0].strip())):
+        separators, lines = (match[1],), lines[1:]
     for separator in separators:
-        found = _layout(lines, separator)
-        if found is not None:
-            return found
+        layout = _layout(lines, separator)
+        if layout is not None:
+            return layout
     return None
 
 
@@ -144,9 +144,9 @@ def seconds_of_times(cells: Any) -> Array | None:
     if dates.notna().mean() >= 0.5 * cells.notna().mean():
         return np.asarray((dates - dates.min()).dt.total_seconds(), dtype=np.float64)
     times = [TIME_OF_DAY.fullmatch(cell.strip()) if isinstance(cell, str) else None for cell in cells]
-    if sum(one is not None for one in times) < 0.5 * len(times):
+    if sum(time is not None for time in times) < 0.5 * len(times):
         return None
-    seconds = np.array([np.nan if one is None else _since_midnight_s(one) for one in times])
+    seconds = np.array([np.nan if time is None else _since_midnight_s(time) for time in times])
     known = np.flatnonzero(np.isfinite(seconds))
     midnights = np.cumsum(np.append(0, np.diff(seconds[known]) < -DAY_S / 2))
     seconds[known] += DAY_S * midnights

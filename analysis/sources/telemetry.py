@@ -177,9 +177,9 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
         out["QTUN"] = {"TimeUS": vtol["TimeUS"], "ThO": np.isin(vtol["vtol_state"], LIFTED)}
     kinds = [] if beats is None else np.unique(beats["type"]).tolist()
     firmware = [name for kind in kinds if (name := _firmware(kind))]
-    said = tables.get("STATUSTEXT", {"TimeUS": np.zeros(0), "text": np.zeros(0, dtype=str)})
-    times_us = np.concatenate([np.full(len(firmware), np.nan), said["TimeUS"]])
-    texts = [str(text).encode("ascii", "replace") for text in said["text"]]
+    status_texts = tables.get("STATUSTEXT", {"TimeUS": np.zeros(0), "text": np.zeros(0, dtype=str)})
+    times_us = np.concatenate([np.full(len(firmware), np.nan), status_texts["TimeUS"]])
+    texts = [str(text).encode("ascii", "replace") for text in status_texts["text"]]
     out["MSG"] = {"TimeUS": times_us, "Message": np.array([*firmware, *texts], dtype="S64")}
     return {name: _as_numbers(columns) for name, columns in out.items()}
 

@@ -39,7 +39,7 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
         """How many bytes of whole messages were read, and whether the message that follows is one that is expected."""
         subscriptions, left_out = self._subscriptions, self._filtered_message_ids
         places = {number: array("Q") for number in subscriptions}
-        sizes = {number: _sizes(one) for number, one in subscriptions.items()}
+        sizes = {number: _sizes(subscription) for number, subscription in subscriptions.items()}
         at, length, expected, data = 0, len(block), True, self.MSG_TYPE_DATA
         while at + 5 <= length:
             size, begin = block[at] | block[at + 1] << 8, at + 3

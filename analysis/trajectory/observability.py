@@ -96,7 +96,7 @@ class FlightExcitation(NamedTuple):
     gust_mps: float
 
 
-class Lacking(StrEnum):
+class MissingExcitation(StrEnum):
     """What a flight lacks to determine a sensor error. The value is the advice for the reader."""
 
     GPS = "no GPS"
@@ -135,23 +135,23 @@ def excitation(trajectory: Trajectory) -> FlightExcitation:
 _AIR_DATA = frozenset({"alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag"})
 _CROSSWIND = frozenset({"V_scale", "beta_bias", "ay_bias", "r_bias"})  # a steady wind on one heading acts like these
 # Whether it is lacking, and the sensor errors that are then not determined.
-_LACKING: dict[Lacking, tuple[Callable[[FlightExcitation], bool], frozenset[str]]] = {
-    Lacking.GPS: (lambda flight: not flight.gps, _CROSSWIND | {"gps_latency", "heading_bias"}),
-    Lacking.SIDESLIP: (lambda flight: not flight.sideslip, frozenset({"beta_bias"})),
-    Lacking.HEADINGS: (lambda flight: flight.mean_heading_vector > SHOWN.one_heading, _CROSSWIND),
-    Lacking.SPEEDS: (
+_MISSING_EXCITATION: dict[MissingExcitation, tuple[Callable[[FlightExcitation], bool], frozenset[str]]] = {
+    MissingExcitation.GPS: (lambda flight: not flight.gps, _CROSSWIND | {"gps_latency", "heading_bias"}),
+    MissingExcitation.SIDESLIP: (lambda flight: not flight.sideslip, frozenset({"beta_bias"})),
+    MissingExcitation.HEADINGS: (lambda flight: flight.mean_heading_vector > SHOWN.one_heading, _CROSSWIND),
+    MissingExcitation.SPEEDS: (
         lambda flight: flight.speed_ratio < SHOWN.one_speed,
         frozenset({"alpha_scale", "air_data_lag", "V_scale"}),
     ),
-    Lacking.CALM_AIR: (lambda flight: flight.gust_mps > GUSTS.dominate_mps, _AIR_DATA - {"alpha_scale"}),
-    Lacking.PORPOISING: (lambda flight: flight.gust_mps > GUSTS.dominate_mps, frozenset({"alpha_scale"})),
+    MissingExcitation.CALM_AIR: (lambda flight: flight.gust_mps > GUSTS.dominate_mps, _AIR_DATA - {"alpha_scale"}),
+    MissingExcitation.PORPOISING: (lambda flight: flight.gust_mps > GUSTS.dominate_mps, frozenset({"alpha_scale"})),
 }
 
 
-def missing(name: str, flight: FlightExcitation) -> tuple[Lacking, ...]:
+def missing(name: str, flight: FlightExcitation) -> tuple[MissingExcitation, ...]:
     """What the flight lacks to determine a sensor error. name: of SENSOR_ERRORS."""
-    reasons = tuple(what for what, (holds, errors) in _LACKING.items() if name in errors and holds(flight))
-    return reasons or (Lacking.DURATION,)
+    reasons = tuple(what for what, (holds, errors) in _MISSING_EXCITATION.items() if name in errors and holds(flight))
+    return reasons or (MissingExcitation.DURATION,)
 
 
 def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
@@ -315,7 +315,7 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
     covariance = trajectory.covariance / np.outer(sigma, sigma)
     posterior, directions = np.linalg.eigh(covariance)
     j = 1 / np.clip(posterior, 1e-12, 1.0) - 1
-    known = 1 - 1 / (1 + j) > PRIOR_CHECK.told[0]
+    known = 1 - 1 / (1 + j) > PRIOR_CHECK.informed[0]
     variance, x_squared = 1 / j[known], ((directions.T @ y)[known] * (1 + 1 / j[known])) ** 2
     size, z = _worst_first(y, covariance)
     beyond = {SENSOR_ERRORS[i]: z[i] for i in sorted(z)}
@@ -339,20 +339,20 @@ def joint_conflict(y: Array, covariance: Array) -> JointConflict:
     probable pair, times the number of pairs, and all, each times two for the two questions, bound the rate of false
     alarms (Bonferroni): in 20,000 draws by the covariances of 24 flights it was 0.20 % where 0.3 % are allowed.
     """
-    told = np.eye(len(y)) - covariance
-    variance = np.diag(told)
-    known = np.flatnonzero(variance > PRIOR_CHECK.told[0])
+    gained = np.eye(len(y)) - covariance
+    variance = np.diag(gained)
+    known = np.flatnonzero(variance > PRIOR_CHECK.informed[0])
     if len(known) < 2:
         return JointConflict({}, 1.0)
     z = y[known] / np.sqrt(variance[known])
-    correlation = told[np.ix_(known, known)] / np.sqrt(np.outer(variance[known], variance[known]))
+    correlation = gained[np.ix_(known, known)] / np.sqrt(np.outer(variance[known], variance[known]))
     first, second = np.triu_indices(len(known), 1)
     r = correlation[first, second]
-    apart = 1 - r**2 > PRIOR_CHECK.told[0]  # else the two are one error, by another name
+    apart = 1 - r**2 > PRIOR_CHECK.informed[0]  # else the two are one error, by another name
     first, second, r = first[apart], second[apart], r[apart]
     squared = (z[first] ** 2 - 2 * r * z[first] * z[second] + z[second] ** 2) / (1 - r**2)
     eigenvalue, directions = np.linalg.eigh(correlation)
-    shown = eigenvalue > PRIOR_CHECK.told[0]
+    shown = eigenvalue > PRIOR_CHECK.informed[0]
     of_all = special.chdtrc(shown.sum(), np.sum((directions.T @ z)[shown] ** 2 / eigenvalue[shown]))
     worst = int(np.argmax(squared)) if len(squared) else 0
     of_pair = len(squared) * special.chdtrc(2, squared[worst]) if len(squared) else 1.0
@@ -382,23 +382,23 @@ def _worst_first(y: Array, covariance: Array) -> tuple[Array, dict[int, float]]:
     the worst one's part does not contradict. The model is linear about the estimate. An error of which data tell
     little has to be beyond what noise rarely makes of any: with a prior of its size little is known of it.
     """
-    size, found = np.ones(len(y)), dict[int, float]()
+    size, contradicted = np.ones(len(y)), dict[int, float]()
     rare = -special.ndtri(EVIDENCE.rare_false_alarms / (2 * len(y)))
     information = np.linalg.inv(covariance)
     of_data = information @ y  # the prior's mean is 0
-    while len(found) < len(y):
+    while len(contradicted) < len(y):
         z, sizes = _each_against_prior(y, np.diag(covariance))
-        z[[*found]] = 0.0
-        enough = 1 - np.diag(covariance) > PRIOR_CHECK.told[1]
+        z[[*contradicted]] = 0.0
+        enough = 1 - np.diag(covariance) > PRIOR_CHECK.informed[1]
         beyond = np.abs(z) > np.where(enough, EVIDENCE.contradiction, rare)
         if not beyond.any():
             break
         worst = int(np.argmax(np.where(beyond, np.abs(z), 0.0)))
-        found[worst], size[worst] = float(z[worst]), sizes[worst]
+        contradicted[worst], size[worst] = float(z[worst]), sizes[worst]
         information[worst, worst] -= 1 - 1 / sizes[worst] ** 2
         covariance = np.linalg.inv(information)
         y = covariance @ of_data
-    return size, found
+    return size, contradicted
 
 
 def _each_against_prior(y: Array, share: Array) -> tuple[Array, Array]:
@@ -409,11 +409,11 @@ def _each_against_prior(y: Array, share: Array) -> tuple[Array, Array]:
     With a narrow prior an estimate stays near zero whatever the data say, and varies by 1 - share only. Where that is
     so little that the solver's last step shows, it is not judged.
     """
-    told = 1 - np.clip(share, 0.0, 1.0)
-    known = told > PRIOR_CHECK.told[0]
-    told = np.where(known, told, 1.0)
-    z = np.where(known, y / np.sqrt(told), 0.0)
-    return z, np.sqrt(np.maximum((y / told) ** 2 - (1 - told) / told, 1.0))
+    information = 1 - np.clip(share, 0.0, 1.0)
+    known = information > PRIOR_CHECK.informed[0]
+    information = np.where(known, information, 1.0)
+    z = np.where(known, y / np.sqrt(information), 0.0)
+    return z, np.sqrt(np.maximum((y / information) ** 2 - (1 - information) / information, 1.0))
 
 
 def conflict_notes(conflict: PriorConflict, trajectory: Trajectory) -> list[str]:

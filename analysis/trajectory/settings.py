@@ -221,7 +221,7 @@ class ObservabilitySettings(Settings):
 class PriorCheckSettings(Settings):
     """Conflict of the sensor errors with their priors, and residuals that are too large."""
 
-    told: tuple[float, float] = setting(
+    informed: tuple[float, float] = setting(
         (0.01, 0.1),
         "1",
         "share of the prior's variance: an estimate of which data tell less than the first is not tested, since the"

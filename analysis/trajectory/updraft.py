@@ -68,7 +68,7 @@ def sun_over(fix: Fix) -> float | None:
     if fix.unix_at_zero_s is None or not fix.by_satellites or not fix.ends:
         return None
     ends = [(fix.unix_at_zero_s + t_s, math.radians(lat), math.radians(lon)) for t_s, lat, lon in fix.ends]
-    return max(sun_elevation(*one) for one in ends)
+    return max(sun_elevation(*end) for end in ends)
 
 
 def heat_flux_WPM2(sun_rad: float) -> float:
@@ -144,7 +144,7 @@ class UpdraftByDay(NamedTuple):
     note: str
 
     @property
-    def denied(self) -> bool:
+    def contradicted(self) -> bool:
         """Whether the flight denies the hour. One flight by day in 80 does by chance."""
         return abs(self.z) > EVIDENCE.contradiction
 
@@ -163,15 +163,15 @@ def updraft_by_day(trajectory: Trajectory, sun_rad: float | None) -> UpdraftByDa
     if of_hour is None or of_hour.eddies_mps == 0:
         return None
     by_day = UpdraftByDay(*against_prior(trajectory.with_prior("updraft", of_hour.sigma_mps), "updraft"), note="")
-    if not by_day.denied:
+    if not by_day.contradicted:
         return by_day
     z, sigma_mps, _ = by_day
-    found = trajectory.with_prior("updraft", sigma_mps)
-    half_mps = NORMAL_95 * found.standard_error("updraft")
+    wider = trajectory.with_prior("updraft", sigma_mps)
+    half_mps = NORMAL_95 * wider.standard_error("updraft")
     return UpdraftByDay(
         z,
         sigma_mps,
-        f"Over the flight the air seems to have {'risen' if z > 0 else 'sunk'} by {abs(found.value('updraft')):.1f} ±"
+        f"Over the flight the air seems to have {'risen' if z > 0 else 'sunk'} by {abs(wider.value('updraft')):.1f} ±"
         f" {half_mps:.1f} m/s, {abs(z):.1f} standard deviations of what the hour lets expect. The curve is corrected"
         " for it, and the interval is wider. Fly at dawn.",
     )

@@ -105,9 +105,9 @@ def _checkout(target: Path) -> None:
 def _wheels(folder: Path) -> None:
     """wheels: this project, what it needs and the status page's server; wheels-upgrade: a newer version of it alone."""
     pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--wheel-dir")
-    source, asked = folder / "source", ("--constraint", ROOT / "constraints.txt", ".[status]")
+    source, requirements = folder / "source", ("--constraint", ROOT / "constraints.txt", ".[status]")
     _checkout(source)
-    for name, version, options in (("wheels", "1.0.0", asked), ("wheels-upgrade", UPGRADE, ("--no-deps", "."))):
+    for name, version, options in (("wheels", "1.0.0", requirements), ("wheels-upgrade", UPGRADE, ("--no-deps", "."))):
         wheels = folder / name
         for old in wheels.glob("flightpower-*.whl"):
             old.unlink()

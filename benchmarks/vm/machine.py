@@ -113,8 +113,8 @@ class Machine:
         mark = f"end-of-command-{self._commands}:"
         # One compound command: sudo has a terminal of its own and would take lines that wait in this one.
         self._console.sendall(f"{{ {command}\n}} </dev/null; code=$?; echo; echo '{mark}'$code\n".encode())
-        found = self._wait(rf"(?s)(.*?)\r?\n{mark}(\d+)\r?\n", timeout_s)
-        return int(found[2]), found[1].replace("\r", "").strip("\n")
+        match = self._wait(rf"(?s)(.*?)\r?\n{mark}(\d+)\r?\n", timeout_s)
+        return int(match[2]), match[1].replace("\r", "").strip("\n")
 
     def wait_for_recording(self, logs: int, timeout_s: float = 600.0) -> None:
         """Until there are more than `logs` logs, and data in the newest."""
@@ -172,12 +172,12 @@ class Machine:
 
     def _wait(self, pattern: str, timeout_s: float) -> re.Match[str]:
         end_s = time.monotonic() + timeout_s
-        while (found := re.search(pattern, self._text)) is None:
+        while (match := re.search(pattern, self._text)) is None:
             if time.monotonic() > end_s or not self.running:
                 raise TimeoutError(f"the console did not show {pattern!r} but {self._text[-300:]!r}")
             self._read()
-        self._text = self._text[found.end() :]
-        return found
+        self._text = self._text[match.end() :]
+        return match
 
     def _listen(self) -> None:
         """Read the heartbeat until the machine ends."""
@@ -186,8 +186,8 @@ class Machine:
             while data := line.recv(4096):
                 *lines, rest = (rest + data.decode("ascii", "replace")).split("\n")
                 for text in lines:
-                    if found := re.fullmatch(r"(\d+\.\d+) (\d+) (\d+)\r?", text):
-                        self.heartbeat = Heartbeat(float(found[1]), int(found[2]), int(found[3]))
+                    if match := re.fullmatch(r"(\d+\.\d+) (\d+) (\d+)\r?", text):
+                        self.heartbeat = Heartbeat(float(match[1]), int(match[2]), int(match[3]))
 
     def _serve(self, name: str, part: Any) -> None:
         with self._connect(name) as line:

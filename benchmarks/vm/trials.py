@@ -50,12 +50,12 @@ def steps_of(machine: Machine, rows: list[Row]) -> Step:
 
     def step(what: str, command: str, wanted: str = "") -> str:
         begin_s = time.monotonic()
-        code, said = machine.run(command, 3600.0)
-        good = code == 0 and re.search(wanted, said) is not None
+        code, output = machine.run(command, 3600.0)
+        good = code == 0 and re.search(wanted, output) is not None
         rows.append(
-            Row(what, f"{time.monotonic() - begin_s:.0f} s" if good else f"exit code {code}: {said[-300:]}", good)
+            Row(what, f"{time.monotonic() - begin_s:.0f} s" if good else f"exit code {code}: {output[-300:]}", good)
         )
-        return said
+        return output
 
     return step
 
@@ -88,10 +88,10 @@ def install(machine: Machine) -> list[Row]:
 
 
 def exposure(machine: Machine, when: str) -> list[Row]:
-    _, said = machine.run("systemd-analyze security flightpower-daq | tail -1")
-    level = re.search(r"exposure level.*: ([\d.]+)", said)
+    _, output = machine.run("systemd-analyze security flightpower-daq | tail -1")
+    level = re.search(r"exposure level.*: ([\d.]+)", output)
     good = level is not None and float(level[1]) <= LARGEST_EXPOSURE
-    return [Row(f"exposure, {when}", level[1] if level else said[-200:], good)]
+    return [Row(f"exposure, {when}", level[1] if level else output[-200:], good)]
 
 
 def figures(machine: Machine) -> list[Row]:

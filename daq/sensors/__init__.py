@@ -49,8 +49,8 @@ class SensorFailure(Exception):
         self.status = status
 
 
-def wrong_device(expected: str, found: str) -> SensorFailure:
-    return SensorFailure(Status.WRONG_DEVICE, f"{expected} expected, but {found}")
+def wrong_device(expected: str, identity: str) -> SensorFailure:
+    return SensorFailure(Status.WRONG_DEVICE, f"{expected} expected, but {identity}")
 
 
 def brown_out(part: str) -> SensorFailure:

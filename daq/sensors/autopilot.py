@@ -142,9 +142,9 @@ class AutopilotDriver:
         self._slow = any(n < ENOUGH * wanted for n in self._received.values())
         self._requests = self._requests if self._slow else 0
         few = {topic: n for topic, n in self._received.items() if n < ENOUGH * wanted}
-        told = ", ".join(f"{n / elapsed_ns * 1e9:.0f} of {topic}" for topic, n in few.items())
+        rates = ", ".join(f"{n / elapsed_ns * 1e9:.0f} of {topic}" for topic, n in few.items())
         if few and (self._requests == 0 or min(few.values()) < FAR_TOO_FEW * wanted):
-            self.complaint = f"sends {told} a second, asked for {self._rate_Hz:g}: raise its baud rate"
+            self.complaint = f"sends {rates} a second, asked for {self._rate_Hz:g}: raise its baud rate"
             self._complaint_ns = now_ns
         elif now_ns - self._complaint_ns >= COMPLAINT_NS:
             self.complaint = ""

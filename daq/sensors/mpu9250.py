@@ -195,8 +195,8 @@ class MPU9250Driver:
         """Whether the registers from `register` on differ from `expected`, read twice where they do."""
         length = len(self._settings)
         for _ in range(2):
-            found = self._bus.write_read(self._address, bytes([register]), len(expected))
-            if found == expected or (found[:length] == expected[:length] and found[-1] == expected[-1]):
+            registers = self._bus.write_read(self._address, bytes([register]), len(expected))
+            if registers == expected or (registers[:length] == expected[:length] and registers[-1] == expected[-1]):
                 return False  # reserved registers in between may have any value
         return True
 

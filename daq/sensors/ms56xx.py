@@ -237,11 +237,11 @@ def crc4(words: tuple[int, ...]) -> int:
 
 def check_prom(words: tuple[int, ...], variant: BarometerVariant) -> tuple[int, ...]:
     """Return `words` if their checksum is right. An all-zero PROM has a valid checksum and is rejected too."""
-    found = words[variant.crc_word] >> variant.crc_shift & 0xF
+    stored_crc = words[variant.crc_word] >> variant.crc_shift & 0xF
     bare = list(words)
     # AN520 clears the whole low byte of the MS5611's last word, not only the four bits of the CRC.
     bare[variant.crc_word] &= 0xFF00 if variant.crc_shift == 0 else ~(0xF << variant.crc_shift)
-    if not any(words[1:7]) or crc4(tuple(bare)) != found:
+    if not any(words[1:7]) or crc4(tuple(bare)) != stored_crc:
         raise SensorFailure(Status.CORRUPT, f"{variant.name}: wrong checksum of the calibration memory")
     return words
 

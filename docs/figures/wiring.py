@@ -43,7 +43,7 @@ def text(
 
 def lines(x: float, y: float, title: str, *more: str) -> list[str]:
     """A title, and lines under it."""
-    return [text(x, y, title, bold=700), *(text(x, y + 17 * (i + 1), one) for i, one in enumerate(more))]
+    return [text(x, y, title, bold=700), *(text(x, y + 17 * (i + 1), line) for i, line in enumerate(more))]
 
 
 def path(kind: str, *points: tuple[float, float], width: float = 2, ends: bool = True) -> str:

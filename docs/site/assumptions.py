@@ -59,8 +59,8 @@ def page() -> str:
             parts.append(f"## `{folder}/`\n")
         parts.append(f"### {name}\n\n{_says(settings)} `{path}`\n")
         rows = [
-            f"| `{one.name}` | {_value(getattr(settings, one.name))} | {one.unit} | {_cell(one.reason)} |"
-            for one in settings.described()
+            f"| `{line.name}` | {_value(getattr(settings, line.name))} | {line.unit} | {_cell(line.reason)} |"
+            for line in settings.described()
         ]
         parts.append("\n".join(["| name | value | unit | reason |", "|---|---|---|---|", *rows, ""]))
     return "\n".join(parts)
@@ -73,9 +73,9 @@ def remaining_numbers() -> Counter[str]:
         for node in ast.parse(path.read_text("utf-8")).body:
             value = getattr(node, "value", None)
             if isinstance(node, ast.Assign | ast.AnnAssign) and value is not None:
-                numbers = [one for one in ast.walk(value) if isinstance(one, ast.Constant)]
+                numbers = [node for node in ast.walk(value) if isinstance(node, ast.Constant)]
                 counts[_folder(path.relative_to(ROOT).as_posix())] += any(
-                    type(one.value) in (int, float) for one in numbers
+                    type(node.value) in (int, float) for node in numbers
                 )
     return counts
 
@@ -91,17 +91,17 @@ def settings_by_folder() -> Counter[str]:
 def _records_of(path: str) -> Iterator[Record]:
     """Each record of a module; one without an instance there as its class."""
     module = importlib.import_module("flightpower." + path.removesuffix(".py").replace("/", "."))
-    instances = {name: one for name, one in vars(module).items() if isinstance(one, Settings)}
+    instances = {name: var for name, var in vars(module).items() if isinstance(var, Settings)}
     for cls in vars(module).values():
         if isinstance(cls, type) and issubclass(cls, Settings) and cls.__module__ == module.__name__:
-            named = {name: one for name, one in instances.items() if type(one) is cls}
-            for name, one in (named or {cls.__name__: cls()}).items():
-                yield Record(path, name, one)
+            named = {name: instance for name, instance in instances.items() if type(instance) is cls}
+            for name, instance in (named or {cls.__name__: cls()}).items():
+                yield Record(path, name, instance)
 
 
 def _folder(path: str) -> str:
     """The longest of FOLDERS that contains a file."""
-    return max((one for one in FOLDERS if path.startswith(one + "/")), key=len)
+    return max((folder for folder in FOLDERS if path.startswith(folder + "/")), key=len)
 
 
 def _says(settings: Settings) -> str:
@@ -112,9 +112,9 @@ def _value(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.0f}" if value.is_integer() and abs(value) < 1e7 else f"{value:.4g}"
     if isinstance(value, tuple | list):
-        return ", ".join(_value(one) for one in value)
+        return ", ".join(_value(part) for part in value)
     if isinstance(value, dict):
-        return ", ".join(f"{_cell(str(name))}: {_value(one)}" for name, one in value.items())
+        return ", ".join(f"{_cell(str(name))}: {_value(part)}" for name, part in value.items())
     return _cell(str(value))
 
 

@@ -17,10 +17,10 @@ from flightpower.analysis.maneuvers.kinds import Unsuitable  # noqa: E402
 from flightpower.analysis.missions.flown import INSTEAD  # noqa: E402
 from flightpower.analysis.missions.items import Command  # noqa: E402
 from flightpower.analysis.performance.autopilot_parameters import WITHOUT  # noqa: E402
-from flightpower.analysis.records.flight import EvidenceKind, WhyNot  # noqa: E402
+from flightpower.analysis.records.flight import EvidenceKind, MethodRejection  # noqa: E402
 from flightpower.analysis.results.evidence import CULPRIT  # noqa: E402
 from flightpower.analysis.sources.laws import Mistake  # noqa: E402
-from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, Lacking  # noqa: E402
+from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, MissingExcitation  # noqa: E402
 from flightpower.daq.tray_check import ADVICE, GOOD_STATUSES  # noqa: E402
 from flightpower.flight.command_line import ExitCode  # noqa: E402
 from flightpower.flight.messages import Status  # noqa: E402
@@ -120,15 +120,21 @@ EVIDENCE: Mapping[EvidenceKind, Trouble] = {
     ),
     EvidenceKind.NO_VERDICT: Trouble("The results are of an earlier version.", "Analyze the log again."),
 }
-METHODS: Mapping[WhyNot, Trouble] = {
-    WhyNot.NOT_FLOWN: Trouble("No runs in the log, or none that can be used.", "Look at the rejected stretches below."),
-    WhyNot.NO_TRAJECTORY: Trouble(
+METHODS: Mapping[MethodRejection, Trouble] = {
+    MethodRejection.NOT_FLOWN: Trouble(
+        "No runs in the log, or none that can be used.", "Look at the rejected stretches below."
+    ),
+    MethodRejection.NO_TRAJECTORY: Trouble(
         "The measurements contradict each other.", "Check units, axes and clocks of the log."
     ),
-    WhyNot.MISFIT: Trouble("A channel has a wrong unit, sign or delay.", "Check units, axes and delays of the log."),
-    WhyNot.NO_ESTIMATE: Trouble("Too few data.", "Fly more runs."),
-    WhyNot.UNPHYSICAL: Trouble("Weight, thrust or airspeed are wrong.", POLES),
-    WhyNot.NO_INFORMATION: Trouble("Too little lift, speed or thrust was varied.", "Fly slow to fast, and longer."),
+    MethodRejection.MISFIT: Trouble(
+        "A channel has a wrong unit, sign or delay.", "Check units, axes and delays of the log."
+    ),
+    MethodRejection.NO_ESTIMATE: Trouble("Too few data.", "Fly more runs."),
+    MethodRejection.UNPHYSICAL: Trouble("Weight, thrust or airspeed are wrong.", POLES),
+    MethodRejection.NO_INFORMATION: Trouble(
+        "Too little lift, speed or thrust was varied.", "Fly slow to fast, and longer."
+    ),
 }
 REJECTED: Mapping[StrEnum, Trouble] = {
     RunRejected.TOO_GENTLE: Trouble("The throttle moved too slowly.", "Open it over 8 to 13 s."),
@@ -203,20 +209,24 @@ def page() -> str:
         "Sensor errors larger than assumed": _table(
             (SENSOR_ERROR_KINDS[name].title, culprit) for name, culprit in CULPRIT.items()
         ),
-        "What a flight does not determine, and why": _table((one.name.lower(), str(one)) for one in Lacking),
+        "What a flight does not determine, and why": _table(
+            (lacking.name.lower(), str(lacking)) for lacking in MissingExcitation
+        ),
         "Methods that do not give the curve": _rows(
-            (str(why), METHODS[why]) for why in WhyNot if why is not WhyNot.NONE
+            (str(why), METHODS[why]) for why in MethodRejection if why is not MethodRejection.NONE
         ),
         "Stretches that are no maneuver": _rows((str(why), REJECTED[why]) for why in (*RunRejected, *Unsuitable)),
-        "Columns of a table": _rows((str(one), MISTAKES[one]) for one in Mistake),
-        "Sensors of the tray": _table((str(one), ADVICE[one]) for one in Status if one not in GOOD_STATUSES),
+        "Columns of a table": _rows((str(mistake), MISTAKES[mistake]) for mistake in Mistake),
+        "Sensors of the tray": _table(
+            (str(status), ADVICE[status]) for status in Status if status not in GOOD_STATUSES
+        ),
         "Items of a mission": _table((f"{Command(item).name} ({item})", text) for item, text in INSTEAD.items()),
         "Values for an autopilot": _table((name, text.format(takes="it takes")) for name, text in WITHOUT.items()),
     }
     parts = [HEAD, *(f"## {title}\n\n{table}" for title, table in sections.items()), "## All refusals\n"]
-    found = sorted(set(messages()))
+    all_messages = sorted(set(messages()))
     for area, title in AREAS.items():
-        own = [_cells(one.text) for one in found if one.area == area]
+        own = [_cells(message.text) for message in all_messages if message.area == area]
         if own:
             parts.append(f"### {title}\n\n{_table(own, ('message', 'what to do'))}")
     return "\n".join(parts)
@@ -227,7 +237,7 @@ def messages() -> Iterator[Message]:
     for package in ("analysis", "daq", "flight", "flightpower", "sim", "hw_fakes"):
         for path in sorted((ROOT / package).rglob("*.py")):
             name = path.relative_to(ROOT).as_posix()
-            area = max((one for one in AREAS if name.startswith(f"{one}/")), key=len)
+            area = max((area for area in AREAS if name.startswith(f"{area}/")), key=len)
             source = path.read_text("utf-8")
             if not any(f"{name}(" in source for name in REFUSALS):
                 continue
@@ -249,7 +259,7 @@ def _words(node: ast.expr) -> str:
         case ast.Constant(value=str(text)):
             return text
         case ast.JoinedStr(values=values):
-            return "".join(_words(one) for one in values)
+            return "".join(_words(value) for value in values)
         case ast.BinOp(left=left, op=ast.Add(), right=right):
             return _words(left) + _words(right)
         case ast.IfExp(body=body):
@@ -273,7 +283,7 @@ def _table(
     rows: "Iterator[tuple[str, ...]] | list[tuple[str, ...]]", head: tuple[str, ...] = ("what", "what to do")
 ) -> str:
     lines = [head, ("---",) * len(head), *rows]
-    return "\n".join(f"| {' | '.join(_cell(one) for one in line)} |" for line in lines) + "\n"
+    return "\n".join(f"| {' | '.join(_cell(cell) for cell in line)} |" for line in lines) + "\n"
 
 
 def _cell(text: str) -> str:

@@ -337,5 +337,5 @@ def _pulses(surface: ControlSurface, angle: Array) -> Array:
     """Pulse widths [us] for angles; `ControlSurface.pulse_of_angle_us` for arrays."""
     angles, pulses = np.array(surface.angle_rad), np.array(surface.pulse_us)
     order = np.argsort(angles)
-    found: Array = np.interp(angle, angles[order], pulses[order])
-    return found
+    pulse_us: Array = np.interp(angle, angles[order], pulses[order])
+    return pulse_us

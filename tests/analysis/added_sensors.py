@@ -35,17 +35,19 @@ class Flown(NamedTuple):
 
 def with_sensors(recording: FlightRecording, sensors: Sensors) -> FlightRecording:
     """Without the channels of the others of SENSORS."""
-    lacking = set[str]().union(*(SENSORS[name] for name in SENSORS.keys() - sensors))
-    channels = {name: one for name, one in recording.channels.items() if name not in lacking}
+    missing = set[str]().union(*(SENSORS[name] for name in SENSORS.keys() - sensors))
+    channels = {name: channel for name, channel in recording.channels.items() if name not in missing}
     return replace(recording, channels=channels)
 
 
 def curve_of(recording: FlightRecording, flown: Flown) -> Curve:
     """Curve of a thinned flight with short resampling: one estimate in a quarter of the time."""
     table = flight_table(recording, flown.weight_N, flown.wing_area_m2).thinned(3)
-    found = estimate(table, flown.weight_N, flown.wing_area_m2, flown.span_m, most_windows=40, most_points=60)
-    truth = flown.power_W(found)
-    power, sigma = (np.interp(flown.V_mps, found.V_mps, one) for one in (found.power_W, found.standard_error_W))
+    electrical = estimate(table, flown.weight_N, flown.wing_area_m2, flown.span_m, most_windows=40, most_points=60)
+    truth = flown.power_W(electrical)
+    power, sigma = (
+        np.interp(flown.V_mps, electrical.V_mps, item) for item in (electrical.power_W, electrical.standard_error_W)
+    )
     return Curve(float(np.abs(power / truth - 1).max()), float((1.96 * sigma / truth).max()))
 
 
@@ -53,13 +55,13 @@ def curves_by_sensors(
     names: Iterable[str], recorded: Callable[[Sensors], FlightRecording], flown: Flown
 ) -> dict[Sensors, Curve | None]:
     """Curves of every subset of sensors; None if there is none."""
-    names, found = list(names), dict[Sensors, Curve | None]()
+    names, result = list(names), dict[Sensors, Curve | None]()
     for sensors in (frozenset(some) for size in range(len(names) + 1) for some in combinations(names, size)):
         try:
-            found[sensors] = curve_of(recorded(sensors), flown)
+            result[sensors] = curve_of(recorded(sensors), flown)
         except InputError:
-            found[sensors] = None
-    return found
+            result[sensors] = None
+    return result
 
 
 def assert_more_is_never_less(found: dict[Sensors, Curve | None]) -> None:

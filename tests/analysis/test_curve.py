@@ -62,13 +62,17 @@ def test_best_speeds_are_those_of_the_textbook(cost: Cost, share: float) -> None
     assert exact == pytest.approx(np.sqrt(2 * AT.weight_N / (AT.rho * AT.wing_area_m2 * np.sqrt(share * CD0 / K))))
     plain = Curve(kind=Kind.POWER_REQUIRED, condition=AT, V_mps=wide.V_mps, power_W=wide.power_W)
     step = wide.V_mps[1] - wide.V_mps[0]
-    found = plain.best(cost)
-    assert found.speed_mps == pytest.approx(exact, abs=step) and found.inside_flown_range
-    assert found.lo_mps is not None and found.hi_mps is not None and found.lo_mps <= exact <= found.hi_mps + step
+    speed_interval = plain.best(cost)
+    assert speed_interval.speed_mps == pytest.approx(exact, abs=step) and speed_interval.inside_flown_range
+    assert (
+        speed_interval.lo_mps is not None
+        and speed_interval.hi_mps is not None
+        and speed_interval.lo_mps <= exact <= speed_interval.hi_mps + step
+    )
     idling = replace(plain, power_W=Uncertain(wide.power_W.value + 20.0, wide.power_W.own), idle_W=20.0).best(cost)
     faster = cost is Cost.ENERGY_PER_METER  # constant power costs less per meter at a higher speed
-    assert idling.speed_mps is not None and found.speed_mps is not None
-    assert bool(idling.speed_mps > found.speed_mps + step) is faster
+    assert idling.speed_mps is not None and speed_interval.speed_mps is not None
+    assert bool(idling.speed_mps > speed_interval.speed_mps + step) is faster
 
 
 def test_best_endurance_and_range_are_energy_over_the_least_cost() -> None:
@@ -76,28 +80,33 @@ def test_best_endurance_and_range_are_energy_over_the_least_cost() -> None:
     endurance, distance = (curve.longest(cost, energy_J) for cost in (Cost.POWER, Cost.ENERGY_PER_METER))
     assert endurance.value == pytest.approx(energy_J / curve.power_W.value.min())
     assert distance.value == pytest.approx(energy_J * np.max(curve.V_mps / curve.power_W.value))
-    for one in (endurance, distance):
-        assert one.lo < one.value < one.hi
+    for item in (endurance, distance):
+        assert item.lo < item.value < item.hi
 
 
 def test_endurance_and_range_are_as_uncertain_as_power() -> None:
     """For power uncertain by 4 % at all speeds alike, 95 of 100 draws lie within 1.96 times 4 %."""
-    one = Curve(
+    curve = Curve(
         kind=Kind.ELECTRICAL, condition=AT, V_mps=CURVE.V_mps,
         power_W=Uncertain(CURVE.power_W.value, 0.0 * CURVE.power_W.own, {"current": 0.04 * CURVE.power_W.value}),
     )  # fmt: skip
     for cost in Cost:
-        found = one.longest(cost, 3.6e5)
-        assert (found.hi - found.lo) / (2 * found.value) == pytest.approx(1.96 * 0.04, rel=0.1)
-        assert found.value / found.lo - 1 == pytest.approx(1.96 * 0.04, rel=0.12)
+        interval = curve.longest(cost, 3.6e5)
+        assert (interval.hi - interval.lo) / (2 * interval.value) == pytest.approx(1.96 * 0.04, rel=0.1)
+        assert interval.value / interval.lo - 1 == pytest.approx(1.96 * 0.04, rel=0.12)
 
 
 def test_no_end_is_known_where_power_falls_to_the_slowest_speed() -> None:
     """An interval of the best speed ends where slower ones were not flown."""
     V = np.linspace(12.0, 20.0, 9)
     rising = Curve(kind=Kind.ELECTRICAL, condition=AT, V_mps=V, power_W=Uncertain(10 * V, 1e-6 * np.eye(9)))
-    found = rising.best(Cost.POWER)
-    assert (found.speed_mps, found.lo_mps, found.hi_mps, found.inside_flown_range) == (12.0, None, 12.0, False)
+    speed_interval = rising.best(Cost.POWER)
+    assert (
+        speed_interval.speed_mps,
+        speed_interval.lo_mps,
+        speed_interval.hi_mps,
+        speed_interval.inside_flown_range,
+    ) == (12.0, None, 12.0, False)
     falling = replace(rising, power_W=Uncertain(300 - 10 * V, 1e-6 * np.eye(9))).best(Cost.POWER)
     assert (falling.speed_mps, falling.lo_mps, falling.inside_flown_range) == (20.0, 20.0, False)
 

@@ -25,8 +25,8 @@ def test_every_page_shows_the_tables_of_its_data_files() -> None:
 
 def test_the_data_files_are_of_parts_and_name_no_place() -> None:
     for path in (evidence.PAGES / "data").glob("*.json"):
-        found = json.loads(path.read_text("utf-8"))
-        assert path.stem in evidence.PARTS and not found["commit"].endswith("-changed")
+        content = json.loads(path.read_text("utf-8"))
+        assert path.stem in evidence.PARTS and not content["commit"].endswith("-changed")
         assert "/home" not in path.read_text("utf-8") and "/tmp" not in path.read_text("utf-8")
 
 
@@ -67,7 +67,7 @@ def test_the_counting_error_of_what_was_always_seen_is_that_of_one_flight_more()
     assert counted([1.0, 0.0] * 50) == pytest.approx((50.0, 5.0), abs=0.1)
 
 
-def told(records: list[dict]) -> str:
+def sentence_of(records: list[dict]) -> str:
     return " ".join(evidence._table({"rows": records}, "rows-in-words").split())
 
 
@@ -75,8 +75,8 @@ def test_the_readme_says_how_well_whole_flights_were_covered() -> None:
     rows = [{"plan": plan, "W20, kt": kt, "flights": 60, "error": [worst, 2.0, 1.8], "coverage, %": covered}
             for plan, kt, worst, covered in (("two-pairs", "3", 9.9, 50), ("full-test-flight", "3", 2.4, 97),
                                              ("full-test-flight", "15", 7.2, 96))]  # fmt: skip
-    assert "below 1.8 to 2.4 %" in told(rows) and "below 1.8 to 7.2 %" in told(rows)
-    assert "97 and 96 % of the speeds of 60 flights" in told(rows)
+    assert "below 1.8 to 2.4 %" in sentence_of(rows) and "below 1.8 to 7.2 %" in sentence_of(rows)
+    assert "97 and 96 % of the speeds of 60 flights" in sentence_of(rows)
 
 
 def test_the_readme_says_how_far_real_flights_were_off() -> None:
@@ -85,9 +85,9 @@ def test_the_readme_says_how_far_real_flights_were_off() -> None:
             {"flight": "Daredevil, 5 July", "error, %": "-10.6 to +1.6"},
             {"flight": "Cyclone", "error, %": "-26.8 to -6.7", "inside": "2 of 4"},
             {"flight": "its decelerations alone", "error, %": "-1.0 to +0.4"}]  # fmt: skip
-    assert "within 1.0 %" in told(rows) and "within 4 % in one flight and 11 % in another" in told(rows)
-    assert "is 7 to 27 % off, and inside its interval at 2 of 4 speeds" in told(rows)
-    assert told(rows[:2]) == "not run by this version"
+    assert "within 1.0 %" in sentence_of(rows) and "within 4 % in one flight and 11 % in another" in sentence_of(rows)
+    assert "is 7 to 27 % off, and inside its interval at 2 of 4 speeds" in sentence_of(rows)
+    assert sentence_of(rows[:2]) == "not run by this version"
 
 
 def test_a_figure_shows_what_was_not_met_in_another_color_and_every_known_point() -> None:

@@ -52,13 +52,13 @@ def test_a_part_that_fails_ends_no_other_and_keeps_its_file(failing, tmp_path, m
 
 def test_a_part_says_whether_its_figures_are_those_that_were_stored(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(evidence, "PARTS", {"first": evidence.Part(studies, 3, 1, "flights")})
-    for stored, said in (
+    for stored, message in (
         ({"counted": [{"n": 3}]}, "its figures are those of commit a"),
         ({"counted": [{"n": 4}]}, "differ at 1 place from those of commit a, first at counted.0.n"),
     ):
         (tmp_path / "first.json").write_text(json.dumps({"commit": "a", "tables": stored}))
         assert evidence.run_parts(["first"], tmp_path, 1, quick=False) == []
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("failing", "code"), [(fails, 1), (ends, 1), (studies, 0)])

@@ -10,10 +10,10 @@ from flightpower.flight.errors import InputError
     "text", ["120 to 180 s, 300 to 320.5 s", "300 s to 320.5 s,120-180", " 120 – 180 s , 300 to 320.5"]
 )
 def test_stretches_are_read_in_order_of_time(text: str) -> None:
-    found = parse_stretches(text, "--leave-out")
-    assert found == ((120.0, 180.0), (300.0, 320.5)) == Options(leave_out=text).left_out_s
-    assert parse_stretches(stretches_text(found), "--leave-out") == found
-    assert stretches_text(found) == "120.0 to 180.0 s, 300.0 to 320.5 s"
+    stretches = parse_stretches(text, "--leave-out")
+    assert stretches == ((120.0, 180.0), (300.0, 320.5)) == Options(leave_out=text).left_out_s
+    assert parse_stretches(stretches_text(stretches), "--leave-out") == stretches
+    assert stretches_text(stretches) == "120.0 to 180.0 s, 300.0 to 320.5 s"
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,12 @@ from flightpower.analysis.records.flight import Trust
 
 
 def line(seed: int, error: list[float | None], half: list[float | None], alarm: bool = False) -> dict[str, object]:
-    found: dict[str, object] = {"trust": Trust.DOUBTFUL if alarm else Trust.TRUSTED, "evidence": ["x"] if alarm else []}
-    found |= {"world": "weight", "weather_kt": 3.0, "plan": "two-pairs", "seed": seed, "version": "v"}
-    return found | {"error": error, "half": half, "warnings": ["x"], "alarm": alarm}
+    result: dict[str, object] = {
+        "trust": Trust.DOUBTFUL if alarm else Trust.TRUSTED,
+        "evidence": ["x"] if alarm else [],
+    }
+    result |= {"world": "weight", "weather_kt": 3.0, "plan": "two-pairs", "seed": seed, "version": "v"}
+    return result | {"error": error, "half": half, "warnings": ["x"], "alarm": alarm}
 
 
 def test_coverage_is_counted_at_each_speed_and_over_all():
@@ -22,15 +25,17 @@ def test_coverage_is_counted_at_each_speed_and_over_all():
     covered at 2/3 and 3/4 of the speeds, and one at 1/2, scatter by 0.104."""
     lines = [line(0, [1.0, -3.0, 0.5, None], [2.0] * 3 + [None], True), line(1, [1.0, 1.0, -2.5, 0.1], [2.0] * 4)]
     (row,), (of_world,) = cell_records(lines), world_records(points_by_world(lines, "two-pairs"))
-    for one in (row, of_world):
-        assert (one["flights"], one["coverage, %"], one["at each speed"]) == (2, 71, [100, 50, 50, 100])
-        assert one["±"] == 6.0
+    for item in (row, of_world):
+        assert (item["flights"], item["coverage, %"], item["at each speed"]) == (2, 71, [100, 50, 50, 100])
+        assert item["±"] == 6.0
     assert (row["alarms, %"], row["verdicts"], row["evidence"]) == (50, [1, 1, 0], "x")
 
 
 def test_coverage_by_world_is_over_all_weathers_and_in_each():
-    found = {"weight": {0.0: [([1.0, 3.0], [2.0, 2.0])], 15.0: [([1.0, 1.0], [2.0, 2.0]), ([3.0, None], [2.0, None])]}}
-    (row,) = world_records(found)
+    results = {
+        "weight": {0.0: [([1.0, 3.0], [2.0, 2.0])], 15.0: [([1.0, 1.0], [2.0, 2.0]), ([3.0, None], [2.0, None])]}
+    }
+    (row,) = world_records(results)
     assert (row["flights"], row["coverage, %"], row["at 0 / 15 kt"]) == (3, 60, [50, 67])
     assert (row["at each speed"], row["error"], row["half width"]) == ([67, 50], [2.8, 2.9], [2.0, 2.0])
 
@@ -53,7 +58,7 @@ def test_refused_flights_are_counted_and_not_averaged():
 def test_a_line_cut_off_by_an_interruption_is_flown_again(tmp_path):
     path = tmp_path / "study.jsonl"
     path.write_text(json.dumps(line(0, [1.0], [2.0])) + "\n" + json.dumps(line(1, [1.0], [2.0]))[:40], "utf-8")
-    assert [key(found) for found in known_lines(path)] == [("weight", 3.0, "two-pairs", 0, "v", False)]
+    assert [key(line) for line in known_lines(path)] == [("weight", 3.0, "two-pairs", 0, "v", False)]
     assert known_lines(tmp_path / "none.jsonl") == []
 
 
@@ -64,7 +69,7 @@ def test_a_world_of_other_gusts_is_not_flown_in_calm_air(world, flown):
 
 def test_a_curve_counts_flights_not_speeds():
     """Flights covered at 2 of 2, 1 of 2 and 1 of 1 speeds are covered at 83 % in the mean."""
-    flights = [np.array(one) for one in ([[1.0, -1], [2, 2]], [[3.0, 1], [2, 2]], [[1.0, np.nan], [2, np.nan]])]
+    flights = [np.array(item) for item in ([[1.0, -1], [2, 2]], [[3.0, 1], [2, 2]], [[1.0, np.nan], [2, np.nan]])]
     row = curve("dynamic", flights)
     assert (row["flights"], row["coverage, %"], row["at each speed"]) == (3, 83, [67, 100])
     assert row["±"] == pytest.approx(100 * np.std([1, 0.5, 1, 0.5]) / 2, abs=0.05)

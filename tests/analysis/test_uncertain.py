@@ -20,8 +20,8 @@ def draws(of: Uncertain, errors: dict[str, np.ndarray], count: int) -> np.ndarra
 
 def test_the_covariance_is_that_of_draws_of_all_errors() -> None:
     errors = {name: RNG.normal(size=40000) for name in "ab"}
-    found = np.cov(draws(ONE, errors, 40000).T)
-    assert found == pytest.approx(ONE.covariance, abs=0.04 * np.max(ONE.covariance))
+    covariance = np.cov(draws(ONE, errors, 40000).T)
+    assert covariance == pytest.approx(ONE.covariance, abs=0.04 * np.max(ONE.covariance))
     assert ONE.covariance - ONE.by_shared == pytest.approx(ONE.own)
     assert ONE.half_width == pytest.approx(NORMAL_95 * np.sqrt(np.diag(ONE.covariance)))
 
@@ -37,11 +37,11 @@ def test_a_function_of_values_has_their_errors_by_its_derivative() -> None:
 @pytest.mark.parametrize("cancel", [True, False])
 def test_shared_errors_cancel_in_a_difference_where_they_are_the_same(cancel: bool) -> None:
     """b is larger in the other by two standard deviations: as much remains where it cancels, and 1 + 9 where not."""
-    found = ONE.minus(OTHER, cancel)
-    assert found.value == pytest.approx([-3.0, -3.0, -3.0])
+    difference = ONE.minus(OTHER, cancel)
+    assert difference.value == pytest.approx([-3.0, -3.0, -3.0])
     by_b = 4.0 if cancel else 10.0
     a, c = ONE.shared["a"], OTHER.shared["c"]
-    assert found.covariance == pytest.approx(ONE.own + OTHER.own + np.outer(a, a) + np.outer(c, c) + by_b)
+    assert difference.covariance == pytest.approx(ONE.own + OTHER.own + np.outer(a, a) + np.outer(c, c) + by_b)
 
 
 def test_shared_errors_do_not_average_out_in_a_mean() -> None:

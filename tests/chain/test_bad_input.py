@@ -82,7 +82,7 @@ def test_a_wrong_aircraft_file_whose_runs_give_no_drag_is_doubted_first_of_all(f
     results = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))
     assert results["trust"] == "not to be trusted" and list(results["curves"]) == ["electrical_power"]
     assert results["methods_tried"][0]["reason"] == "its drag polar is unphysical"
-    assert [one["kind"] for one in results["evidence"]] == [
+    assert [item["kind"] for item in results["evidence"]] == [
         "efficiency from battery to thrust", "method that the log allows", "motor efficiency"
     ]  # fmt: skip
     assert results["balance"]["shaft_over_electrical"] < 0.3

@@ -17,14 +17,14 @@ def test_wind_and_scale_are_those_of_the_flight(flown: Path, tmp_path: Path) -> 
     """The demonstration goes one way only: the scale is known to a percent or two, and that is said."""
     outcome = done("calibrate", "airspeed", flown / "log.mcap", "-o", tmp_path / "airspeed.json")
     assert "one direction" in outcome.stdout.replace("\n", " ")
-    found = json.loads((tmp_path / "airspeed.json").read_text())
+    content = json.loads((tmp_path / "airspeed.json").read_text())
     true_scale = draw(load_budget("bench"), 0).values.V_scale
-    assert abs(found["scale"] - true_scale) < 4 * found["scale_error"]
+    assert abs(content["scale"] - true_scale) < 4 * content["scale_error"]
     truth = pd.read_parquet(flown / "truth.parquet", columns=["phase", "wind_north_mps", "wind_east_mps"])
     north, east = truth.loc[truth["phase"] == "flight", ["wind_north_mps", "wind_east_mps"]].mean()
     # Along the one heading an error of the scale at 18 m/s is one of the wind.
-    assert found["wind_mps"] == pytest.approx(np.hypot(north, east), abs=0.3 + 4 * 18 * found["scale_error"])
-    assert found["format"] == "flightpower-airspeed-1"
+    assert content["wind_mps"] == pytest.approx(np.hypot(north, east), abs=0.3 + 4 * 18 * content["scale_error"])
+    assert content["format"] == "flightpower-airspeed-1"
 
 
 def test_a_second_result_does_not_replace_the_first(flown: Path, tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_the_default_probe_of_the_simulator_is_that_of_its_tunnel(walk: Walk) ->
     assert shipped.keys() == made.keys()
     for key, value in made.items():
         for name in value if isinstance(value, dict) else [None]:
-            here, there = (one[key] if name is None else one[key][name] for one in (shipped, made))
+            here, there = (content[key] if name is None else content[key][name] for content in (shipped, made))
             assert here == there or np.array(here) == pytest.approx(np.array(there), rel=1e-6, abs=1e-9), (key, name)
 
 
@@ -75,7 +75,7 @@ def test_the_interval_is_an_interval(results: Results) -> None:
 
 
 def test_the_battery_gives_a_curve_and_a_method_of_its_own(results: Results) -> None:
-    (method,) = (one for one in results.methods if one.name == "whole-flight")
+    (method,) = (item for item in results.methods if item.name == "whole-flight")
     assert len(results.electrical_power) > 10 and len(method.power_required) > 10
     V = [point.speed_mps for point in results.power_required]
     power = [point.power_W for point in results.power_required]
@@ -89,8 +89,8 @@ def test_the_battery_gives_a_curve_and_a_method_of_its_own(results: Results) -> 
 def test_one_flight_through_the_pool_equals_its_analysis_to_the_digit(flown: Path) -> None:
     path = flown / "log.report" / "results.json"
     results, pooled = json.loads(path.read_bytes()), msgspec.to_builtins(joint_pool([path]).results())
-    one, other = (of["curves"]["power_required"]["points"] for of in (pooled, results))
-    assert one == other
+    item, other = (of["curves"]["power_required"]["points"] for of in (pooled, results))
+    assert item == other
     assert pooled["test"] == results["test"]
     assert pooled["drag_polar"] == {name: results["drag_polar"][name] for name in ("A0", "A1", "A2")}
 

@@ -47,8 +47,8 @@ def test_the_heading_is_held_by_a_calibration(flown: Path, tmp_path: Path) -> No
     (tmp_path / "mine.json").write_bytes(CALIBRATION)
     results, path = analyzed(tmp_path / "without.mcap", "--magnetometer", tmp_path / "mine.json")
     assert results.path is not None and "compass" in results.path.residuals
-    (said,) = about_heading(results)
-    assert "the magnetometer held the heading" in said
+    (message,) = about_heading(results)
+    assert "the magnetometer held the heading" in message
 
     truth = pd.read_parquet(flown / "truth.parquet", columns=["time_s", "height_m", "yaw_rad"])
     true = np.interp(path["t_s"], truth["time_s"], np.unwrap(truth["yaw_rad"]))
@@ -68,14 +68,16 @@ def test_a_calibration_in_the_log_is_what_one_given_by_hand_is(flown: Path, tmp_
 def test_without_a_calibration_the_log_s_magnetometer_is_named_and_not_used(flown: Path) -> None:
     log = read_once(flown / "log.mcap")
     log = dataclasses.replace(log, entries={topic: e for topic, e in log.entries.items() if topic != "/gps"})
-    found = contents(log)
-    data = flight_data(log, found.aircraft, found.propeller, found.calibrations)
+    log_contents = contents(log)
+    data = flight_data(log, log_contents.aircraft, log_contents.propeller, log_contents.calibrations)
     alone = reconstruct(
         data.table, data.rest, SensorPriors(alpha_scale_sigma=0.01), compass=data.compass, log="log.mcap"
     )
     errors = sensor_error_estimates(alone)
-    notes = trajectory_notes(alone, errors, 2, magnetometer_calibrated=found.magnetometer is not None, log="log.mcap")
-    (said,) = (note for note in notes if "heading" in note)
-    assert "was not determined" in said and "A magnetometer was recorded" in said
+    notes = trajectory_notes(
+        alone, errors, 2, magnetometer_calibrated=log_contents.magnetometer is not None, log="log.mcap"
+    )
+    (note,) = (note for note in notes if "heading" in note)
+    assert "was not determined" in note and "A magnetometer was recorded" in note
     agreement = consistency(alone)
     assert "compass" not in path_result(alone, agreement).residuals

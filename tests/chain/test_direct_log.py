@@ -60,13 +60,13 @@ def test_every_message_is_the_same_to_within_a_count(logs, topic):
         assert entry.time_ns == other.time_ns
         assert entry.message.status == other.message.status
         for name in entry.message.__struct_fields__:
-            one, two = getattr(entry.message, name), getattr(other.message, name)
-            if name == "stick_pulse_us" or isinstance(one, str):
+            item, two = getattr(entry.message, name), getattr(other.message, name)
+            if name == "stick_pulse_us" or isinstance(item, str):
                 continue
-            if one is None or two is None:
-                assert one is two, f"{name} in tick {tick}"
+            if item is None or two is None:
+                assert item is two, f"{name} in tick {tick}"
                 continue
             count = 1.0 if name.endswith(("counts", "_us")) else 0.0
             count = next((size for part, size in COUNT[topic].items() if part in name), count)
-            off = np.max(np.abs(np.subtract(one, two)))
-            assert off <= count * (1 + 1e-6), f"{name} in tick {tick}: {one}, {two}"
+            off = np.max(np.abs(np.subtract(item, two)))
+            assert off <= count * (1 + 1e-6), f"{name} in tick {tick}: {item}, {two}"

@@ -67,9 +67,9 @@ def test_the_comparison_can_fail() -> None:
 def quick_commands() -> list[str]:
     """Commands of all pages that need no log or table, each once, without those of the tutorial."""
     walked = {step.command for step in steps_in(TUTORIAL)}
-    found = (" ".join(command.split("  #")[0].split()) for page in PAGES for command in commands_in(page))
-    quick = [one for one in dict.fromkeys(found) if one.startswith(QUICK) and one not in walked]
-    return [one for one in quick if not one.startswith("flightpower new columns")]
+    result = (" ".join(command.split("  #")[0].split()) for page in PAGES for command in commands_in(page))
+    quick = [item for item in dict.fromkeys(result) if item.startswith(QUICK) and item not in walked]
+    return [item for item in quick if not item.startswith("flightpower new columns")]
 
 
 def test_the_other_commands_that_need_no_log_run_as_they_stand(walk: Walk) -> None:
@@ -128,25 +128,25 @@ def test_the_curve_of_the_demonstration_contains_the_truth_and_is_trusted(walk: 
 
 def test_rehearsed_bursts_bound_the_lag_of_short_lines(walk: Walk) -> None:
     """0.4 ms, a hundredth of a tick: no more than an upper bound, and nothing to change."""
-    said = printed(walk, "calibrate tubing")
-    assert said.count("from 8 steps") == 3 and "Nothing to change" in said
-    for bound, expected in re.findall(r"shorter than ([\d.]+) ms.*?file ([\d.]+) ms", said):
+    message = printed(walk, "calibrate tubing")
+    assert message.count("from 8 steps") == 3 and "Nothing to change" in message
+    for bound, expected in re.findall(r"shorter than ([\d.]+) ms.*?file ([\d.]+) ms", message):
         assert float(expected) < float(bound) < 14
 
 
 def test_the_rehearsed_magnetometer_calibration_is_the_simulator_s(walk: Walk) -> None:
-    found = json.loads((walk.folder / "magnetometer.json").read_text("utf-8"))
+    content = json.loads((walk.folder / "magnetometer.json").read_text("utf-8"))
     _, metadata = truth(walk.folder / "out/turned")
-    error = np.array(found["hard_iron_T"]) - metadata["errors"]["hard_iron"]
-    assert np.all(np.abs(error) < 4 * np.array(found["hard_iron_error_T"]))
+    error = np.array(content["hard_iron_T"]) - metadata["errors"]["hard_iron"]
+    assert np.all(np.abs(error) < 4 * np.array(content["hard_iron_error_T"]))
     # Lengths do not determine a rotation, and the scale of all axes is the field's.
-    iron = np.array(found["soft_iron"]) @ np.array(metadata["errors"]["soft_iron"])
-    assert np.allclose(iron / (np.trace(iron) / 3), np.eye(3), atol=5 * found["soft_iron_error"])
+    iron = np.array(content["soft_iron"]) @ np.array(metadata["errors"]["soft_iron"])
+    assert np.allclose(iron / (np.trace(iron) / 3), np.eye(3), atol=5 * content["soft_iron_error"])
 
 
 def test_rehearsed_surfaces_are_those_of_the_aircraft_file(walk: Walk) -> None:
-    said = printed(walk, "calibrate surfaces")
-    pulses = [int(word) for word in re.search(r"pulse_us = \[([\d, ]+)\]", said)[1].split(",")]
+    message = printed(walk, "calibrate surfaces")
+    pulses = [int(word) for word in re.search(r"pulse_us = \[([\d, ]+)\]", message)[1].split(",")]
     elevator = load_aircraft("nexstar").elevator
     for pulse, angle_deg in zip(pulses, (-20, -10, 0, 10, 20), strict=True):
         assert np.degrees(elevator.angle_of_pulse_rad(pulse)) == pytest.approx(angle_deg, abs=0.05)
@@ -160,13 +160,13 @@ def test_without_gps_no_airspeed_calibration_is_written(walk: Walk, tmp_path: Pa
 
 
 def test_the_rehearsed_airspeed_scale_and_wind_are_the_simulator_s(walk: Walk) -> None:
-    said = printed(walk, "calibrate airspeed")
-    value, half_width, side = re.search(r"reads ([\d.]+) ± ([\d.]+) % too (high|low)", said).groups()
+    message = printed(walk, "calibrate airspeed")
+    value, half_width, side = re.search(r"reads ([\d.]+) ± ([\d.]+) % too (high|low)", message).groups()
     table, metadata = truth(walk.folder / "out/box")
     scale = (1 if side == "high" else -1) * float(value) / 100
     assert abs(scale - metadata["errors"]["values"]["V_scale"]) < 1.5 * float(half_width) / 100
     assert float(half_width) < 0.5
-    wind, direction = re.search(r"wind ([\d.]+) m/s from (\d+) deg", said).groups()
+    wind, direction = re.search(r"wind ([\d.]+) m/s from (\d+) deg", message).groups()
     flown = table[table["phase"] == "flight"]
     assert float(wind) == pytest.approx(
         np.hypot(flown["wind_north_mps"].mean(), flown["wind_east_mps"].mean()), abs=0.3

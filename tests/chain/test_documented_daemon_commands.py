@@ -59,22 +59,22 @@ def _standing(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def documented(start: str) -> list[str]:
     """Commands of all pages that start like this, each once, without a comment."""
-    found = (" ".join(command.split("  #")[0].split()) for page in PAGES for command in commands_in(page))
-    return [command for command in dict.fromkeys(found) if command.startswith(start)]
+    result = (" ".join(command.split("  #")[0].split()) for page in PAGES for command in commands_in(page))
+    return [command for command in dict.fromkeys(result) if command.startswith(start)]
 
 
 def test_the_check_finds_the_tray_fit() -> None:
     (command,) = documented("daq check")
-    code, said = run(command)
-    assert code == 0, said
-    assert said[-1] == "fit to fly"
+    code, message = run(command)
+    assert code == 0, message
+    assert message[-1] == "fit to fly"
 
 
 def test_the_zero_is_taken_and_written() -> None:
     (command,) = documented("daq zero")
-    code, said = run(command)
-    assert code == 0, said
-    assert said[-1].endswith("zero.json: attached to every log from now on")
+    code, message = run(command)
+    assert code == 0, message
+    assert message[-1].endswith("zero.json: attached to every log from now on")
     assert set(json.loads(Path("zero.json").read_text("utf-8"))["readings"]) >= {"/imu", "/probe/airspeed"}
 
 
@@ -83,10 +83,10 @@ def test_the_daemon_records_until_it_is_stopped() -> None:
     commands = documented("daq run")
     assert len(commands) == 2
     for i, command in enumerate(commands, 1):
-        code, said = run(command)
-        assert code == 0, said
+        code, message = run(command)
+        assert code == 0, message
         (log,) = Path("logs").glob(f"log-000{i}*.mcap")
-        assert log.name in said[-1] and "0 missed" in said[-1]
+        assert log.name in message[-1] and "0 missed" in message[-1]
         assert len(read_log(log).entries["/imu"]) > 25 * CTRL_C_AFTER_S
     assert Path("bench.jsonl").stat().st_size > 10_000
 
@@ -95,5 +95,5 @@ def test_the_check_of_the_tray_file_refuses_what_the_daemon_would_refuse() -> No
     """A pulse counter without the motor's pole pairs, in neither file."""
     example = (ROOT / "daq" / "tray.example.toml").read_text("utf-8")
     Path("no-poles.toml").write_text(example.replace('aircraft = "nexstar"', "", 1), "utf-8")
-    code, (said,) = run("daq config --check no-poles.toml")
-    assert code == 2 and "pole_pairs = 7" in said
+    code, (message,) = run("daq config --check no-poles.toml")
+    assert code == 2 and "pole_pairs = 7" in message

@@ -61,13 +61,13 @@ def settled(samples, levels, step_s=2.0, after_s=1.0):
 
     The last 0.1 s are left out: that is the grid on which a fake barometer's housing changes its temperature.
     """
-    found = [
+    results = [
         (levels[int(t_s / step_s)], sample.message)
         for t_s, sample in samples
         if t_s / step_s < len(levels) and after_s < t_s % step_s < step_s - 0.1 and sample.message.status is Status.OK
     ]
-    assert {tuple(np.atleast_1d(level)) for level, _ in found} == {tuple(np.atleast_1d(level)) for level in levels}
-    return found
+    assert {tuple(np.atleast_1d(level)) for level, _ in results} == {tuple(np.atleast_1d(level)) for level in levels}
+    return results
 
 
 I2C = "/dev/i2c-1"
@@ -253,14 +253,14 @@ def test_motor_speed(framed, pole_pairs):
 
 def test_the_framed_counter_tells_a_standing_motor_from_silence():
     sensor_truth = AnalyticSensorTruth(motor_revps=constant(0.0))
-    for framed, said in ((True, {(Status.OK, 0.0)}), (False, {(Status.NO_DATA, None)})):
+    for framed, message in ((True, {(Status.OK, 0.0)}), (False, {(Status.NO_DATA, None)})):
         samples = run(
             lambda tray, framed=framed: EscCounterDriver(
                 tray.port("/dev/ttyUSB0", 115200), pole_pairs=7, framed=framed
             ),
             sensor_truth, 6, rpm_with_crc=framed,
         )  # fmt: skip
-        assert {(s.message.status, s.message.motor_speed_revps) for _, s in samples} == said
+        assert {(s.message.status, s.message.motor_speed_revps) for _, s in samples} == message
 
 
 def test_what_the_autopilot_tells():
@@ -336,13 +336,13 @@ def test_noise_of_resting_pressures_is_what_the_budget_says(resting):
     samples = run(
         lambda tray: BridgeTransducerDriver(tray.i2c(I2C), address, transfer, topic="/probe/alpha"), sensor_truth, 58
     )
-    found, error = scatter([s.message.differential_pressure_Pa for _, s in samples if s.message.status is Status.OK])
-    assert found == pytest.approx(noise.alpha_Pa, rel=error)
+    result, error = scatter([s.message.differential_pressure_Pa for _, s in samples if s.message.status is Status.OK])
+    assert result == pytest.approx(noise.alpha_Pa, rel=error)
     for which, variant, place in (("baro", ms56xx.MS5611, 0x77), ("static", ms56xx.MS5805, 0x76)):
         samples = run(
             lambda tray, variant=variant, place=place: ms56xx.MS56xxDriver(
                 tray.i2c(I2C), place, variant, topic="/baro", period_s=0.04
             ), sensor_truth, 58,
         )  # fmt: skip
-        found, error = scatter([s.message.pressure_Pa for _, s in samples if s.message.status is Status.OK])
-        assert found == pytest.approx(getattr(noise, f"{which}_Pa"), rel=error)
+        result, error = scatter([s.message.pressure_Pa for _, s in samples if s.message.status is Status.OK])
+        assert result == pytest.approx(getattr(noise, f"{which}_Pa"), rel=error)

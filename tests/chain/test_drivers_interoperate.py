@@ -108,7 +108,7 @@ def test_the_driver_talks_with_an_autopilot_of_pymavlink():
     assert heard["/attitude"].pitch_rad == pytest.approx(-0.2)
     assert heard["/battery"].voltage_V == pytest.approx(14.8)
     assert heard["/rpm"].motor_speed_revps == pytest.approx(120)
-    asked = until(lambda: vehicle.recv_match(type="COMMAND_LONG"))
-    assert asked.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and asked.get_srcComponent() == 191
+    request = until(lambda: vehicle.recv_match(type="COMMAND_LONG"))
+    assert request.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and request.get_srcComponent() == 191
     vehicle.close()
     with_free_port.close()

@@ -133,8 +133,8 @@ def test_any_bytes_and_then_sound_ones(name, noise, ticks):
     place = Place(MAKERS[name], wire, clock)
     assert place.measures_within(2 * RECOVERY_TICKS)
     wire.noise = noise
-    said = [status for _ in range(ticks) for status in place.tick()]
-    assert all(status in Status for status in said)
+    statuses = [status for _ in range(ticks) for status in place.tick()]
+    assert all(status in Status for status in statuses)
     wire.noise = None
     assert place.measures_within(RECOVERY_TICKS)
 

@@ -49,14 +49,14 @@ def parquet(exports: Path) -> dict[str, pd.DataFrame]:
 @pytest.fixture(scope="module")
 def messages(exports: Path) -> dict[str, list[tuple[int, dict]]]:
     """Time and content of the derived log's messages by topic, by the stock reader."""
-    found = defaultdict(list)
+    result = defaultdict(list)
     with (exports / "derived.mcap").open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
             assert schema is not None and schema.encoding == "jsonschema"
             content = json.loads(message.data)
             assert set(content) <= set(json.loads(schema.data)["properties"])
-            found[channel.topic].append((message.log_time, content))
-    return found
+            result[channel.topic].append((message.log_time, content))
+    return result
 
 
 @pytest.mark.slow

@@ -83,8 +83,8 @@ def flown(tmp_path, *faults, **options):
     }
 
 
-def held_to(log, topics, said):
-    """Good before the fault, `said` during it, good again within 2 s of its end and from then on."""
+def held_to(log, topics, expected):
+    """Good before the fault, `expected` during it, good again within 2 s of its end and from then on."""
     assert [m.text for _, m in log["/daq/event"] if "driver error" in m.text] == []
     end_s = START_S + LASTS_S
     for topic in topics:
@@ -92,20 +92,20 @@ def held_to(log, topics, said):
         during = {m.status for t_s, m in log[topic] if START_S + 1.0 < t_s < end_s - 0.1}
         after = [m.status for t_s, m in log[topic] if t_s > end_s + RECOVERY_S]
         assert before.count(Status.OK) >= 0.7 * len(before) > 0, topic
-        if said is not None:
-            assert during == {said}, (topic, during)
+        if expected is not None:
+            assert during == {expected}, (topic, during)
         assert min(t_s for t_s, m in log[topic] if t_s > end_s and m.status is Status.OK) <= end_s + RECOVERY_S, topic
         assert after.count(Status.OK) >= 0.9 * len(after) > 0, (topic, set(after))
 
 
-@pytest.mark.parametrize(("kind", "device", "said"), CASES)
-def test_it_is_said_and_it_passes(tmp_path, kind, device, said):
+@pytest.mark.parametrize(("kind", "device", "expected"), CASES)
+def test_it_is_said_and_it_passes(tmp_path, kind, device, expected):
     faults = [Fault(kind=kind, device=device, start_s=START_S, duration_s=LASTS_S, rate=RATES.get(kind, 0.0))]
     if kind == "wrong_prom_crc":  # calibration is read when a part is brought up: after its supply was interrupted
         faults.append(Fault(kind="brown_out", device=device, start_s=START_S, duration_s=0.2))
     recording, log = flown(tmp_path, *faults)
     assert recording.write_error == ""
-    held_to(log, TOPICS[device], said)
+    held_to(log, TOPICS[device], expected)
 
 
 def test_damaged_frames_of_the_counter_with_a_checksum_are_corrupt(tmp_path):

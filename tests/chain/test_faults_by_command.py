@@ -38,7 +38,7 @@ def test_the_faults_of_a_file_reach_the_log(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ('[[fault]]\nkind = "gremlins"\ndevice = "baro"\nstart = "1 s"\n', "brown_out"),
         ('[[fault]]\nkind = "no_fix"\ndevice = "baro"\nstart = "1 s"\n', "to gps"),
@@ -46,10 +46,10 @@ def test_the_faults_of_a_file_reach_the_log(tmp_path):
         ("[[fault]\n", "TOML"),
     ],
 )
-def test_a_wrong_file_is_one_clear_line_and_nothing_is_flown(tmp_path, text, said):
+def test_a_wrong_file_is_one_clear_line_and_nothing_is_flown(tmp_path, text, expected):
     path = tmp_path / "faults.toml"
     path.write_text(text)
     outcome = command("sim", "fly", "--faults", path, "-o", tmp_path / "out")
     assert outcome.returncode == 2 and outcome.stderr.count("\n") == 1
-    assert "faults.toml" in outcome.stderr and said in outcome.stderr
+    assert "faults.toml" in outcome.stderr and expected in outcome.stderr
     assert not (tmp_path / "out").exists()

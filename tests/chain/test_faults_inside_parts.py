@@ -31,7 +31,7 @@ def test_nothing_wrong_is_ok_and_the_crew_hears_of_it(name):
     outcome = injected.run(fault)
     assert outcome.wrong == 0, outcome
     assert outcome.ok >= LEAST_OK and outcome.hidden <= 25
-    assert injected.is_told(fault, outcome), outcome
+    assert injected.is_reported(fault, outcome), outcome
 
 
 def test_without_a_fault_everything_is_ok():

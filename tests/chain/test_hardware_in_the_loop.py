@@ -46,8 +46,8 @@ def good_messages(path):
     except InputError:  # no message is on disk yet
         entries = {}
     good = {topic: [] for topic in (*TOPICS, *entries)}
-    for topic, found in entries.items():
-        good[topic] += [entry.message for entry in found if entry.message.status is Status.OK]
+    for topic, entry in entries.items():
+        good[topic] += [entry.message for entry in entry if entry.message.status is Status.OK]
     return good
 
 
@@ -90,10 +90,10 @@ def test_the_installed_daemon_records_from_device_files(tmp_path, messages):
                     break
                 time.sleep(0.5)
             daemon.terminate()
-            _, said = daemon.communicate()
-    assert daemon.returncode == 0, said
+            _, output = daemon.communicate()
+    assert daemon.returncode == 0, output
     log, good = read_log(log_path), good_messages(log_path)
-    assert {topic for topic in TOPICS if len(good[topic]) < messages} == set(), said
+    assert {topic for topic in TOPICS if len(good[topic]) < messages} == set(), output
     ticks = log.entries["/daq/tick"]
     assert len(ticks) + sum(entry.message.missed for entry in ticks) == ticks[-1].tick + 1
     for topic in TOPICS:

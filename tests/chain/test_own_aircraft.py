@@ -67,8 +67,8 @@ def test_options_replace_what_a_log_has_or_lacks(flown: Path, tmp_path: Path) ->
     rewritten(flown, bare, without_attachment="probe.json")
     given = ("--aircraft", heavier, "--weight", "8.47 lbf", "--probe", probe)
     done("analyze", bare, *given, "-o", tmp_path / "report", "--quiet")
-    one, other = (results(of)["curves"]["power_required"] for of in (tmp_path / "report", flown / "log.report"))
-    assert one["points"] == other["points"]
+    item, other = (results(of)["curves"]["power_required"] for of in (tmp_path / "report", flown / "log.report"))
+    assert item["points"] == other["points"]
 
 
 def test_the_evidence_against_a_flight_is_read_for_its_pool(four: Path, tmp_path: Path) -> None:
@@ -80,10 +80,10 @@ def test_the_evidence_against_a_flight_is_read_for_its_pool(four: Path, tmp_path
         "format": "flightpower-results-2", "power_required": curve["points"],
         "interval_parts": curve["interval_parts"], "pooling": curve["statistics"],
     }  # fmt: skip
-    for written, found in (
+    for written, result in (
         (content, content["trust"]),
         (content | {"evidence": [against]}, "not to be trusted"),
         (of_0_1, "doubtful"),
     ):
         (tmp_path / "results.json").write_text(json.dumps(written), "utf-8")
-        assert joint_pool(read_flights([tmp_path])).results().trust == found
+        assert joint_pool(read_flights([tmp_path])).results().trust == result

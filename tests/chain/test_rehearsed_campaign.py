@@ -53,19 +53,21 @@ def test_the_page_shows_ten_flights_and_a_comparison_that_contains_the_truth(fol
     true = 100 * (truth_W(folder / "gear" / "1", V) / truth_W(folder / "clean" / "6", V) - 1)
     assert len(V) > 5 and np.all((low < true) & (true < high))
     assert np.all(low > 0) and np.all(np.abs(percent - true) < 4)
-    (said,) = SAID.findall(PAGE.read_text("utf-8"))
-    assert np.allclose(np.array(said, dtype=float), true[[-1, 0]], atol=0.1)
+    (match,) = SAID.findall(PAGE.read_text("utf-8"))
+    assert np.allclose(np.array(match, dtype=float), true[[-1, 0]], atol=0.1)
 
 
 def test_a_flight_of_each_configuration_shows_the_difference_less_accurately(folder: Path) -> None:
-    found = json.loads((folder / "out" / "difference" / "results.json").read_text("utf-8"))["differences"]
-    V, low, high = (np.array([one[name] for one in found]) for name in ("speed_mps", "lo_percent", "hi_percent"))
+    differences = json.loads((folder / "out" / "difference" / "results.json").read_text("utf-8"))["differences"]
+    V, low, high = (
+        np.array([difference[name] for difference in differences]) for name in ("speed_mps", "lo_percent", "hi_percent")
+    )
     true = 100 * (truth_W(folder / "gear" / "1", V) / truth_W(folder / "clean" / "6", V) - 1)
     assert np.all((low < true) & (true < high))
 
 
 def test_errors_of_probe_and_propeller_are_those_of_the_installation(folder: Path) -> None:
-    one, other = (read_truth(folder / name / "truth.parquet")[1]["errors"] for name in ("gear/1", "clean/6"))
+    item, other = (read_truth(folder / name / "truth.parquet")[1]["errors"] for name in ("gear/1", "clean/6"))
     for name in OF_THE_INSTALLATION:
-        assert one["values"][name] == other["values"][name] != 0
-    assert one["imu_rotation"] == other["imu_rotation"] and one["accel_bias"] != other["accel_bias"]
+        assert item["values"][name] == other["values"][name] != 0
+    assert item["imu_rotation"] == other["imu_rotation"] and item["accel_bias"] != other["accel_bias"]

@@ -147,21 +147,21 @@ def test_the_answers_come_before_the_first_drawing(page: str, results: Results) 
         " ",
         re.sub(r"<(script|style).*?</\1>", "", page.partition('class="plot"')[0], flags=re.S),
     )
-    said = " ".join(head.split())
+    message = " ".join(head.split())
     flown = results.use.loadings[0]
-    assert f"Best endurance {flown.endurance_speed_mps.value:.1f} m/s" in said
-    assert f"{flown.endurance_s.value / 60:.0f} min (" in said and "74 Wh, 80 % used" in said
-    assert f"Best range {flown.range_speed_mps.value:.1f} m/s ({flown.range_speed_mps.lo:.1f} to" in said
+    assert f"Best endurance {flown.endurance_speed_mps.value:.1f} m/s" in message
+    assert f"{flown.endurance_s.value / 60:.0f} min (" in message and "74 Wh, 80 % used" in message
+    assert f"Best range {flown.range_speed_mps.value:.1f} m/s ({flown.range_speed_mps.lo:.1f} to" in message
 
 
 def test_every_method_is_named_with_its_equations(page: str, results: Results) -> None:
     assert len(results.methods) >= 5
-    said = html.unescape(page)
+    message = html.unescape(page)
     for method in results.methods:
-        assert method.title in said
-        assert method.equations in said
+        assert method.title in message
+        assert method.equations in message
     for disagreement in results.disagreements:
-        assert disagreement.text in said
+        assert disagreement.text in message
 
 
 def test_the_field_table_is_the_results(flown: Path, results: Results) -> None:

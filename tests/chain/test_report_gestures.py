@@ -35,7 +35,7 @@ def put(browser: Browser, field: str, value: str) -> None:
     browser.value_of(f"{box}.value = '{value}'; {box}.dispatchEvent(new Event('input')); {DRAWN}")
 
 
-def asked(browser: Browser, row: int, column: int = 2) -> str:
+def cell_of(browser: Browser, row: int, column: int = 2) -> str:
     return browser.value_of(f"document.querySelector('#other-conditions tbody').rows[{row}].cells[{column}].innerText")
 
 
@@ -48,14 +48,14 @@ def test_another_mass_changes_curve_and_answers_at_once_and_back(report: Browser
     assert results.use is not None
     heavier = next(case for case in results.use.loadings if case.title == "600 g more")
     before = names(report)
-    assert f"{results.use.loadings[0].range_m.value / 1000:.1f} (" in asked(report, 2, 1)
+    assert f"{results.use.loadings[0].range_m.value / 1000:.1f} (" in cell_of(report, 2, 1)
     put(report, "mass", f"{heavier.weight_N / 9.80665:.6f}")
-    assert f"{heavier.range_m.value / 1000:.1f} (" in asked(report, 2), "as Python has it"
+    assert f"{heavier.range_m.value / 1000:.1f} (" in cell_of(report, 2), "as Python has it"
     assert len(names(report)) == len(before) + 1 and "kg/m³" in names(report)[-1]
     slowest = results.power_required[0].speed_mps * (heavier.weight_N / results.test.weight_N) ** 0.5
-    assert asked(report, 5) == f"{slowest:.1f}", "no speed is offered below the lift coefficients flown"
+    assert cell_of(report, 5) == f"{slowest:.1f}", "no speed is offered below the lift coefficients flown"
     report.value_of(f"document.querySelector('#other-conditions button').click(); {DRAWN}")
-    assert names(report) == before and asked(report, 2) == "as flown"
+    assert names(report) == before and cell_of(report, 2) == "as flown"
 
 
 def test_a_control_moves_with_the_keyboard(report: Browser) -> None:
@@ -72,7 +72,7 @@ def test_a_control_moves_with_the_keyboard(report: Browser) -> None:
 def test_an_impossible_value_changes_nothing(report: Browser, wrong: str) -> None:
     before = names(report)
     put(report, "mass", wrong)
-    assert names(report) == before and asked(report, 2) == "as flown"
+    assert names(report) == before and cell_of(report, 2) == "as flown"
 
 
 ROW = "document.querySelectorAll('#flight .table tbody tr')"
@@ -160,8 +160,8 @@ def test_the_cursor_reads_every_line_at_its_speed(report: Browser, flown: Path) 
     speed, *lines = report.value_of(READ.format("power")).split("\n")
     assert speed.startswith("true airspeed 1") and speed.endswith(" m/s")
     at = float(speed.split()[2])
-    (said,) = [line for line in lines if line.startswith("power required: ")]
-    assert float(said.split()[2]) == pytest.approx(np.interp(at, V, P), abs=0.3)
+    (line,) = [line for line in lines if line.startswith("power required: ")]
+    assert float(line.split()[2]) == pytest.approx(np.interp(at, V, P), abs=0.3)
     assert any(line.startswith("available at full throttle: ") for line in lines)
     report.value_of("charts.power.svg.focus()")
     report.press("ArrowRight", 39)
@@ -179,9 +179,9 @@ def test_over_the_ground_the_cursor_names_the_run_beneath_it(report: Browser, fl
     east, north = results.track.east_m[at], results.track.north_m[at]
     x, y = place(report, "track", east, north)
     report.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
-    name, said = report.value_of(READ.format("track")).strip().split(": ")
+    name, message = report.value_of(READ.format("track")).strip().split(": ")
     assert name == run.name
-    numbers = [float(number.replace("−", "-")) for number in re.findall(r"[−\d]+", said)]
+    numbers = [float(number.replace("−", "-")) for number in re.findall(r"[−\d]+", message)]
     assert numbers == pytest.approx([east, north], abs=40)
 
 
@@ -224,6 +224,6 @@ def test_a_line_is_hidden_and_shown_by_its_entry_in_the_legend(report: Browser) 
 def test_a_saved_figure_is_a_drawing_of_its_own(report: Browser) -> None:
     text = report.value_of("charts.timeline.text()")
     tree = ET.fromstring(text)
-    said = [one.text for one in tree.iter() if one.tag.endswith("text")]
-    assert "speed, m/s" in said and "deceleration" in said and "--c000000: #000000" in text
+    texts = [item.text for item in tree.iter() if item.tag.endswith("text")]
+    assert "speed, m/s" in texts and "deceleration" in texts and "--c000000: #000000" in text
     assert "http" not in text.replace("http://www.w3.org/2000/svg", "")

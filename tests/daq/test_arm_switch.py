@@ -17,13 +17,13 @@ from flightpower.hw_fakes.tray import FakeTray
 
 def texts(switch, *pulses_us):
     """What is told while channel 2 moves; None is a tick without signal."""
-    found = []
+    texts = []
     for pulse in pulses_us:
         # The servo on the same channel stands on the other side.
         heard = Controls(pulse_us=[1500, 2500 - pulse], stick_pulse_us=[1500, pulse]) if pulse is not None else None
         message = heard or Controls(status=Status.NO_DATA)
-        found += [event.text for event in switch.update([Sample("/controls", 0, message)])]
-    return found
+        texts += [event.text for event in switch.update([Sample("/controls", 0, message)])]
+    return texts
 
 
 def test_it_tells_when_it_is_moved_and_not_when_it_trembles():

@@ -78,17 +78,17 @@ def run(act, ticks=150):
         SensorSupervisor("mag", "i2c-1", ("/mag",), lambda: baro, blocking=True),
     ]
     clock, progress = SystemClock(), Ticks()
-    found = {}
+    result = {}
     until_ns = clock.now_ns() + round(ticks / RATE_HZ * 1e9)
     for cycle in cycles(
         supervisors, rate_Hz=RATE_HZ, clock=clock, stop=threading.Event(), until_ns=until_ns, threaded=True
     ):
-        found[cycle.tick.number] = cycle
+        result[cycle.tick.number] = cycle
         progress.tell(cycle.tick.number)
         act(cycle.tick.number + 1, imu, rpm, progress)
     assert not progress.gave_up
-    assert sum(cycle.tick.missed for cycle in found.values()) == max(found) + 1 - len(found)
-    return found
+    assert sum(cycle.tick.missed for cycle in result.values()) == max(result) + 1 - len(result)
+    return result
 
 
 @pytest.mark.skipif(len(PROCESSORS) < 2, reason="there is one processor only")
@@ -154,17 +154,17 @@ def test_late_readings_of_a_line_are_logged_late_and_once():
         rpm.trouble = (lambda: progress.outlast(5)) if hang else lambda: None
         asked_at.extend([number] * hang)
 
-    found = run(act, ticks=80)
-    assert_each_tick_has_its_message(found)
-    times_ns = {number: [s.time_ns for s in cycle.samples if s.topic == "/rpm"] for number, cycle in found.items()}
+    result = run(act, ticks=80)
+    assert_each_tick_has_its_message(result)
+    times_ns = {number: [s.time_ns for s in cycle.samples if s.topic == "/rpm"] for number, cycle in result.items()}
     in_order = [time_ns for times in times_ns.values() for time_ns in times]
     assert in_order == sorted(set(in_order))
-    numbers = list(found)
-    asked = next(number for number in numbers if number >= asked_at[0])
-    came = next(number for number in numbers if number > asked and times_ns[number])
-    after = numbers[numbers.index(asked) + 1]
-    assert not any(times_ns[number] for number in numbers if asked <= number < came) and came >= asked + 5
-    assert found[asked].now_ns <= times_ns[came][0] < found[after].now_ns
+    numbers = list(result)
+    request = next(number for number in numbers if number >= asked_at[0])
+    came = next(number for number in numbers if number > request and times_ns[number])
+    after = numbers[numbers.index(request) + 1]
+    assert not any(times_ns[number] for number in numbers if request <= number < came) and came >= request + 5
+    assert result[request].now_ns <= times_ns[came][0] < result[after].now_ns
 
 
 def test_a_transfer_longer_than_a_tick_costs_no_tick():
@@ -175,13 +175,13 @@ def test_a_transfer_longer_than_a_tick_costs_no_tick():
 
         imu.trouble = time_out if 50 <= number < 100 else lambda: None
 
-    found = run(act)
-    assert_each_tick_has_its_message(found)
-    assert set(statuses(found, "/imu", 51, 99)) == {Status.TIMEOUT}
-    hung = any("hangs" in event.text for cycle in found.values() for event in cycle.events)  # on a busy machine
-    assert hung or in_order_of_ticks(found, "/imu"), "the answer owed to a tick comes before the timeouts after it"
-    assert Status.OK in statuses(found, "/imu", 110) and Status.OK in statuses(found, "/mag", 110)
-    assert set(statuses(found, "/rpm")) == {Status.OK}
+    result = run(act)
+    assert_each_tick_has_its_message(result)
+    assert set(statuses(result, "/imu", 51, 99)) == {Status.TIMEOUT}
+    hung = any("hangs" in event.text for cycle in result.values() for event in cycle.events)  # on a busy machine
+    assert hung or in_order_of_ticks(result, "/imu"), "the answer owed to a tick comes before the timeouts after it"
+    assert Status.OK in statuses(result, "/imu", 110) and Status.OK in statuses(result, "/mag", 110)
+    assert set(statuses(result, "/rpm")) == {Status.OK}
 
 
 def test_a_bus_that_hangs_is_reported_and_not_read_until_it_returns():
@@ -194,20 +194,20 @@ def test_a_bus_that_hangs_is_reported_and_not_read_until_it_returns():
             imu.trouble = lambda: None
             release.set()
 
-    found = run(act)
-    assert_each_tick_has_its_message(found)
-    assert set(statuses(found, "/imu", 22, 100)) == {Status.TIMEOUT}
-    assert Status.OK in statuses(found, "/imu", 102)
-    assert set(statuses(found, "/rpm")) == {Status.OK}
-    texts = [event.text for cycle in found.values() for event in cycle.events]
+    result = run(act)
+    assert_each_tick_has_its_message(result)
+    assert set(statuses(result, "/imu", 22, 100)) == {Status.TIMEOUT}
+    assert Status.OK in statuses(result, "/imu", 102)
+    assert set(statuses(result, "/rpm")) == {Status.OK}
+    texts = [event.text for cycle in result.values() for event in cycle.events]
     assert "i2c-1 hangs: no answer for 0.5 s" in texts and "i2c-1 answers again" in texts
 
 
 def test_a_healthy_tray_is_read_in_the_order_of_its_bus():
-    found = run(lambda number, imu, rpm, progress: None, ticks=50)
-    assert_each_tick_has_its_message(found)
+    result = run(lambda number, imu, rpm, progress: None, ticks=50)
+    assert_each_tick_has_its_message(result)
     for topic in ("/imu", "/mag", "/rpm"):
-        assert Status.OK in statuses(found, topic)
-        assert set(statuses(found, topic)) <= {Status.OK, Status.TIMEOUT}  # a busy machine may hold up a bus
-    for cycle in found.values():
+        assert Status.OK in statuses(result, topic)
+        assert set(statuses(result, topic)) <= {Status.OK, Status.TIMEOUT}  # a busy machine may hold up a bus
+    for cycle in result.values():
         assert [s.topic for s in cycle.samples if s.topic in ("/imu", "/mag")] == ["/imu", "/mag"]

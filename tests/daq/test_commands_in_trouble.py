@@ -274,11 +274,11 @@ def test_systemd_is_told_when_it_is_ready_that_it_ticks_and_how_it_goes(tmp_path
         manager.settimeout(GIVE_UP_S)
         monkeypatch.setenv("NOTIFY_SOCKET", str(address))
         with running(tray_file(tmp_path, counter.path)) as (daemon, _):
-            told = [manager.recv(4096).decode() for _ in range(3)]
+            contents = [manager.recv(4096).decode() for _ in range(3)]
             daemon.terminate()
             last = manager.recv(4096).decode()
             while "STOPPING" not in last:
                 last = manager.recv(4096).decode()
-    assert told[0].startswith("READY=1\nSTATUS=recording ")
-    assert re.match(r"WATCHDOG=1\nSTATUS=recording .*, \d+ ticks, \d+ missed", told[1])
+    assert contents[0].startswith("READY=1\nSTATUS=recording ")
+    assert re.match(r"WATCHDOG=1\nSTATUS=recording .*, \d+ ticks, \d+ missed", contents[1])
     assert last == "STOPPING=1"

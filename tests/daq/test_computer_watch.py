@@ -48,13 +48,13 @@ def test_what_the_computer_says(sysfs, tmp_path):
 
 def test_a_dip_is_told_once_and_for_ten_seconds(sysfs):
     watch = ComputerWatch(sysfs)
-    told = {}
+    messages = {}
     for second in range(30):
         (sysfs / FIRMWARE).write_text("1" if second == 5 else "10000")
         watch.check(float(second))
-        told[second] = (watch.trouble, [event.text for event in watch.events()])
-    assert [second for second, (trouble, _) in told.items() if trouble] == list(range(5, 15))
-    events = {second: events for second, (_, events) in told.items() if events}
+        messages[second] = (watch.trouble, [event.text for event in watch.events()])
+    assert [second for second, (trouble, _) in messages.items() if trouble] == list(range(5, 15))
+    events = {second: events for second, (_, events) in messages.items() if events}
     assert events == {
         5: ["the supply is below 4.63 V"], 15: ["supply and heat of the computer are in order again"],
     }  # fmt: skip

@@ -92,16 +92,16 @@ def test_a_press_of_the_button_is_one_new_log_however_long_it_lasts(chip):
     assert [e.text for e in light.events()] == ["the button was pressed: a new log begins"] * 2
 
 
-@pytest.mark.parametrize(("config", "said"), [
+@pytest.mark.parametrize(("config", "expected"), [
     ({"led": 60}, "Invalid argument"),
     ({"led": LED, "chip": "/dev/gpiochip9"}, "No such file or directory"),
     ({"led": LED, "button": LED}, "Device or resource busy"),
 ])  # fmt: skip
-def test_a_light_that_cannot_be_had_is_told(chip, config, said):
+def test_a_light_that_cannot_be_had_is_told(chip, config, expected):
     light = CrewLight(LightConfig(**config), on_press=lambda: None)
     light._thread.join(GIVE_UP_S)
     (event,) = light.events()
-    assert event.severity == "warning" and said in event.text
+    assert event.severity == "warning" and expected in event.text
     light.close()
 
 

@@ -62,9 +62,9 @@ class SteadySensorTruth:
         return np.full(len(t_s), 290.0)
 
     def gps(self, t_s):
-        one = np.ones(len(t_s))
+        item = np.ones(len(t_s))
         velocity = self._rows(t_s, 12.0, -3.0, 0.5)
-        return GpsSolution(t_s, one > 0, 48 * one, 11 * one, 450 * one, velocity, one, 2 * one, 0.3 * one)
+        return GpsSolution(t_s, item > 0, 48 * item, 11 * item, 450 * item, velocity, item, 2 * item, 0.3 * item)
 
     def motor_speed_revps(self, t_s):
         return np.full(len(t_s), 120.0)
@@ -83,10 +83,10 @@ def default_tray(tmp_path, fake, **replacements):
     """The example tray with logs in tmp_path and each line at the speed of the fake at its end."""
     text = EXAMPLE.read_text()
     for device, part in fake.serial_devices.items():
-        head, found, tail = text.partition(f'port = "{device}"')
-        assert found
+        head, result, tail = text.partition(f'port = "{device}"')
+        assert result
         before, _, after = tail.partition("baud = ")
-        text = head + found + before + f"baud = {part.baud}\n" + after.partition("\n")[2]
+        text = head + result + before + f"baud = {part.baud}\n" + after.partition("\n")[2]
     for old, new in replacements.items():
         text = text.replace(old, new)
     return parse_tray(text, "tray.toml", tmp_path)
@@ -124,14 +124,14 @@ def test_logs_are_listed_by_the_satellites_time(flight, tmp_path):
     (tmp_path / "log-0002.mcap").write_bytes(whole)
     (tmp_path / "log-0003.mcap").write_bytes(whole[:-9])
     (tmp_path / "log-0004.mcap").write_bytes(whole[: len(whole) // 2] + whole[-30:])
-    found = list_logs(tmp_path)
-    assert [log.state.partition(":")[0] for log in found] == [
+    logs = list_logs(tmp_path)
+    assert [log.state.partition(":")[0] for log in logs] == [
         "complete",
         "unfinished",
         "cannot be read",
     ]
-    assert found[0].by_satellites and f"{found[0].begin:%Y-%m-%d %H:%M}" in ("2016-05-14 09:29", "2016-05-14 09:30")
-    assert found[0].duration_s == pytest.approx(SECONDS, abs=0.1)
+    assert logs[0].by_satellites and f"{logs[0].begin:%Y-%m-%d %H:%M}" in ("2016-05-14 09:29", "2016-05-14 09:30")
+    assert logs[0].duration_s == pytest.approx(SECONDS, abs=0.1)
     assert any("2016-05-14 09:" in line and "satellites' time" in line for line in summarize(recording.path).lines)
 
 
@@ -264,11 +264,11 @@ def test_when_nothing_can_be_opened_it_says_so_and_leaves_no_log(tmp_path):
 
 
 def test_what_is_missing_is_named_before_anything_is_written(tmp_path):
-    for text, said in (
+    for text, message in (
         (EXAMPLE.read_text().replace('"nexstar"', '"albatross"'), "albatross"),
         (EXAMPLE.read_text().replace('aircraft = "nexstar"', ""), "pole_pairs"),
     ):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             record(parse_tray(text, "tray.toml", tmp_path), buses=NoBuses(), clock=HandClock())
     assert not (tmp_path / "logs").exists()
 

@@ -43,11 +43,11 @@ def test_status_2_is_read_with_the_data_every_time():
     sensor = AK8963Driver(bus)
     bring_up(sensor)
     measured(bus, 1, 2, 3)
-    asked = []
+    requests = []
     plain = bus.write_read
-    bus.write_read = lambda address, data, count: (asked.append((data[0], count)), plain(address, data, count))[1]
+    bus.write_read = lambda address, data, count: (requests.append((data[0], count)), plain(address, data, count))[1]
     sensor.read(0)
-    assert all(first <= 0x09 < first + count for first, count in asked)
+    assert all(first <= 0x09 < first + count for first, count in requests)
 
 
 def test_a_mode_is_only_left_through_power_down():

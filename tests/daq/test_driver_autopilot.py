@@ -137,10 +137,10 @@ def test_streams_are_asked_for_when_a_heartbeat_is_heard():
     assert port.written == []
     port.incoming = [heartbeat()]
     sensor.read(TICK_NS)
-    asked = [mavlink.MAVLink(None).parse_buffer(data)[0] for data in port.written]
-    assert {message.get_type() for message in asked} == {"COMMAND_LONG"}
-    assert {message.target_system for message in asked} == {7}
-    intervals_us = {int(message.param1): message.param2 for message in asked}
+    requests = [mavlink.MAVLink(None).parse_buffer(data)[0] for data in port.written]
+    assert {message.get_type() for message in requests} == {"COMMAND_LONG"}
+    assert {message.target_system for message in requests} == {7}
+    intervals_us = {int(message.param1): message.param2 for message in requests}
     assert intervals_us[mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW] == pytest.approx(40_000)
 
 
@@ -200,10 +200,10 @@ def test_what_the_sticks_say_stands_once_beside_what_the_servos_are_told():
     moved = [1600, 1400, 1300, 1500]
     port, sensor = autopilot()
     port.incoming = [sticks(moved, count=5), servo(), servo()]
-    said = [[s.message for s in sensor.read(tick)] for tick in range(1, 4)]
-    assert said[0] == []
-    assert (said[1][0].pulse_us, said[1][0].stick_pulse_us) == (PULSES, [*moved, 0])  # 65535: no such channel
-    assert (said[2][0].pulse_us, said[2][0].stick_pulse_us) == (PULSES, None)
+    messages = [[s.message for s in sensor.read(tick)] for tick in range(1, 4)]
+    assert messages[0] == []
+    assert (messages[1][0].pulse_us, messages[1][0].stick_pulse_us) == (PULSES, [*moved, 0])  # 65535: no such channel
+    assert (messages[2][0].pulse_us, messages[2][0].stick_pulse_us) == (PULSES, None)
 
 
 def streaming(sensor, port, rate_Hz: float, seconds: float, begin_s: float) -> float:

@@ -136,13 +136,13 @@ def statuses(*ticks: list[bytes]) -> list[tuple[Status, int | None]]:
     bus = RepliesBus()
     address, transfer = honeywell.decode_part(AIRSPEED)
     sensor = BridgeTransducerDriver(bus, address, transfer, topic="/probe/airspeed")
-    found = []
+    results = []
     for tick, replies in enumerate([[frame(0, 8000 + i % 3, 735)] for i in range(125)] + [*ticks]):
         bus.replies = list(replies)
         ((_, _, message, *_),) = sensor.read(tick * 40_000_000)
         assert bus.replies == []
-        found.append((message.status, message.pressure_counts))
-    return found[125:]
+        results.append((message.status, message.pressure_counts))
+    return results[125:]
 
 
 def shifted(reply: bytes) -> bytes:

@@ -52,16 +52,16 @@ def test_legacy_frames_after_garbage_are_found_however_they_are_torn(noise, cuts
     # A real motor's period wanders by more than a count; that is what tells frames from their shifted images.
     periods = [period_us + 37 * (i * i % 11) for i in range(20)]
     parser = LegacyParser()
-    found = [p for piece in pieces(noise + b"".join(map(legacy, periods)), cuts) for p in periods_of(parser, piece)]
-    assert found[-10:] == periods[-10:]
+    results = [p for piece in pieces(noise + b"".join(map(legacy, periods)), cuts) for p in periods_of(parser, piece)]
+    assert results[-10:] == periods[-10:]
 
 
 @given(st.binary(max_size=100), CUTS, st.integers(300, 2**32 - 1))
 def test_framed_frames_after_garbage_are_found_however_they_are_torn(noise, cuts, period_us):
     parser = FramedParser()
     data = noise + b"".join(framed(i, period_us) for i in range(20))
-    found = [p for piece in pieces(data, cuts) for p in periods_of(parser, piece)]
-    assert found[-10:] == [period_us] * 10
+    results = [p for piece in pieces(data, cuts) for p in periods_of(parser, piece)]
+    assert results[-10:] == [period_us] * 10
 
 
 def test_the_letter_inside_the_data_does_not_mislead():
@@ -76,14 +76,14 @@ def test_a_motor_that_spins_up_is_heard_from_its_first_frame():
     port, sensor = counter()
     pulse_s = [2.0 + 0.2 * number**0.5 for number in range(60)]  # it stood for two seconds
     frames = [(at, round((at - before) * 1e6)) for before, at in pairwise([0.0, *pulse_s])]
-    said = []
+    texts = []
     for tick in range(100):
         at_s = tick * TICK_NS * 1e-9
         sent = [period_us for when_s, period_us in frames if at_s - 0.04 < when_s <= at_s]
         port.incoming = [b"".join(map(legacy, sent))]
-        said += [(at_s, sample.message) for sample in sensor.read(tick * TICK_NS)]
-    assert {message.status for at_s, message in said if at_s < 2.19} == {Status.NO_DATA}
-    turning = [message for at_s, message in said if at_s > 2.19]
+        texts += [(at_s, sample.message) for sample in sensor.read(tick * TICK_NS)]
+    assert {message.status for at_s, message in texts if at_s < 2.19} == {Status.NO_DATA}
+    turning = [message for at_s, message in texts if at_s > 2.19]
     assert {message.status for message in turning} == {Status.OK}
     assert turning[0].period_us == 200_000  # the first whole period; two seconds are not a speed
 
@@ -93,8 +93,8 @@ def test_a_frame_torn_by_the_line_is_not_taken_for_the_end_of_one():
     port, sensor = counter()
     stream = b"".join(legacy(9000 + i) for i in range(20))
     port.incoming = [piece for i in range(0, len(stream), 3) for piece in (stream[i : i + 3], b"")]
-    said = [s.message.period_us for i in range(54) for s in sensor.read(i * 5_000_000)]
-    assert said[-10:] == list(range(9010, 9020))
+    period_uses = [s.message.period_us for i in range(54) for s in sensor.read(i * 5_000_000)]
+    assert period_uses[-10:] == list(range(9010, 9020))
 
 
 def test_noise_after_a_pause_is_not_believed():
@@ -194,12 +194,12 @@ def legacy_stream(periods: list[int]) -> list[int | None]:
     port = ScriptedPort()
     sensor = EscCounterDriver(port, pole_pairs=7)
     bring_up(sensor)
-    told = []
+    messages = []
     for tick, period in enumerate([10714] * 10 + periods):
         port.incoming = [b"x" + period.to_bytes(3, "big")]
         samples = sensor.read(tick * 15_000_000)
-        told.append(samples[0].message.period_us if samples else None)
-    return told[10:]
+        messages.append(samples[0].message.period_us if samples else None)
+    return messages[10:]
 
 
 @pytest.mark.parametrize("bit", range(10, 20))
@@ -211,5 +211,5 @@ def test_one_wrong_bit_in_a_legacy_period_is_withheld(bit):
 def test_a_motor_that_speeds_up_within_a_few_frames_is_followed():
     """From 100 to 160 rev/s by a fifth each frame, and then steady: every second period is told, then each."""
     periods = [round(14286 / 1.17**i) for i in range(4)] + [8920, 8915]
-    told = legacy_stream([14286, 14280, *periods])
-    assert told[-2:] == [8920, 8915] and [told[i] for i in (1, 2, 4)] == [14280, 14286, periods[2]]
+    stream = legacy_stream([14286, 14280, *periods])
+    assert stream[-2:] == [8920, 8915] and [stream[i] for i in (1, 2, 4)] == [14280, 14286, periods[2]]

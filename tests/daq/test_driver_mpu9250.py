@@ -230,8 +230,8 @@ def test_a_single_sample_at_either_end_of_a_range_saturates_and_the_temperature_
     for channel in range(7):
         counts = [[0] * 7 for _ in range(10)]
         counts[4][channel] = limit
-        found = mean(b"".join(struct.pack(">7h", *sample) for sample in counts))
-        assert found.saturated == (channel != 3) and found[1][channel] == limit / 10
+        result = mean(b"".join(struct.pack(">7h", *sample) for sample in counts))
+        assert result.saturated == (channel != 3) and result[1][channel] == limit / 10
 
 
 LOST = {"gyroscope's range": 0x1B, "accelerometer's range": 0x1C, "rate": 0x19, "filter": 0x1A}

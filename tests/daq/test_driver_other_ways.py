@@ -42,8 +42,8 @@ def test_solutions_over_i2c_come_in_bounded_bites(idle):
     bus = Ddc(PVT + b"\xff" * 300 + PVT, idle)
     sensor = UBloxDriver(DdcPort(bus), rate_Hz=5, baud=None)
     bring_up(sensor)
-    found = [len(sensor.read(tick * 40_000_000)) for tick in range(5)]
-    assert sum(found) == 2 and bus.written == [configuration(5, None)[0]]
+    results = [len(sensor.read(tick * 40_000_000)) for tick in range(5)]
+    assert sum(results) == 2 and bus.written == [configuration(5, None)[0]]
 
 
 def test_stick_positions_from_files(tmp_path):

@@ -87,7 +87,7 @@ def test_without_a_fix_there_is_time_but_no_position(changes):
 
 
 def test_commands_are_what_the_protocol_description_says():
-    port, rate, on_uart, navigation, asked = configuration(10, 38400)
+    port, rate, on_uart, navigation, request = configuration(10, 38400)
     assert rate == bytes.fromhex("b56206080600640001000100 7a12")
     assert configuration(10, None)[2] == bytes.fromhex("b562060108000107010000000000 18e2")
     parsed = UBXReader.parse(port, msgmode=SET)
@@ -97,7 +97,7 @@ def test_commands_are_what_the_protocol_description_says():
     parsed = UBXReader.parse(navigation, msgmode=SET)
     assert (parsed.identity, parsed.dyn, parsed.dynModel) == ("CFG-NAV5", 1, 8)
     assert not any((parsed.minEl, parsed.posFixMode, parsed.posMask, parsed.timeMask, parsed.staticHoldMask))
-    assert asked == UBXMessage("CFG", "CFG-NAV5", POLL).serialize()
+    assert request == UBXMessage("CFG", "CFG-NAV5", POLL).serialize()
 
 
 @pytest.mark.parametrize("kept", [8, 0])
@@ -126,11 +126,11 @@ def test_any_bytes_in_any_pieces_never_raise(noise, cuts):
 @given(st.binary(max_size=200), st.lists(st.integers(0, 10_000), max_size=8))
 def test_frames_after_garbage_are_found(noise, cuts):
     # Garbage may look like the head of a long frame; that frame has to be over before the next can be seen.
-    buffer, found = bytearray(), []
+    buffer, result = bytearray(), []
     for piece in pieces(noise + PVT * 12, cuts):
         buffer += piece
-        found += take_frames(buffer)[0]
-    assert found and found[-1] == PVT
+        result += take_frames(buffer)[0]
+    assert result and result[-1] == PVT
 
 
 def test_what_only_looks_like_a_frame_does_not_hold_up_what_follows():
@@ -218,9 +218,9 @@ def test_keys_and_values_are_those_of_pyubx2(baud):
         [(f"CFG_MSGOUT_UBX_NAV_PVT_{port}", 1)],
         [("CFG_NAVSPG_DYNMODEL", 8)],
     ]
-    *sets, asked = configuration_by_keys(5, baud)
+    *sets, request = configuration_by_keys(5, baud)
     assert sets == [UBXMessage.config_set(1, 0, values).serialize() for values in named]
-    assert asked == UBXMessage.config_poll(0, 0, ["CFG_NAVSPG_DYNMODEL"]).serialize()
+    assert request == UBXMessage.config_poll(0, 0, ["CFG_NAVSPG_DYNMODEL"]).serialize()
 
 
 class Receiver(ScriptedPort):
@@ -362,11 +362,11 @@ class Line:
 
     def open(self, baud: int) -> ScriptedPort:
         port = ScriptedPort()
-        port.write = lambda data: self.told(baud, data)
+        port.write = lambda data: self.receive(baud, data)
         port.read_available = lambda: PVT if baud == self.baud else b"\x80" * 20
         return port
 
-    def told(self, baud: int, data: bytes) -> None:
+    def receive(self, baud: int, data: bytes) -> None:
         if baud == self.baud and data[2:4] == b"\x06\x00":
             self.baud = int.from_bytes(data[14:18], "little")
 

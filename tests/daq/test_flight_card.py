@@ -72,8 +72,8 @@ def test_a_run_that_goes_on_after_it_was_told_is_ticked_off_once():
 def test_the_planners_card_is_the_daemons(tmp_path):
     (tmp_path / "card.toml").write_text(runs_to_tick_off(flight_plan("nexstar", PlanOptions(minutes=7.0))))
     planned = load_card(str(tmp_path / "card.toml"))._planned
-    assert {one.kind for one in planned} == {"acceleration", "deceleration"}
-    assert all((one.to_mps > one.from_mps > 5.0) == (one.kind == "acceleration") for one in planned)
+    assert {item.kind for item in planned} == {"acceleration", "deceleration"}
+    assert all((item.to_mps > item.from_mps > 5.0) == (item.kind == "acceleration") for item in planned)
 
 
 @pytest.mark.parametrize("text", ["", "[[run]]\nkind = 'turn'\nfrom_mps = 1\nto_mps = 2", "run = 3"])

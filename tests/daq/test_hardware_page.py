@@ -42,7 +42,7 @@ def test_the_hoses_are_those_of_the_table():
 
 def test_no_wire_passes_through_a_label_of_a_pin():
     """Labels lie inside the boxes, whose edges wires do not pass."""
-    boxes = [tuple(float(one) for one in found) for found in re.findall(
+    boxes = [tuple(float(item) for item in match) for match in re.findall(
         r'<rect x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)" rx', DIAGRAM)]  # fmt: skip
     wires = [
         [tuple(map(float, point.split(","))) for point in points.split()]

@@ -22,13 +22,13 @@ OPEN_FILES = Path("/proc/self/fd")
 class Counter:
     """A part that answers with how often it was asked; from the fifth time on not at all."""
 
-    asked = 0
+    requests = 0
 
     def read(self, address, count):
-        self.asked += 1
-        if self.asked == 5:
+        self.requests += 1
+        if self.requests == 5:
             raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
-        return bytes([self.asked] * count)
+        return bytes([self.requests] * count)
 
     def write_read(self, address, data, count):
         return data + self.read(address, count - len(data))
@@ -95,13 +95,13 @@ def test_a_line_that_somebody_else_has_open_is_said_to_be():
 
 @pytest.mark.parametrize(("timeout_ms", "units"), [(10, 1), (20, 2), (25, 3)])
 def test_the_kernel_s_timeout_is_in_units_of_ten_milliseconds_rounded_up(tmp_path, monkeypatch, timeout_ms, units):
-    asked = []
-    monkeypatch.setattr(linux_bus.fcntl, "ioctl", lambda file, request, value: asked.append((request, value)))
+    requests = []
+    monkeypatch.setattr(linux_bus.fcntl, "ioctl", lambda file, request, value: requests.append((request, value)))
     monkeypatch.setattr("smbus2.smbus2.ioctl", lambda file, request, value: 0)  # asks what the bus can do
     device = tmp_path / "i2c-1"
     device.touch()
     LinuxI2C(str(device), timeout_ms).close()
-    assert asked == [(linux_bus.I2C_TIMEOUT, units), (linux_bus.I2C_RETRIES, 0)]
+    assert requests == [(linux_bus.I2C_TIMEOUT, units), (linux_bus.I2C_RETRIES, 0)]
 
 
 @pytest.mark.parametrize("size", [1, 40, 1400, 65_000])

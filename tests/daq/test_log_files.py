@@ -260,8 +260,8 @@ def test_a_file_that_cannot_be_continued_is_left_and_nothing_is_lost(tmp_path, f
     session.run(50)
     assert session.files.close() == ""
     first, *later = [read_log(path) for path in sorted(tmp_path.glob("log-*.mcap"))]
-    found = {entry.tick for log in [first, *later] for entry in log.entries.get("/imu", [])}
-    assert found == set(range(session.tick))
+    ticks = {entry.tick for log in [first, *later] for entry in log.entries.get("/imu", [])}
+    assert ticks == set(range(session.tick))
     assert not later[-1].torn
     assert any("written again, nothing was lost" in text for text in session.texts)
 
@@ -439,12 +439,12 @@ def test_each_further_file_of_a_failing_card_gets_twice_the_time(tmp_path):
 def test_each_loss_is_told_with_its_own_number_of_messages(tmp_path):
     session = RecordingSession(tmp_path)
     session.files.close()
-    said = []
+    texts = []
     for dropped in (5, 5, 12, 12):
         disk = SimpleNamespace(error="", backlog_bytes=0)
         session.files._current = SimpleNamespace(dropped=dropped, disk=disk, path=None)
-        said += [event.text for event in session.files._events() if "were lost" in event.text]
-    assert [text.rpartition(", ")[2] for text in said] == ["5 messages were lost", "7 messages were lost"]
+        texts += [event.text for event in session.files._events() if "were lost" in event.text]
+    assert [text.rpartition(", ")[2] for text in texts] == ["5 messages were lost", "7 messages were lost"]
 
 
 def test_a_disk_that_hangs_is_reported_and_does_not_delay_the_end(tmp_path, faulty, monkeypatch):

@@ -83,9 +83,9 @@ def without_file_events(log):
 def test_files_put_together_are_the_flight(split, whole):
     """Message for message, time and tick included: the joints cannot be seen."""
     _, parts = split
-    _, [one] = whole
+    _, [item] = whole
     assert len(parts) == 3
-    for topic, entries in without_file_events(one).items():
+    for topic, entries in without_file_events(item).items():
         assert [entry for part in parts for entry in without_file_events(part)[topic]] == entries, topic
 
 
@@ -111,8 +111,8 @@ def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, whole):
     from flightpower.analysis.sources.daemon import synchronize
 
     _, parts = split
-    _, [one] = whole
-    flight, middle = synchronize(one), synchronize(parts[1])
+    _, [item] = whole
+    flight, middle = synchronize(item), synchronize(parts[1])
     shift = round((middle.start_ns - flight.start_ns) / 1e9 * 25)
     inner = slice(25, len(middle.table) - 25)
     expected = flight.table.iloc[shift : shift + len(middle.table)]

@@ -33,23 +33,23 @@ def flown(seconds: float, V: float, height_m: float, probe: ProbeMaps | None = N
     source = MotionFromMeans(NEXSTAR, probe, load_thrust("apc-12x8e", folding=False), {})
     for i in range(50):
         assert source.at(means(STEP_S * i, 0.0, 0.0)) is None
-    found = None
+    result = None
     for i in range(round(seconds / STEP_S)):
-        found = source.at(means(10 + STEP_S * i, V, height_m, **other))
-    assert found is not None and source.ground_known
-    return found
+        result = source.at(means(10 + STEP_S * i, V, height_m, **other))
+    assert result is not None and source.ground_known
+    return result
 
 
 def test_speed_and_height_are_those_of_the_atmosphere_above_the_ground() -> None:
-    found = flown(2.0, 17.0, 80.0)
-    assert found.V == pytest.approx(17.0, rel=1e-4) and found.height_m == pytest.approx(80.0, abs=0.01)
-    assert found.complete
+    result = flown(2.0, 17.0, 80.0)
+    assert result.V == pytest.approx(17.0, rel=1e-4) and result.height_m == pytest.approx(80.0, abs=0.01)
+    assert result.complete
 
 
 def test_the_forces_for_the_energy_balance_are_over_mass() -> None:
-    found = flown(2.0, 17.0, 80.0, az_mps2=-12.0)
-    assert found.drag is not None
-    thrust, qS, CL, J = found.drag
+    result = flown(2.0, 17.0, 80.0, az_mps2=-12.0)
+    assert result.drag is not None
+    thrust, qS, CL, J = result.drag
     rho = float(
         density(
             pressure_at(80.0, ground_pressure_Pa=GROUND_PA, ground_temperature_K=GROUND_K),
@@ -96,12 +96,12 @@ def test_a_quick_roll_is_followed_by_the_rate_gyro() -> None:
         source.at(means(STEP_S * i, 0.0, 0.0))
     for i in range(10):
         source.at(means(10 + STEP_S * i, 17.0, 60.0))
-    found = None
+    result = None
     for i in range(3):
-        found = source.at(means(12 + STEP_S * i, 17.0, 60.0, p_radps=0.5))
-    assert found is not None
+        result = source.at(means(12 + STEP_S * i, 17.0, 60.0, p_radps=0.5))
+    assert result is not None
     keep = math.exp(-STEP_S / 3.0)
-    assert found.bank == pytest.approx(0.5 * STEP_S * (keep + keep**2 + keep**3), rel=1e-6)
+    assert result.bank == pytest.approx(0.5 * STEP_S * (keep + keep**2 + keep**3), rel=1e-6)
 
 
 def test_what_is_no_flight_gives_no_motion() -> None:

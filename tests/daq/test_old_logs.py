@@ -102,8 +102,8 @@ def test_one_bad_file_stops_neither_the_recording_nor_the_completion_of_the_othe
     assert any("log-0001.mcap is unfinished and cannot be completed (UnicodeDecodeError" in line for line in lines)
     assert any("log-0002.mcap" in line and "Is a directory" in line for line in lines)
     assert not read_log(logs / "log-0003.mcap").torn
-    told = [entry.message.text for entry in read_log(logs / "log-0004.mcap").entries["/daq/event"]]
-    assert any("log-0001.mcap" in text for text in told) and any("log-0003.mcap" in text for text in told)
+    texts = [entry.message.text for entry in read_log(logs / "log-0004.mcap").entries["/daq/event"]]
+    assert any("log-0001.mcap" in text for text in texts) and any("log-0003.mcap" in text for text in texts)
 
 
 def test_a_file_without_a_byte_is_removed_and_told_unless_it_is_being_recorded(tmp_path):
@@ -151,7 +151,7 @@ def test_recording_begins_before_old_logs_are_completed(tmp_path, monkeypatch, t
     path.write_bytes(torn)
     recovery = BackgroundRecovery([path])
     release = threading.Event()
-    monkeypatch.setattr(recovery, "_run", lambda command, hear: (release.wait(GIVE_UP_S), 3)[1])
+    monkeypatch.setattr(recovery, "_run", lambda command, on_cycle: (release.wait(GIVE_UP_S), 3)[1])
     recovery.start()
     assert recovery.events() == []
     release.set()
@@ -172,7 +172,7 @@ def test_a_process_that_is_killed_is_told_with_its_file(tmp_path, monkeypatch, t
     recovery = BackgroundRecovery([path])
     run = recovery._run
     killing = [sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"]
-    monkeypatch.setattr(recovery, "_run", lambda command, hear: run(killing, hear))
+    monkeypatch.setattr(recovery, "_run", lambda command, on_cycle: run(killing, on_cycle))
     recovery.start()
     event = first_event(recovery)
     assert str(path) in event.text and "signal 9" in event.text
@@ -185,7 +185,9 @@ def test_stopping_ends_the_process_at_once(tmp_path, monkeypatch, torn):
     recovery = BackgroundRecovery([path])
     run = recovery._run
     monkeypatch.setattr(
-        recovery, "_run", lambda _, hear: run([sys.executable, "-c", f"import time; time.sleep({GIVE_UP_S})"], hear)
+        recovery,
+        "_run",
+        lambda _, on_cycle: run([sys.executable, "-c", f"import time; time.sleep({GIVE_UP_S})"], on_cycle),
     )
     recovery.start()
     deadline = time.monotonic() + GIVE_UP_S
@@ -244,7 +246,9 @@ def test_a_log_that_the_process_dies_of_costs_only_itself(tmp_path, monkeypatch,
         b.main()"""
     recovery = BackgroundRecovery(paths)
     run = recovery._run
-    monkeypatch.setattr(recovery, "_run", lambda command, hear: run([sys.executable, "-c", dies, *command[3:]], hear))
+    monkeypatch.setattr(
+        recovery, "_run", lambda command, on_cycle: run([sys.executable, "-c", dies, *command[3:]], on_cycle)
+    )
     recovery.start()
     recovery._thread.join(GIVE_UP_S)
     first, second, third = recovery.events()

@@ -96,7 +96,7 @@ def test_what_cannot_be_true_together_is_told_once(changes, comparison):
     events = flown(plausibility, range(60), **changes)
     assert [event.compared for event in events] == [comparison] * (comparison is not None)
     assert [event.severity for event in events] == ["warning"] * (comparison is not None)
-    assert list(plausibility._told) == [comparison] * (comparison is not None)
+    assert list(plausibility._notified) == [comparison] * (comparison is not None)
     assert plausibility.implausible == [event.text for event in events]
 
 

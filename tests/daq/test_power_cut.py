@@ -68,9 +68,9 @@ def test_the_statistics_of_a_mended_log_count_every_message(flight, tmp_path):
         with path.open("rb") as stream:
             reader = make_reader(stream, validate_crcs=True)
             statistics = reader.get_summary().statistics
-            found = Counter(channel.id for _, channel, _ in reader.iter_messages())
-        assert statistics.message_count == found.total() > 0
-        assert statistics.channel_message_counts == found
+            counter = Counter(channel.id for _, channel, _ in reader.iter_messages())
+        assert statistics.message_count == counter.total() > 0
+        assert statistics.channel_message_counts == counter
 
 
 def test_zeros_after_the_head_of_a_chunk_are_not_taken_for_an_empty_chunk(flight, tmp_path):

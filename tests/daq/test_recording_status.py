@@ -30,7 +30,7 @@ def status(**changes) -> RecordingStatus:
     return RecordingStatus(**(values | changes))
 
 
-@pytest.mark.parametrize(("changes", "said"), [
+@pytest.mark.parametrize(("changes", "expected"), [
     ({}, "recording 1 min, 25 Hz, all well"),
     ({"rate_Hz": 22.6}, "recording 1 min, 23 Hz, all well"),
     ({"rate_Hz": 22.4}, "recording 1 min, 22 Hz: 22.4 of 25.0 Hz"),
@@ -47,10 +47,10 @@ def status(**changes) -> RecordingStatus:
     ({"elapsed_s": 0.0, "ticks": 1}, "recording 0 min, 25 Hz, all well"),
     ({"elapsed_s": 1.0, "ticks": 2, "rate_Hz": 1.0}, "recording 0 min, 1 Hz, all well"),
 ])  # fmt: skip
-def test_the_summary_and_the_verdict_agree(changes, said):
+def test_the_summary_and_the_verdict_agree(changes, expected):
     now = status(**changes)
-    assert now.summary == said
-    assert now.well is said.endswith("all well") and now.message.well is now.well and now.message.text == said
+    assert now.summary == expected
+    assert now.well is expected.endswith("all well") and now.message.well is now.well and now.message.text == expected
     if now.age_s <= 3.0 and now.state is not RecordingState.CARD_FULL:
         assert now.line.endswith("; all well") is now.well
 
@@ -94,15 +94,15 @@ def test_an_arm_switch_that_nothing_moves_is_told():
     """Channel 9 of 8, or one without a pulse while others have one. No signal at all is another matter."""
     switch = ArmSwitch(ArmSwitchConfig(channel=9, action="record"))
 
-    def hear(at_s, *pulses):
+    def on_cycle(at_s, *pulses):
         controls = Controls(stick_pulse_us=list(pulses))
         return [event.text for event in switch.update([Sample("/controls", round(at_s * SECOND_NS), controls)])]
 
-    assert hear(0, *[0] * 8) == hear(9, *[0] * 8) == [] and not switch.trouble
-    assert hear(10, *[1500] * 8) == hear(11.9, *[1500] * 8) == [] and not switch.trouble
-    assert hear(12, *[1500] * 8) == ["arm switch: no pulse on channel 9: correct [arm]"] == switch.trouble
-    assert hear(13, *[1500] * 8, 0) == [] and switch.trouble
-    assert hear(14, *[1500] * 8, 1900) == ["armed"] and not switch.trouble
+    assert on_cycle(0, *[0] * 8) == on_cycle(9, *[0] * 8) == [] and not switch.trouble
+    assert on_cycle(10, *[1500] * 8) == on_cycle(11.9, *[1500] * 8) == [] and not switch.trouble
+    assert on_cycle(12, *[1500] * 8) == ["arm switch: no pulse on channel 9: correct [arm]"] == switch.trouble
+    assert on_cycle(13, *[1500] * 8, 0) == [] and switch.trouble
+    assert on_cycle(14, *[1500] * 8, 1900) == ["armed"] and not switch.trouble
 
 
 def test_an_arm_switch_on_a_channel_that_is_not_there_is_not_all_well(tmp_path):

@@ -31,7 +31,7 @@ def gps(number: int) -> Gps:
     return Gps(latitude_deg=47 + number * 1e-7, height_m=500.0, velocity_north_mps=14 + number * 1e-3, itow_ms=0)
 
 
-def told(topic, message_of, *, frozen_s=3.0, flown_s=10.0, in_flight=True, period_s=0.04, noise=True):
+def reported_after_s(topic, message_of, *, frozen_s=3.0, flown_s=10.0, in_flight=True, period_s=0.04, noise=True):
     """How long after the beginning of the repetition the first stale message came [s]; None if none did."""
     readings = RepeatedReadingsOfSensor()
     ticks, first_stale_s = round(flown_s / period_s), None
@@ -56,18 +56,18 @@ def told(topic, message_of, *, frozen_s=3.0, flown_s=10.0, in_flight=True, perio
     ],
 )  # fmt: skip
 def test_what_repeats_itself_in_flight_is_stale(topic, message_of, period_s, within_s):
-    assert told(topic, message_of, period_s=period_s) <= within_s
+    assert reported_after_s(topic, message_of, period_s=period_s) <= within_s
 
 
 def test_nothing_is_said_on_the_ground_or_of_what_never_changed():
-    assert told("/probe/airspeed", airspeed, in_flight=False) is None
-    assert told("/imu", imu, noise=False) is None
-    assert told("/imu", imu, flown_s=2.0) is None  # not known well enough yet
+    assert reported_after_s("/probe/airspeed", airspeed, in_flight=False) is None
+    assert reported_after_s("/imu", imu, noise=False) is None
+    assert reported_after_s("/imu", imu, flown_s=2.0) is None  # not known well enough yet
 
 
 def test_what_may_stand_still_is_not_compared():
     for topic, message in (("/controls", Controls(pulse_us=[1500] * 8)), ("/battery", Battery(voltage_V=15.0))):
-        assert told(topic, lambda _, message=message: message) is None
+        assert reported_after_s(topic, lambda _, message=message: message) is None
 
 
 def test_a_calm_transducer_is_not_stale_although_its_counts_often_repeat():

@@ -38,7 +38,7 @@ def means_at(t_s: float, V: float, height_m: float, *, bank_rate: float = 0.0, n
     )  # fmt: skip
 
 
-def told(
+def notified(
     *, over_s=14.0, V=(12.0, 22.0), climb_mps=0.0, height_m=60.0, turn_radps=0.0, n=80.0, aircraft=NEXSTAR
 ) -> list[str]:
     """What the pilot reads of a speed change between two steady flights, after ten seconds on the ground."""
@@ -57,7 +57,7 @@ def told(
 
 
 def test_a_level_acceleration_is_good_and_its_speeds_are_told():
-    good, interval = told()
+    good, interval = notified()
     assert good.startswith("acceleration good: 1") and good.endswith(("m/s in 14 s", "m/s in 15 s"))
     low, high = (float(word) for word in good.split(": ")[1].replace(" m/s in", "").split()[:3:2])
     assert (low, high) == pytest.approx((12.0, 22.0), abs=0.6)  # the zero of the transducer was taken at rest
@@ -76,7 +76,7 @@ def test_a_level_acceleration_is_good_and_its_speeds_are_told():
     ],
 )
 def test_a_run_that_the_analysis_would_reject_has_to_be_repeated(flown, why):
-    (text,) = told(**flown)
+    (text,) = notified(**flown)
     assert text.startswith("acceleration lost: ") and why in text and text.endswith("; repeat") and len(text) <= 50
 
 
@@ -106,7 +106,7 @@ def test_the_pilot_is_told_how_long_to_hold_a_run(V, kind):
     assert [now.more_s for t, now in known if 9 < t < 13] == pytest.approx([0.0] * 20)
     assert not [now for t, now in known if t > 17], "speed is held"
     change = V[1] - V[0]
-    good, _ = told(V=(V[0], V[0] + change * max(held_s) / 14), over_s=max(held_s))
+    good, _ = notified(V=(V[0], V[0] + change * max(held_s) / 14), over_s=max(held_s))
     assert good.startswith(f"{kind} good")
 
 
@@ -120,11 +120,11 @@ def test_a_light_aircraft_s_runs_may_be_shorter_and_lower():
     scale = math.sqrt(2 * light.mass.weight_N / light.geometry.wing_area_m2 / RHO) / 11.0
     assert scale == pytest.approx(0.61, abs=0.01)
     flown = {"V": (7.0, 13.0), "aircraft": light}
-    assert told(**flown, over_s=3.5)[0].startswith("acceleration good")
-    assert told(**flown, over_s=3.5, height_m=15.0)[0].startswith("acceleration good")
-    assert "down to 9 m" in told(**flown, over_s=3.5, height_m=9.0)[0]
-    assert "not 3 s" in told(**flown, over_s=1.0)[0]
-    assert "sank 11 m" in told(**flown, over_s=12.0, climb_mps=-0.9)[0], "as steep as an approach"
+    assert notified(**flown, over_s=3.5)[0].startswith("acceleration good")
+    assert notified(**flown, over_s=3.5, height_m=15.0)[0].startswith("acceleration good")
+    assert "down to 9 m" in notified(**flown, over_s=3.5, height_m=9.0)[0]
+    assert "not 3 s" in notified(**flown, over_s=1.0)[0]
+    assert "sank 11 m" in notified(**flown, over_s=12.0, climb_mps=-0.9)[0], "as steep as an approach"
 
 
 def test_smoothing_and_advance_ratio_are_those_of_the_analysis():
@@ -224,9 +224,9 @@ def test_a_leg_in_which_speed_is_held_is_given_after_four_seconds_and_again_if_s
 
 
 def test_nothing_is_told_of_steady_flight_and_of_turns():
-    assert told(V=(15.0, 15.5)) == []
+    assert notified(V=(15.0, 15.5)) == []
     assert math.tan(LEVEL_RUN.largest_bank_rad) < 17 * 0.6 / GRAVITY_MPS2
-    assert not [text for text in told(turn_radps=0.6) if "bank" in text]
+    assert not [text for text in notified(turn_radps=0.6) if "bank" in text]
 
 
 def test_broken_readings_end_a_run_and_nothing_else():
@@ -242,13 +242,13 @@ def test_broken_readings_end_a_run_and_nothing_else():
 
 
 def test_means_are_of_good_readings_in_a_fifth_of_a_second():
-    means, found = TickMeans(), []
+    means, result = TickMeans(), []
     for i in range(11):
         status = Status.OK if i % 2 == 0 else Status.NO_REPLY
         reading = DifferentialPressure(status=status, differential_pressure_Pa=float(i) if i % 2 == 0 else None)
         samples = [Sample("/probe/airspeed", 0, reading), Sample("/rpm", 0, Rpm(status=Status.NO_DATA))]
-        found.append(means.add(40_000_000 * i + 7, samples))
-    first, second = [each for each in found if each is not None]
+        result.append(means.add(40_000_000 * i + 7, samples))
+    first, second = [each for each in result if each is not None]
     assert (first.t_s, first.q_c_Pa, first.n_revps) == (0.1, 2.0, None) and (second.t_s, second.q_c_Pa) == (0.3, 7.0)
 
 
@@ -278,8 +278,8 @@ def test_the_energy_balance_finds_the_drag_polar_that_made_the_runs():
         CL = GRAVITY_MPS2 / qS
         power = qS * V * (A[0] + A[1] * CL + A[2] * CL**2)
         assert balance.power_W(V, 1.0) == pytest.approx(power, rel=0.01)
-    found = balance.at_endurance_speed(12.0, 22.0)
-    assert found is not None and 0 < found.half_width < 0.1
+    power_interval = balance.at_endurance_speed(12.0, 22.0)
+    assert power_interval is not None and 0 < power_interval.half_width < 0.1
 
 
 def noisy_balance(rng: np.random.Generator, sigma_mps2: float) -> EnergyBalance:
@@ -306,21 +306,21 @@ def test_the_interval_is_that_of_the_noise_the_thrust_and_the_airspeed():
     for _ in range(60):
         balance = noisy_balance(rng, 0.3)
         power.append(balance.power_W(V, 1.0))
-        found = balance.polar()
-        assert found is not None
-        g, covariance = np.array(balance._gradient(V)), np.array(found[1])
+        polar = balance.polar()
+        assert polar is not None
+        g, covariance = np.array(balance._gradient(V)), np.array(polar[1])
         variance.append(g @ covariance[:3, :3] @ g)
     power = np.array(power)
     thrust_part = (0.018 * np.mean(power)) ** 2
     assert np.mean(variance) == pytest.approx(np.var(power) + thrust_part, rel=0.4)
     quiet = noisy_balance(rng, 0.0)
-    found = quiet.at_endurance_speed(12.0, 22.0)
-    assert found is not None
+    polar = quiet.at_endurance_speed(12.0, 22.0)
+    assert polar is not None
     grid = np.linspace(12.0, 22.0, 25)
-    assert found.speed_mps == pytest.approx(grid[np.argmin([quiet.power_W(v, 1.0) for v in grid])])
-    g, covariance = np.array(quiet._gradient(found.speed_mps)), np.array(quiet.polar()[1])
-    relative = math.sqrt(g @ covariance[:3, :3] @ g) / quiet.power_W(found.speed_mps, 1.0)
-    assert found.half_width == pytest.approx(1.96 * math.hypot(relative, 1.5 * 0.0125))
+    assert polar.speed_mps == pytest.approx(grid[np.argmin([quiet.power_W(v, 1.0) for v in grid])])
+    g, covariance = np.array(quiet._gradient(polar.speed_mps)), np.array(quiet.polar()[1])
+    relative = math.sqrt(g @ covariance[:3, :3] @ g) / quiet.power_W(polar.speed_mps, 1.0)
+    assert polar.half_width == pytest.approx(1.96 * math.hypot(relative, 1.5 * 0.0125))
     assert 0.018 < relative < 0.06
 
 
@@ -334,9 +334,9 @@ def test_in_steady_flight_the_interval_is_what_the_aircraft_file_states(thrust_s
         CL = GRAVITY_MPS2 / qS
         of_mass = qS * (0.045 - 0.02 * CL + 0.06 * CL**2), qS, CL, 0.5
         monitor.energy.add_run([Row(0.2 * i, V, 0.0, 0.0, 0.0, 50.0, 50.0, True, of_mass) for i in range(600)])
-    found = monitor.energy.at_endurance_speed(12.0, 22.0)
-    assert found is not None
-    assert found.half_width == pytest.approx(1.96 * math.hypot(thrust_scale, 1.5 * airspeed_scale), rel=0.02)
+    power_interval = monitor.energy.at_endurance_speed(12.0, 22.0)
+    assert power_interval is not None
+    assert power_interval.half_width == pytest.approx(1.96 * math.hypot(thrust_scale, 1.5 * airspeed_scale), rel=0.02)
 
 
 def test_thrust_on_a_stand_is_a_prior_of_the_in_flight_estimate():
@@ -427,8 +427,8 @@ def test_a_verdict_says_how_far_the_run_is_from_its_limits(
 def test_every_reason_has_words_and_a_turn_is_not_told():
     for reason in RunRejected:
         verdict = JudgedRun("deceleration", 0.0, 10.0, 20.0, 12.0, 0.5, Rejection(reason, 1.0, 2.0))
-        assert verdict.reason and len(verdict.text) <= 50 and verdict.told == (reason is not RunRejected.BANKED)
-        assert not verdict._replace(speed_change=0.1).told
+        assert verdict.reason and len(verdict.text) <= 50 and verdict.notified == (reason is not RunRejected.BANKED)
+        assert not verdict._replace(speed_change=0.1).notified
 
 
 def test_verdicts_are_the_same_if_both_ends_are_within_a_second() -> None:

@@ -84,11 +84,11 @@ def supervisor(sensor, device="bus", name="imu"):
 
 
 def statuses(supervised, clock, ticks):
-    found = []
+    statuses = []
     for _ in range(ticks):
-        found += [sample.message.status for sample in supervised.read(clock.ns)]
+        statuses += [sample.message.status for sample in supervised.read(clock.ns)]
         clock.ns += TICK_NS
-    return found
+    return statuses
 
 
 def test_bringing_up_waits_without_holding_up_the_loop():
@@ -155,11 +155,11 @@ def test_a_port_that_cannot_be_opened_is_tried_again():
 
 def run(clock, supervisors, ticks, act=lambda number: None):
     end_ns = clock.ns + ticks * TICK_NS
-    found = []
+    result = []
     for cycle in cycles(supervisors, rate_Hz=25, clock=clock, stop=threading.Event(), until_ns=end_ns):
-        found.append(cycle)
+        result.append(cycle)
         act(cycle.tick.number + 1)
-    return found
+    return result
 
 
 class WorkerWithDeadline:
@@ -194,9 +194,9 @@ def test_a_dead_sensor_costs_its_own_data_only():
     clock = HandClock()
     good, dead = Sensor(clock, Magnetometer, "/mag"), Sensor(clock)
     dead.trouble = OSError(errno.EREMOTEIO, "")
-    found = run(clock, [supervisor(dead), supervisor(good, name="mag")], 50)
-    assert [t.tick.missed for t in found] == [0] * 50
-    assert all(s.message.status is Status.OK for t in found for s in t.samples if s.topic == "/mag")
+    result = run(clock, [supervisor(dead), supervisor(good, name="mag")], 50)
+    assert [t.tick.missed for t in result] == [0] * 50
+    assert all(s.message.status is Status.OK for t in result for s in t.samples if s.topic == "/mag")
 
 
 def test_a_hanging_bus_is_tried_once_a_tick_and_other_buses_keep_their_ticks():
@@ -208,17 +208,17 @@ def test_a_hanging_bus_is_tried_once_a_tick_and_other_buses_keep_their_ticks():
     supervisors = [supervisor(sensor, name=sensor.topic) for sensor in hanging] + [
         supervisor(other, device="tty", name="rpm")
     ]
-    found = run(clock, supervisors, 50)
-    assert sum(t.tick.missed for t in found) == 0
-    assert max(t.tick.late_ns for t in found) == 0
-    assert sum(s.topic == "/rpm" and s.message.status is Status.OK for t in found for s in t.samples) == 50
-    assert {s.message.status for t in found for s in t.samples if s.topic == "/baro"} == {Status.TIMEOUT}
+    result = run(clock, supervisors, 50)
+    assert sum(t.tick.missed for t in result) == 0
+    assert max(t.tick.late_ns for t in result) == 0
+    assert sum(s.topic == "/rpm" and s.message.status is Status.OK for t in result for s in t.samples) == 50
+    assert {s.message.status for t in result for s in t.samples if s.topic == "/baro"} == {Status.TIMEOUT}
 
 
 def test_each_tick_logs_how_long_every_sensor_took():
     clock = HandClock()
-    found = run(clock, [supervisor(Sensor(clock, cost_ns=3_000_000))], 3)
-    ticks = [sample.message for cycle in found for sample in cycle.samples if sample.topic == "/daq/tick"]
+    result = run(clock, [supervisor(Sensor(clock, cost_ns=3_000_000))], 3)
+    ticks = [sample.message for cycle in result for sample in cycle.samples if sample.topic == "/daq/tick"]
     assert [tick.duration_ns for tick in ticks] == [{"imu": 3_000_000}] * 3
 
 
@@ -230,8 +230,8 @@ def test_time_is_paired_once_a_second_and_a_jump_of_the_system_clock_stays_in_th
         if number == 50:
             clock.unix_offset_ns += 10**18
 
-    found = run(clock, [supervisor(gps, name="gps")], 100, jump)
-    times = [sample.message for cycle in found for sample in cycle.samples if sample.topic == "/time"]
+    result = run(clock, [supervisor(gps, name="gps")], 100, jump)
+    times = [sample.message for cycle in result for sample in cycle.samples if sample.topic == "/time"]
     assert len(times) == 4
     assert times[2].system_ns - times[1].system_ns == 10**18 + 10**9
     assert times[2].monotonic_ns - times[1].monotonic_ns == 10**9
@@ -246,8 +246,8 @@ def test_after_a_stall_of_seconds_time_is_paired_on_the_same_grid_of_seconds():
         if number == 10:
             clock.ns += 2_500_000_000
 
-    found = run(clock, [], 150, stall)
-    times = [sample.message for cycle in found for sample in cycle.samples if sample.topic == "/time"]
+    result = run(clock, [], 150, stall)
+    times = [sample.message for cycle in result for sample in cycle.samples if sample.topic == "/time"]
     paired_s = [(time.monotonic_ns - start_ns) / 1e9 for time in times]
     assert paired_s == pytest.approx([0.0, 2.88, 3.0, 4.0, 5.0], abs=0.04)
 

@@ -199,9 +199,9 @@ def test_the_numbers_are_those_of_this_kernel():
 
     for path in Path("/dev").iterdir():
         for pattern, (major, first_minor) in NUMBERS.items():
-            if path.is_char_device() and (found := re.fullmatch(pattern, str(path))):
+            if path.is_char_device() and (match := re.fullmatch(pattern, str(path))):
                 number = path.stat().st_rdev
-                assert (os.major(number), os.minor(number)) == (major, first_minor + int(found[1]))
+                assert (os.major(number), os.minor(number)) == (major, first_minor + int(match[1]))
 
 
 def test_the_drivers_of_the_permitted_classes_are_loaded_before_the_service():

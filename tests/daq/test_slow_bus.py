@@ -59,12 +59,12 @@ class Bench:
 
 def test_a_reading_that_arrives_before_the_next_tick_is_logged_with_its_own_time_and_tick():
     bench = Bench()
-    found = []
+    results = []
     for number in range(20):
-        found += bench.tick(number).samples
+        results += bench.tick(number).samples
         bench.answer()
-    found += bench.tick(20).samples
-    assert [(s.tick, s.time_ns, s.message.status) for s in found] == [
+    results += bench.tick(20).samples
+    assert [(s.tick, s.time_ns, s.message.status) for s in results] == [
         (number, number * PERIOD_NS, Status.OK) for number in range(20)
     ]
     assert bench.supervisor.errors == 0 and bench.supervisor.health.state is SensorState.OK
@@ -73,13 +73,13 @@ def test_a_reading_that_arrives_before_the_next_tick_is_logged_with_its_own_time
 def test_a_tick_that_is_passed_over_is_a_timeout_and_degrades_the_sensor():
     """The bus takes one and a half ticks: every second tick is passed over."""
     bench = Bench()
-    found = []
+    results = []
     for number in range(60):
-        found += bench.tick(number).samples
+        results += bench.tick(number).samples
         if number % 2:
             bench.answer()
     expected = [(n, Status.TIMEOUT if n % 2 else Status.OK) for n in range(58)]
-    assert [(s.tick, s.message.status) for s in found] == expected
+    assert [(s.tick, s.message.status) for s in results] == expected
     assert bench.supervisor.health.state is SensorState.DEGRADED and bench.supervisor.errors >= 29
 
 
@@ -158,8 +158,8 @@ def test_event_status_line_and_check_say_what_to_do(tmp_path):
         on_event=events.append,
         report=lines.append,
     )
-    told = [event for event in events if "raise i2c_arm_baudrate" in event.text]
-    assert len(told) == 1 and told[0].severity == "warning" and told[0].text.startswith("/dev/i2c-1 needs ")
+    message = [event for event in events if "raise i2c_arm_baudrate" in event.text]
+    assert len(message) == 1 and message[0].severity == "warning" and message[0].text.startswith("/dev/i2c-1 needs ")
     assert "raise i2c_arm_baudrate" in lines[-1].line
     assert any("i2c_arm_baudrate" in e.message.text for e in read_log(done.path).entries["/daq/event"])
     report = tray_check.check_tray(tray, buses=fake, clock=clock, seconds=2)

@@ -38,13 +38,13 @@ def sources(tmp_path_factory):
     faults = [Fault(kind="no_acknowledge", device="baro", start_s=3.0)]
     fake = FakeTray(SteadySensorTruth(), clock, faults=faults)
     tray = default_tray(folder, fake)
-    found = sources_of(tray, folder / "status.json")
-    file = StatusFile(found.status)
+    sources = sources_of(tray, folder / "status.json")
+    file = StatusFile(sources.status)
     file.add(Event(severity="warning", text="<script>alert(1)</script>"))
     record(
         tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 12 * 10**9, report=file.write, on_event=file.add
     )  # fmt: skip
-    return found
+    return sources
 
 
 def now_s(sources) -> float:

@@ -85,7 +85,7 @@ def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("sensor_truth", "said"),
+    ("sensor_truth", "expected"),
     [
         (
             StandingSensorTruth(rate=lambda t: 0.1 * np.sin(2 * np.pi * 1.5 * t)),
@@ -110,10 +110,10 @@ def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
         "motor",
     ],
 )
-def test_what_was_not_still_is_refused_with_what_to_do(tmp_path, sensor_truth, said):
+def test_what_was_not_still_is_refused_with_what_to_do(tmp_path, sensor_truth, expected):
     with pytest.raises(NotStill) as refused:
         taken(tmp_path, sensor_truth)
-    assert said in str(refused.value)
+    assert expected in str(refused.value)
 
 
 def test_a_dead_transducer_is_no_zero(tmp_path):
@@ -178,8 +178,8 @@ def test_limits_of_a_zero_are_those_of_the_parts_and_of_what_a_flight_bears():
     n = 20_000
     drifting = [[2.0 + drift * (i >= n // 2) for i in range(n)] for drift in (0.9, 1.1)]
     assert rest_problems("dp", drifting[0], PRESSURE) == []
-    (said,) = rest_problems("dp", drifting[1], PRESSURE)
-    assert "drifts by 1.1 Pa" in said and PRESSURE.shift < 5.5 < PRESSURE.spread
+    (rest_problem,) = rest_problems("dp", drifting[1], PRESSURE)
+    assert "drifts by 1.1 Pa" in rest_problem and PRESSURE.shift < 5.5 < PRESSURE.spread
 
 
 def test_a_drift_counts_beyond_four_standard_errors_of_the_halves():

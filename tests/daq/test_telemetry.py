@@ -78,16 +78,16 @@ def cycle_of(number: int, samples=SAMPLES) -> Cycle:
 
 def heard(link, receive, wanted, seconds=GIVE_UP_S):
     """Feed the link at its own pace until the peer has received all of `wanted`; messages by type, the last of each."""
-    found, number, deadline = {}, 0, time.monotonic() + seconds
-    while not wanted <= set(found):
-        assert time.monotonic() < deadline, f"only {sorted(found)} came"
-        link.hear(cycle_of(number), [Event(severity="error", sensor="imu", text="imu failed: Remote I/O error")])
+    messages, number, deadline = {}, 0, time.monotonic() + seconds
+    while not wanted <= set(messages):
+        assert time.monotonic() < deadline, f"only {sorted(messages)} came"
+        link.on_cycle(cycle_of(number), [Event(severity="error", sensor="imu", text="imu failed: Remote I/O error")])
         number += 1
         time.sleep(0.02)
         while (message := receive()) is not None:
             name = message.get_type()
-            found[f"{name} {message.name}" if name == "NAMED_VALUE_FLOAT" else name] = message
-    return found
+            messages[f"{name} {message.name}" if name == "NAMED_VALUE_FLOAT" else name] = message
+    return messages
 
 
 WANTED = {
@@ -122,7 +122,7 @@ def test_the_ground_station_reads_that_a_run_was_good(tmp_path):
                 "/probe/alpha": DifferentialPressure(differential_pressure_Pa=0.0),
                 "/probe/airspeed": DifferentialPressure(differential_pressure_Pa=1.22 / 2 * V**2),
             }
-            link.hear(cycle_of(number, [Sample(topic, 0, message) for topic, message in messages.items()]), [])
+            link.on_cycle(cycle_of(number, [Sample(topic, 0, message) for topic, message in messages.items()]), [])
             if number == 0:  # until the other process reads
                 assert peer.recv_match(type="HEARTBEAT", blocking=True, timeout=GIVE_UP_S)
             number += 1
@@ -149,7 +149,7 @@ def test_verdicts_on_runs_are_in_the_log_on_the_page_and_not_sent_twice(tmp_path
     from tests.hw_fakes.analytic_sensor_truth import AnalyticSensorTruth
 
     verdict = Event(severity="warning", sensor="runs", text="acceleration lost: too gentle; repeat")
-    sent, told, reports = [], [], []
+    sent, message, reports = [], [], []
 
     class Listener:
         def __init__(self):
@@ -158,19 +158,19 @@ def test_verdicts_on_runs_are_in_the_log_on_the_page_and_not_sent_twice(tmp_path
         def run_news(self):
             return self.news.pop(0) if self.news else RunNews(progress="acceleration: hold 2 s more")
 
-        def hear(self, cycle, events):
+        def on_cycle(self, cycle, events):
             sent.extend(events)
 
-        def hear_status(self, status):
+        def on_status(self, status):
             """Not needed here."""
 
     clock = SimulatedClock()
     to = parse_tray('[[sensors]]\ndriver = "ms5611"\nbus = "/dev/i2c-1"\n', "tray.toml", tmp_path)
     path = record(
         to, buses=FakeTray(AnalyticSensorTruth(), clock, 0), clock=clock, log_path=tmp_path / "log.mcap",
-        until_ns=clock.now_ns() + 2_000_000_000, listener=Listener(), on_event=told.append, report=reports.append,
+        until_ns=clock.now_ns() + 2_000_000_000, listener=Listener(), on_event=message.append, report=reports.append,
     ).path  # fmt: skip
-    assert verdict in told and verdict not in sent
+    assert verdict in message and verdict not in sent
     entries = read_log(path).entries
     assert verdict in [entry.message for entry in entries["/daq/event"]]
     assert entries["/daq/state"][-1].message.run == reports[-1].run == "acceleration: hold 2 s more"
@@ -279,7 +279,7 @@ def test_nothing_that_happens_to_telemetry_holds_up_a_tick(tmp_path, monkeypatch
 
     def minutes_of_cycles():
         for number in range(5000):
-            link.hear(cycle_of(number), [Event(text="x" * 200)])
+            link.on_cycle(cycle_of(number), [Event(text="x" * 200)])
 
     monkeypatch.setattr(telemetry_module, "RESTART_AFTER_S", 0.1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
@@ -306,7 +306,7 @@ def test_events_too_long_for_a_line_reach_the_other_process(tmp_path, monkeypatc
     to = tray(tmp_path, "udp:127.0.0.1:9")
     link = TelemetryLink(to.telemetry, to)
     full = [Sample(topic, 0, TYPE_OF_TOPIC[topic](**every_field(topic))) for topic in telemetry_module.TOPICS]
-    link.hear(cycle_of(0, full), [Event(text=f"driver error {number}: " + 5000 * extra) for number in range(4)])
+    link.on_cycle(cycle_of(0, full), [Event(text=f"driver error {number}: " + 5000 * extra) for number in range(4)])
     (line,) = os.read(link._read_end, 2**16).splitlines()
     link.close()
     texts = [event.text[:14] for event in msgspec.json.decode(line, type=Snapshot).events]
@@ -387,8 +387,8 @@ def test_what_is_old_or_failed_is_not_shown_as_if_it_were_new():
 def test_a_failed_reading_is_not_handed_on(tmp_path):
     to = tray(tmp_path, "udp:127.0.0.1:9")
     link = TelemetryLink(to.telemetry, to)
-    link.hear(cycle_of(0, [Sample("/rpm", 0, Rpm(status=Status.NO_DATA))]), [])
-    link.hear(cycle_of(1, [Sample("/static", 0, AbsolutePressure(pressure_Pa=1e5))]), [])
+    link.on_cycle(cycle_of(0, [Sample("/rpm", 0, Rpm(status=Status.NO_DATA))]), [])
+    link.on_cycle(cycle_of(1, [Sample("/static", 0, AbsolutePressure(pressure_Pa=1e5))]), [])
     assert list(link._latest) == ["/static"]
     link.close()
 
@@ -405,14 +405,14 @@ def test_lines_come_at_the_rate_of_the_tray_with_the_age_of_each_reading(tmp_pat
     first, silent = 50, range(62, 87)
     for number in range(first, 102):
         if number not in silent:
-            link.hear(cycle_of(number, SAMPLES if number == first else []), [])
+            link.on_cycle(cycle_of(number, SAMPLES if number == first else []), [])
     lines = os.read(link._read_end, 1 << 16).splitlines()
     link.close()
     snapshots = [msgspec.json.decode(line, type=Snapshot) for line in lines]
     times_s = [0.0, 0.2, 0.4, 1.48, 1.6, 1.8, 2.0]
-    assert [one.elapsed_s for one in snapshots] == pytest.approx(times_s)
-    for one in snapshots:
-        assert one.ages_s == pytest.approx(dict.fromkeys(READINGS, one.elapsed_s))
+    assert [snapshot.elapsed_s for snapshot in snapshots] == pytest.approx(times_s)
+    for snapshot in snapshots:
+        assert snapshot.ages_s == pytest.approx(dict.fromkeys(READINGS, snapshot.elapsed_s))
 
 
 def test_height_is_given_above_the_first_position_too():
@@ -496,13 +496,13 @@ def test_the_autopilot_that_the_daemon_hears_gives_its_system_to_the_ground_stat
     cycles = []
 
     class Listener:
-        def hear(self, cycle, events):
+        def on_cycle(self, cycle, events):
             cycles.append(cycle)
 
         def run_news(self):
             return RunNews()
 
-        def hear_status(self, status):
+        def on_status(self, status):
             """Not needed here."""
 
     clock = SimulatedClock()
@@ -571,9 +571,9 @@ def test_sys_status_has_a_bit_for_each_kind_of_sensor_and_only_an_aircraft_of_it
     for vehicle in (True, False):
         ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9", vehicle=vehicle), None, None)
         sent = decoded(ground.packets(Snapshot(elapsed_s=1.0, status=status(), bits=bits)))
-        found = [m for m in sent if m.get_type() == "SYS_STATUS"]
-        assert len(found) == vehicle
-        assert all((m.onboard_control_sensors_health, m.onboard_control_sensors_present) == bits[::-1] for m in found)
+        results = [m for m in sent if m.get_type() == "SYS_STATUS"]
+        assert len(results) == vehicle
+        assert all((m.onboard_control_sensors_health, m.onboard_control_sensors_present) == bits[::-1] for m in results)
 
 
 @pytest.mark.parametrize("length", [1, 49, 50, 51, 99, 100, 101, 200])

@@ -49,7 +49,7 @@ class AtRest(SteadySensorTruth):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "expected"),
     [
         ({}, ""),
         ({"dynamic_model": 0}, "is set to 0"),
@@ -59,10 +59,10 @@ class AtRest(SteadySensorTruth):
         ({"speed_accuracy_mps": 1.2}, "velocity known to 1.2 m/s"),
     ],
 )
-def test_a_receiver_is_fit_when_its_velocity_is(change, said):
+def test_a_receiver_is_fit_when_its_velocity_is(change, expected):
     good = {"fix_type": 3, "satellites": 12, "speed_accuracy_mps": 0.2, "dynamic_model": 8}
-    found = receiver_problem([Gps(**{**good, **change})])
-    assert said in found and bool(said) == bool(found)
+    problem = receiver_problem([Gps(**{**good, **change})])
+    assert expected in problem and bool(expected) == bool(problem)
 
 
 def checked(tmp_path, sensor_truth, **options):
@@ -76,7 +76,7 @@ def at_rest(**values):
 
 
 @pytest.mark.parametrize(
-    ("sensor_truth", "topic", "said"),
+    ("sensor_truth", "topic", "expected"),
     [
         (at_rest(force=(0.0, 0.0, 9.8)), "/imu", "must be about (0, 0, -1) g, but is (0.0, 0.0, 1.0) g"),
         (at_rest(force=(9.8, 0.0, 0.0)), "/imu", "correct `axes`"),
@@ -84,10 +84,10 @@ def at_rest(**values):
         (at_rest(difference={"alpha": 4.0, "beta": -80.0, "airspeed": 10.0}), "/probe/beta", "-80 Pa at rest"),
     ],
 )
-def test_readings_that_cannot_be_those_of_an_aircraft_at_rest_are_not_fit(tmp_path, sensor_truth, topic, said):
+def test_readings_that_cannot_be_those_of_an_aircraft_at_rest_are_not_fit(tmp_path, sensor_truth, topic, expected):
     report = checked(tmp_path, sensor_truth)
     assert [line.topic for line in report.lines if line.ok is False] == [topic] and not report.fit
-    assert said in next(line.advice for line in report.lines if line.topic == topic)
+    assert expected in next(line.advice for line in report.lines if line.topic == topic)
 
 
 @pytest.mark.parametrize(("baro_Pa", "ok"), [(98_500.0 + 450, True), (98_500.0 - 550, False), (98_500.0 + 550, False)])
@@ -101,8 +101,8 @@ def test_barometers_that_disagree_are_not_fit(tmp_path, baro_Pa, ok):
 def test_a_pressure_that_cannot_be_that_of_the_height_is_not_fit(difference_m, ok):
     pressure = [AbsolutePressure(pressure_Pa=101_325.0 * (1 - 1000 / 44_330.77) ** 5.25588)]  # 1000 m, ISO 2533
     fixes = [Gps(height_msl_m=1000.0 - difference_m, fix_type=3)]
-    found, text = height_comparison({"/static": pressure, "/gps": fixes})
-    assert found is ok and f"{difference_m:+d} m from the standard atmosphere" in text
+    result, text = height_comparison({"/static": pressure, "/gps": fixes})
+    assert result is ok and f"{difference_m:+d} m from the standard atmosphere" in text
     assert height_comparison({"/static": pressure, "/gps": [Gps(height_msl_m=1000.0, fix_type=2)]}) is None
 
 
@@ -183,7 +183,7 @@ def test_every_part_says_who_it_is_and_where(tmp_path):
     assert any("h of recording at" in text for text in texts) and any("is writable" in text for text in texts)
 
 
-def asked(driver: str, port, extra="", **options):
+def check_line(driver: str, port, extra="", **options):
     """The identity of one part on a line, by itself."""
     clock = SimulatedClock()
     fake = FakeTray(SteadySensorTruth(), clock, variant=TrayVariant(**options))
@@ -193,8 +193,8 @@ def asked(driver: str, port, extra="", **options):
 
 
 def test_a_counter_that_speaks_the_other_variant_is_told():
-    said = asked("esc_counter", 'port="/dev/ttyUSB0"', rpm_with_crc=True)
-    assert said == "pulse counter, framed frames, 84 a second, but the tray says framed = false, /dev/ttyUSB0"
+    message = check_line("esc_counter", 'port="/dev/ttyUSB0"', rpm_with_crc=True)
+    assert message == "pulse counter, framed frames, 84 a second, but the tray says framed = false, /dev/ttyUSB0"
 
 
 @pytest.mark.parametrize(
@@ -238,16 +238,16 @@ def test_a_barometer_says_its_own_coefficient_and_checksum(driver: str, part: st
     table = parse_tray(f'[[sensors]]\ndriver="{driver}"\nbus="/dev/i2c-1"\n', "tray.toml", Path()).sensors[0]
     barometer = getattr(fake, part)
     crc = barometer.prom[barometer.part.crc_in_word] >> barometer.part.crc_shift & 0xF
-    said = identify(table, fake, clock).text
-    assert said.startswith(f"{driver.upper()} with C1 {barometer.prom[1]}, CRC 0x{crc:x}, ")
+    text = identify(table, fake, clock).text
+    assert text.startswith(f"{driver.upper()} with C1 {barometer.prom[1]}, CRC 0x{crc:x}, ")
 
 
 def test_a_receiver_on_the_bus_says_who_it_is():
-    assert asked("ublox_ddc", 'bus="/dev/i2c-1"', gps_on_i2c=True).startswith("u-blox ROM CORE 3.01 (107888), ")
+    assert check_line("ublox_ddc", 'bus="/dev/i2c-1"', gps_on_i2c=True).startswith("u-blox ROM CORE 3.01 (107888), ")
 
 
 @pytest.mark.parametrize(
-    ("driver", "port", "said"),
+    ("driver", "port", "expected"),
     [
         ("ublox", "/dev/ttyAMA0", "u-blox (no answer to MON-VER), /dev/ttyAMA0"),
         ("esc_counter", "/dev/ttyUSB0", "pulse counter (no frames), /dev/ttyUSB0"),
@@ -255,9 +255,9 @@ def test_a_receiver_on_the_bus_says_who_it_is():
         ("autopilot", "/dev/ttyUSB7", "autopilot, /dev/ttyUSB7: No such file or directory"),
     ],
 )
-def test_a_line_on_which_nothing_is_heard_says_so(driver, port, said):
+def test_a_line_on_which_nothing_is_heard_says_so(driver, port, expected):
     """At the wrong speed both sides hear noise."""
-    assert asked(driver, f'port="{port}"', "baud = 19200\n") == said
+    assert check_line(driver, f'port="{port}"', "baud = 19200\n") == expected
 
 
 def test_an_autopilot_is_not_taken_for_the_ground_station_it_passes_on():
@@ -276,13 +276,13 @@ def test_bus_errors_are_counted_and_a_glitch_is_no_reason_to_stay_on_the_ground(
     assert all(line.bus_errors == 0 for line in report.lines if line.topic != "/probe/alpha")
 
 
-@pytest.mark.parametrize(("free", "said"), [(10**6, "move logs to another disk"), (10**12, "is writable")])
-def test_a_card_without_room_is_not_fit(tmp_path, monkeypatch, free, said):
+@pytest.mark.parametrize(("free", "expected"), [(10**6, "move logs to another disk"), (10**12, "is writable")])
+def test_a_card_without_room_is_not_fit(tmp_path, monkeypatch, free, expected):
     monkeypatch.setattr(tray_check, "free_bytes", lambda _: free)
     clock = SimulatedClock()
     fake = FakeTray(AtRest(), clock)
     report = tray_check.check_tray(default_tray(tmp_path, fake), buses=fake, clock=clock, seconds=1)
-    assert any(said in fact.text for fact in report.facts)
+    assert any(expected in fact.text for fact in report.facts)
     assert report.fit is (free > 10**9)
 
 
@@ -317,11 +317,11 @@ def test_a_line_that_is_in_use_is_not_a_matter_of_wiring():
         assert (advice == STOP_PROGRAM) is (number == errno.EBUSY)
 
 
-@pytest.mark.parametrize(("topic", "said"), [("/gps", tray_check.NO_FIX), ("/rpm", tray_check.MOTOR_STOPPED)])
-def test_what_is_normal_on_the_ground_is_told_as_such(topic, said):
+@pytest.mark.parametrize(("topic", "expected"), [("/gps", tray_check.NO_FIX), ("/rpm", tray_check.MOTOR_STOPPED)])
+def test_what_is_normal_on_the_ground_is_told_as_such(topic, expected):
     message = Gps(status=Status.NO_DATA, fix_type=0) if topic == "/gps" else TYPE_OF_TOPIC[topic](status=Status.NO_DATA)
     line = tray_check.check_topic(topic, [message] * 10, 1.0)
-    assert line.advice == said and line.ok is (None if topic == "/rpm" else False)
+    assert line.advice == expected and line.ok is (None if topic == "/rpm" else False)
 
 
 @pytest.mark.parametrize(("good", "ok"), [(95, True), (94, False)])
@@ -342,14 +342,14 @@ def test_values_are_shown_in_the_units_beside_them() -> None:
 def test_the_room_on_the_disk_is_that_beyond_what_is_kept_free(tmp_path, monkeypatch):
     """10 GB and more than are kept free last for the bytes of the default tray, 16 kB/s at 25 Hz."""
     monkeypatch.setattr(tray_check, "free_bytes", lambda folder: 10e9)
-    found = checked(tmp_path, AtRest())
+    result = checked(tmp_path, AtRest())
     clock = SimulatedClock()
     keep_free_MB = default_tray(tmp_path, FakeTray(AtRest(), clock)).files.keep_free_MB
-    assert keep_free_MB > 0 and found.free_s == pytest.approx((10e9 - keep_free_MB * 1e6) / 16e3)
+    assert keep_free_MB > 0 and result.free_s == pytest.approx((10e9 - keep_free_MB * 1e6) / 16e3)
 
 
 @pytest.mark.parametrize(
-    ("readings", "free_s", "told"),
+    ("readings", "free_s", "expected"),
     [
         (DryRun([], 25, 0, 3.21, []), 7200.0, ["25 of 25 ticks at 25 Hz, at most 3.2 ms late", "space for 2.0 h of"]),
         (
@@ -358,13 +358,13 @@ def test_the_room_on_the_disk_is_that_beyond_what_is_kept_free(tmp_path, monkeyp
         ),
     ],
 )  # fmt: skip
-def test_ticks_and_room_are_told_in_numbers(tmp_path, readings, free_s, told):
+def test_ticks_and_room_are_told_in_numbers(tmp_path, readings, free_s, expected):
     """Missed ticks are among those that were expected; two hours of recording have to fit."""
     tray = default_tray(tmp_path, FakeTray(AtRest(), SimulatedClock()))
     facts = tray_check.system_checks(tray, readings, free_s)
     assert [fact.ok for fact in facts[:2]] == [readings.missed == 0, free_s >= 7200.0]
     assert [fact.ok for fact in facts[2:]] == [False] * len(readings.slow) + [True, True]
-    for fact, text in zip(facts, told, strict=False):
+    for fact, text in zip(facts, expected, strict=False):
         assert text in fact.text
 
 
@@ -382,9 +382,9 @@ def test_a_stall_is_counted_in_the_ticks_that_it_cost(tmp_path, monkeypatch):
 
     begin_ns = clock.now_ns()
     monkeypatch.setattr(clock, "sleep_until_ns", stalls_once)
-    found = dry_run(tray, buses=fake, clock=clock, seconds=1)
-    assert stalled and found.missed == 2 and found.ticks + found.missed == 25
-    assert found.late_ms == pytest.approx(100.0, abs=1.0)
+    result = dry_run(tray, buses=fake, clock=clock, seconds=1)
+    assert stalled and result.missed == 2 and result.ticks + result.missed == 25
+    assert result.late_ms == pytest.approx(100.0, abs=1.0)
 
 
 def lines_of(tmp_path, *, variant=TrayVariant(), change=lambda fake: None):

@@ -66,7 +66,7 @@ IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ("rate = 25\n" + IMU, "'rate'"),
         (IMU + "adress = 0x68", "sensors[0]: unknown key 'adress'"),
@@ -108,8 +108,8 @@ IMU = '[[sensors]]\ndriver="mpu9250"\nbus="/dev/i2c-1"\n'
         ('card = "card.toml"\n' + IMU, "needs aircraft and [telemetry]"),
     ],
 )
-def test_mistakes_are_named(text, said):
-    assert said in refused(text)
+def test_mistakes_are_named(text, expected):
+    assert expected in refused(text)
 
 
 def test_a_part_number_can_collide_too():
@@ -136,15 +136,15 @@ def test_a_rate_at_which_the_fifo_overflows_is_refused(example):
 
 
 @pytest.mark.parametrize(
-    ("head", "said"),
+    ("head", "expected"),
     [
         ('directory = "taken/logs"\n', "taken is a file"),
         ('[telemetry]\nto = "udp:laptop.invalid:14550"\n', "laptop.invalid has no address here"),
     ],
 )
-def test_places_that_cannot_be_used_are_named(tmp_path, head, said):
+def test_places_that_cannot_be_used_are_named(tmp_path, head, expected):
     (tmp_path / "taken").touch()
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=expected):
         check_places(parse_tray(head + IMU, "tray.toml", tmp_path), "tray.toml")
 
 

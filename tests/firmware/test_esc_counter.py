@@ -129,9 +129,9 @@ def test_a_motor_that_accelerates_is_followed(counter):
 def test_a_sudden_change_of_speed_is_believed(counter):
     """Half the period and double the period, as no motor does it: nothing false is sent, then the new period."""
     edges = np.concatenate([pulses(500, 60_000), pulses(250, 120_000, 60_000), pulses(1000, 200_000, 120_000)])
-    found = set(counter(edges, 200_000).periods_us.tolist())
-    assert {2500, 5000, 10_000} <= found
-    assert all(min(abs(p - q) / q for q in (2500, 5000, 10_000)) < 1e-3 for p in found), found
+    result = set(counter(edges, 200_000).periods_us.tolist())
+    assert {2500, 5000, 10_000} <= result
+    assert all(min(abs(p - q) / q for q in (2500, 5000, 10_000)) < 1e-3 for p in result), result
 
 
 def test_a_stopped_motor_is_told_every_half_second_and_starts_again(counter):

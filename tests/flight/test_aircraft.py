@@ -35,12 +35,12 @@ def test_shipped_aircraft_have_the_sources_numbers(name, span_ft, chord_ft, area
 @pytest.mark.parametrize("name", shipped_aircraft())
 def test_no_shipped_aircraft_has_a_moment_of_inertia_larger_than_the_sum_of_the_other_two(name):
     m = load_aircraft(name).mass
-    for one, other, third in (
+    for item, other, third in (
         (m.Ix_kgm2, m.Iy_kgm2, m.Iz_kgm2),
         (m.Iy_kgm2, m.Iz_kgm2, m.Ix_kgm2),
         (m.Iz_kgm2, m.Ix_kgm2, m.Iy_kgm2),
     ):
-        assert one <= other + third
+        assert item <= other + third
 
 
 @pytest.mark.parametrize("name", ["elevator", "aileron", "rudder"])
@@ -71,7 +71,7 @@ def test_a_file_of_ones_own_is_read_like_a_shipped_one(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "expected"),
     [
         ('span = "5.73 ft"', 'span = "5.73 kg"', r"geometry\.span.*m"),
         ('span = "5.73 ft"', "span = 5.73", r"geometry\.span"),
@@ -88,13 +88,13 @@ def test_a_file_of_ones_own_is_read_like_a_shipped_one(tmp_path):
         ('title = "Hobbico Nexstar"', "title = ", "TOML"),
     ],
 )
-def test_a_broken_file_is_one_clear_line(old, new, said):
+def test_a_broken_file_is_one_clear_line(old, new, expected):
     assert old in TEXT
     with pytest.raises(InputError) as caught:
         parse_aircraft(TEXT.replace(old, new, 1), "mine.toml")
     message = str(caught.value)
     assert message.startswith("mine.toml") and "\n" not in message
-    assert re.search(said, message), message
+    assert re.search(expected, message), message
 
 
 def test_a_missing_file_and_an_unreadable_one(tmp_path):
@@ -135,14 +135,14 @@ def test_everything_that_is_missing_or_wrong_is_told_at_once_with_an_example():
         parse_aircraft('[geometry]\nspan = 1.75\n[mass]\nweight = "4 m"\nIx = "1 m"\n', "mine.toml")
     message = str(caught.value)
     assert message.count("mine.toml") == 1 and "\n" not in message
-    for said in (
+    for text in (
         'name is missing, such as name = "mine"',
         "geometry.span = 1.75",
         'geometry.wing_area is missing, such as wing_area = "0.46 m^2"',
         "mass.weight = '4 m'",
         "mass.Ix = '1 m'",
     ):
-        assert said in message
+        assert text in message
     assert "standard_weight" not in message
 
 
@@ -178,7 +178,7 @@ def keys_of(kind, section=""):
     for field in dataclasses.fields(kind):
         key = section + split_unit(field.name)[0]
         kinds = [
-            one for one in (hints[field.name], *typing.get_args(hints[field.name])) if dataclasses.is_dataclass(one)
+            item for item in (hints[field.name], *typing.get_args(hints[field.name])) if dataclasses.is_dataclass(item)
         ]
         inside = f"{key}.LINE." if typing.get_origin(hints[field.name]) is dict else f"{key}."
         if kinds:
@@ -203,7 +203,7 @@ SECTIONS = {
     "probe.lines",
     "uncertainty",
     *SURFACES,
-    *(f"probe.lines.{one}" for one in LINES),
+    *(f"probe.lines.{line}" for line in LINES),
 }
 
 

@@ -189,7 +189,7 @@ def finished_but_empty() -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "expected"),
     [
         (b"", "empty"),
         (b"\x89MC", "neither a log nor a table"),
@@ -198,10 +198,10 @@ def finished_but_empty() -> bytes:
         (finished_but_empty(), "no message"),
     ],
 )
-def test_what_is_no_log_is_refused(tmp_path, content, said):
+def test_what_is_no_log_is_refused(tmp_path, content, expected):
     path = tmp_path / "x.mcap"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=expected) as caught:
         read_log(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
@@ -252,5 +252,5 @@ def test_a_message_that_utf_8_cannot_hold_is_marked_and_ends_nothing(tmp_path):
         for tick in range(3):
             log.write("/daq/event", Event(text="caf\udce9" if tick == 1 else "café"), time_ns=tick, tick=tick)
         log.finish()
-    found = read_log(path).entries["/daq/event"]
-    assert [e.message.status for e in found] == [Status.OK, Status.CORRUPT, Status.OK]
+    daq_event = read_log(path).entries["/daq/event"]
+    assert [e.message.status for e in daq_event] == [Status.OK, Status.CORRUPT, Status.OK]

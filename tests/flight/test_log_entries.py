@@ -19,11 +19,11 @@ MESSAGES: list[Message] = [
 def test_entries_come_back_as_they_were(message: Message) -> None:
     kind = type(message)
     rows = [LogEntry(10 * i, i, message if i % 3 else kind()) for i in range(2 * BATCH + 7)]
-    found = entries_of(rows)
-    assert list(found) == rows and len(found) == len(rows)
-    assert found[-1] == rows[-1] and found[5:9] == rows[5:9]
+    entries = entries_of(rows)
+    assert list(entries) == rows and len(entries) == len(rows)
+    assert entries[-1] == rows[-1] and entries[5:9] == rows[5:9]
     with pytest.raises(IndexError):
-        found[len(rows)]
+        entries[len(rows)]
 
 
 def test_an_integer_beyond_64_bits_is_kept() -> None:

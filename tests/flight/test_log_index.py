@@ -32,9 +32,9 @@ def data() -> bytes:
 
 
 def summary(data: bytes):
-    found = make_reader(io.BytesIO(data)).get_summary()
-    assert found is not None and found.statistics is not None
-    return found
+    summary = make_reader(io.BytesIO(data)).get_summary()
+    assert summary is not None and summary.statistics is not None
+    return summary
 
 
 def chunks(data: bytes) -> list[ChunkIndex]:
@@ -42,13 +42,13 @@ def chunks(data: bytes) -> list[ChunkIndex]:
 
 
 def test_statistics_are_those_of_the_messages(data):
-    found = summary(data)
-    topics = {channel.topic: number for number, channel in found.channels.items()}
-    assert found.statistics.message_count == 100
-    assert found.statistics.channel_message_counts == {topics["/rpm"]: 80, topics["/battery"]: 20}
-    assert found.statistics.message_start_time == 1_000
-    assert found.statistics.message_end_time == 9_000 + 19 * 10_000
-    assert found.statistics.chunk_count == len(found.chunk_indexes) > 3
+    result = summary(data)
+    topics = {channel.topic: number for number, channel in result.channels.items()}
+    assert result.statistics.message_count == 100
+    assert result.statistics.channel_message_counts == {topics["/rpm"]: 80, topics["/battery"]: 20}
+    assert result.statistics.message_start_time == 1_000
+    assert result.statistics.message_end_time == 9_000 + 19 * 10_000
+    assert result.statistics.chunk_count == len(result.chunk_indexes) > 3
 
 
 def test_each_message_index_leads_to_its_messages(data):
@@ -61,15 +61,15 @@ def test_each_message_index_leads_to_its_messages(data):
             opcode, _, of_channel, size = struct.unpack_from("<BQHI", data, offset)
             assert (opcode, of_channel) == (MESSAGE_INDEX, channel)
             for time_ns, at in struct.iter_unpack("<QQ", data[offset + 15 : offset + 15 + size]):
-                found = struct.unpack_from("<BQHIQ", records, at)
-                assert (found[0], found[2], found[4]) == (MESSAGE, channel, time_ns)
+                result = struct.unpack_from("<BQHIQ", records, at)
+                assert (result[0], result[2], result[4]) == (MESSAGE, channel, time_ns)
                 times.append(time_ns)
         assert (min(times), max(times)) == (chunk.message_start_time, chunk.message_end_time)
 
 
 def test_message_indices_fill_the_file_between_chunks(data):
-    for one, other in zip(chunks(data), chunks(data)[1:], strict=False):
-        assert one.chunk_start_offset + one.chunk_length + one.message_index_length == other.chunk_start_offset
+    for chunk, other in zip(chunks(data), chunks(data)[1:], strict=False):
+        assert chunk.chunk_start_offset + chunk.chunk_length + chunk.message_index_length == other.chunk_start_offset
 
 
 def test_a_chunk_is_closed_by_the_message_that_fills_it(data):

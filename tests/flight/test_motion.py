@@ -96,10 +96,10 @@ def test_wind_axis_form_is_the_body_axis_form(seed):
     ahead = flow_of(*(np.array([u, v, w]) + h * rate))
     behind = flow_of(*(np.array([u, v, w]) - h * rate))
     expected = (np.array(ahead) - np.array(behind)) / (2 * h)
-    found = wind_axis_derivative(
+    derivative = wind_axis_derivative(
         (V, alpha, beta), (phi, theta, 0.0), (p, q, r), coefficients=(CL, CD, CY), T=T, m=m, qS=qS
     )
-    assert np.allclose(found, expected, rtol=1e-7, atol=1e-7)
+    assert np.allclose(derivative, expected, rtol=1e-7, atol=1e-7)
 
 
 def test_flow_and_velocity_are_inverses():
@@ -144,9 +144,9 @@ def test_specific_force_off_the_center_is_that_of_a_point_carried_around():
     h = 1e-4
     second = (position(h) - 2 * position(0) + position(-h)) / h**2
     omega, alpha = axis * rate, axis * acceleration
-    found = specific_force_at((0.0, 0.0, 0.0), omega, alpha, point)
+    specific_force = specific_force_at((0.0, 0.0, 0.0), omega, alpha, point)
     # Differences of step h lose eps/h^2 = 2e-8 to rounding and h^2 to curvature.
-    assert np.allclose(found, second, atol=1e-6)
+    assert np.allclose(specific_force, second, atol=1e-6)
 
 
 def test_casadi_symbols_pass_through():

@@ -71,12 +71,12 @@ def apc(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def uiuc_tables(folder: Path) -> dict[float, str]:
     """The 10x5 in the wind tunnel, by speed of rotation; the number behind the name's last bar is the speed."""
-    found = {}
+    texts = {}
     for path in sorted(folder.glob("apce_10x5_*_????.txt")):
         rpm = re.search(r"_(\d{4})\.txt$", path.name)
         if rpm and "static" not in path.name:
-            found[float(rpm[1])] = path.read_text("utf-8")
-    return found
+            texts[float(rpm[1])] = path.read_text("utf-8")
+    return texts
 
 
 def test_uiuc_files_give_back_their_printed_values(uiuc):
@@ -91,9 +91,9 @@ def test_uiuc_files_give_back_their_printed_values(uiuc):
         J, cT, cP, _ = np.loadtxt(text.splitlines()[1:], unpack=True)
         # What both tests measured at the same J, to the third digit, is averaged: they repeat to 0.0011.
         once = np.array([sum(f"\n{j:.3f} " in other for other in texts.values()) == 1 for j in J])
-        found = propeller.coefficients(J, row.rpm)
-        assert np.allclose(np.array(found)[:, once], np.array((cT, cP))[:, once], atol=1e-12)
-        assert np.allclose(found, (cT, cP), atol=0.0011)
+        coefficients = propeller.coefficients(J, row.rpm)
+        assert np.allclose(np.array(coefficients)[:, once], np.array((cT, cP))[:, once], atol=1e-12)
+        assert np.allclose(coefficients, (cT, cP), atol=0.0011)
 
 
 def test_two_halves_of_one_speed_leave_no_hole_between_speeds(uiuc):

@@ -28,14 +28,14 @@ from flightpower.flight.propeller_search import (
 from flightpower.flight.shipped_propellers import shipped_propellers
 
 TABLES = shipped_tables()
-MEASURED = [one for one in TABLES if one.origin is Origin.MEASURED]
+MEASURED = [table for table in TABLES if table.origin is Origin.MEASURED]
 
 
 def named(name: str) -> Table:
-    return next(one for one in TABLES if one.name == name)
+    return next(table for table in TABLES if table.name == name)
 
 
-@pytest.mark.parametrize("table", TABLES, ids=lambda one: one.name)
+@pytest.mark.parametrize("table", TABLES, ids=lambda item: item.name)
 def test_a_shipped_table_says_what_it_is_of_and_is_a_propeller(table: Table) -> None:
     assert table.series and table.published and table.blades == 2 and table.origin is not Origin.UNKNOWN
     assert table.size in table.name, "the name has the size"
@@ -92,41 +92,43 @@ def test_a_name_of_apc_says_pitch_and_blades_also_with_brackets(
     text = "".join(APC_FILE.format(name=name, rpm=rpm) if rpm == 3000 else
                    APC_FILE.format(name=name, rpm=rpm).partition("\n")[2] for rpm in (3000, 6000))  # fmt: skip
     (tmp_path / f"PER3_{name}.dat").write_text(text, "utf-8")
-    (found,), problems = tables_in(tmp_path)
-    assert not problems and (found.pitch_in, found.blades) == (pitch_in, blades)
-    assert found.propeller.origin is parse_propeller(found.propeller.to_csv(), name).origin is Origin.COMPUTED
-    assert matching([found], parse_query([name.split("(")[0].split("E")[0].split("R")[0]])) == [found]
-    assert matching([found], parse_query([name])) == [found]
+    (result,), problems = tables_in(tmp_path)
+    assert not problems and (result.pitch_in, result.blades) == (pitch_in, blades)
+    assert result.propeller.origin is parse_propeller(result.propeller.to_csv(), name).origin is Origin.COMPUTED
+    assert matching([result], parse_query([name.split("(")[0].split("E")[0].split("R")[0]])) == [result]
+    assert matching([result], parse_query([name])) == [result]
 
 
 def test_words_sizes_and_diameters_are_found() -> None:
-    assert [one.name for one in matching(TABLES, parse_query(["11X7E"]))] == ["apc-11x7e", "apc-11x7e-computed"]
-    assert [one.size for one in matching(TABLES, parse_query(["Graupner", "11"]))] == ["11x6", "11x8"]
-    assert {one.origin for one in matching(TABLES, parse_query(["11x7"]))} == {Origin.MEASURED, Origin.COMPUTED}
+    assert [table.name for table in matching(TABLES, parse_query(["11X7E"]))] == ["apc-11x7e", "apc-11x7e-computed"]
+    assert [table.size for table in matching(TABLES, parse_query(["Graupner", "11"]))] == ["11x6", "11x8"]
+    assert {table.origin for table in matching(TABLES, parse_query(["11x7"]))} == {Origin.MEASURED, Origin.COMPUTED}
     assert matching(TABLES, parse_query([])) and len(matching(TABLES, parse_query([]))) == len(TABLES)
     assert not matching(TABLES, parse_query(["11x7.2"]))
 
 
-@pytest.mark.parametrize(("words", "said"), [(["11x7", "12"], "a size was given before"), (["280x180"], "in inches")])
-def test_a_wrong_size_is_refused(words: list[str], said: str) -> None:
-    with pytest.raises(InputError, match=said):
+@pytest.mark.parametrize(
+    ("words", "message"), [(["11x7", "12"], "a size was given before"), (["280x180"], "in inches")]
+)
+def test_a_wrong_size_is_refused(words: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         parse_query(words)
 
 
 def test_the_nearest_are_near_in_both_dimensions_and_one_is_measured() -> None:
     assert nearest(TABLES, parse_query(["11x7.2"]))[0].size == "11x7"
-    found = nearest(TABLES, parse_query(["13x7"]))
-    assert found[0].size == "13x6.5" and found[0].origin is Origin.COMPUTED
-    assert any(one.origin is Origin.MEASURED for one in found)
-    assert all("graupner" in one.name for one in nearest(TABLES, parse_query(["11x7", "graupner"])))
+    result = nearest(TABLES, parse_query(["13x7"]))
+    assert result[0].size == "13x6.5" and result[0].origin is Origin.COMPUTED
+    assert any(item.origin is Origin.MEASURED for item in result)
+    assert all("graupner" in item.name for item in nearest(TABLES, parse_query(["11x7", "graupner"])))
 
 
 def thrust_ratio(base: Table, other: Table, J: tuple[float, float]) -> float:
     """Mean logarithm of thrusts at one airspeed and speed of rotation, from thrusts in newtons."""
     rpm = np.clip(np.mean(base.rpm), *other.rpm)
     n, V = rpm / 60, np.linspace(*J, 15) * rpm / 60 * base.propeller.diameter_m
-    one, two = (table.propeller.thrust_and_power(V, np.full(V.shape, n), 1.2)[0] for table in (base, other))
-    return float(np.mean(np.log(np.maximum(two / one, 0.05))))
+    item, two = (table.propeller.thrust_and_power(V, np.full(V.shape, n), 1.2)[0] for table in (base, other))
+    return float(np.mean(np.log(np.maximum(two / item, 0.05))))
 
 
 @pytest.mark.slow
@@ -138,11 +140,11 @@ def test_each_measured_table_as_if_it_were_missing_lies_in_the_interval_said(
 ) -> None:
     """95 % of the 29 tables of any make, and 12 of the 13 of one series."""
     inside, scale_z = 0, []
-    asked = [one for one in MEASURED if words == ("nobody",) or one.series == "APC thin electric"]
-    for left_out in asked:
-        rest = [one for one in TABLES if (one.series, one.size) != (left_out.series, left_out.size)]
+    requests = [table for table in MEASURED if words == ("nobody",) or table.series == "APC thin electric"]
+    for left_out in requests:
+        rest = [table for table in TABLES if (table.series, table.size) != (left_out.series, left_out.size)]
         query = Query(words, left_out.diameter_in, left_out.pitch_in)
-        base = next(one for one in nearest(rest, query) if one.origin is Origin.MEASURED)
+        base = next(item for item in nearest(rest, query) if item.origin is Origin.MEASURED)
         cost = cost_of(base, query, rest)
         ratio = thrust_ratio(base, left_out, cost.J)
         inside += cost.thrust[0] <= math.expm1(ratio) <= cost.thrust[1]
@@ -167,13 +169,13 @@ def test_a_computed_table_is_said_to_be_off_as_much_as_computed_ones_were_found(
     query = parse_query(["13x8"])
     base = nearest(TABLES, query)[0]
     cost = cost_of(base, query, TABLES)
-    found = []
-    for computed in (one for one in TABLES if one.name.endswith("-computed")):
+    results = []
+    for computed in (table for table in TABLES if table.name.endswith("-computed")):
         for measured in MEASURED:
             if (measured.series, measured.size) == (computed.series, computed.size):
-                found.append(math.expm1(thrust_ratio(computed, measured, flight_J(computed))))
-    assert cost.compared == len(found) == 18 and cost.per_inch is None
-    assert cost.thrust[0] < min(found) < -0.1 and max(found) < cost.thrust[1]
+                results.append(math.expm1(thrust_ratio(computed, measured, flight_J(computed))))
+    assert cost.compared == len(results) == 18 and cost.per_inch is None
+    assert cost.thrust[0] < min(results) < -0.1 and max(results) < cost.thrust[1]
     assert cost.thrust_scale > 0.1 and cost.thrust_slope > 0.3
     of_measured = cost_of(named("apc-11x7e"), parse_query(["11x7"]), TABLES)
     assert of_measured.thrust == (0, 0) and of_measured.thrust_scale == pytest.approx(0.018)
@@ -198,9 +200,9 @@ def test_a_computed_table_is_as_uncertain_as_others_that_were_measured_too() -> 
     """17 % of thrust and 0.58 of its slope, unless the aircraft file says what it is; a measured table is as it was."""
     computed, measured = named("apc-10x5e-computed").propeller, named("apc-10x5e").propeller
     usual = Uncertainty()
-    found, note = with_table_error(usual, (), computed)
-    assert (found.thrust_scale_fraction, found.thrust_slope) == pytest.approx((0.17, 0.58), abs=0.01)
-    assert replace(found, thrust_scale_fraction=0.018, thrust_slope=0.15) == usual and "17 %" in note
+    result, note = with_table_error(usual, (), computed)
+    assert (result.thrust_scale_fraction, result.thrust_slope) == pytest.approx((0.17, 0.58), abs=0.01)
+    assert replace(result, thrust_scale_fraction=0.018, thrust_slope=0.15) == usual and "17 %" in note
     stated, note = with_table_error(usual, ("uncertainty.thrust_scale",), computed)
     assert (stated.thrust_scale_fraction, stated.thrust_slope) == pytest.approx((0.018, 0.58), abs=0.01) and note
     both = ("uncertainty.thrust_scale", "uncertainty.thrust_slope")

@@ -61,7 +61,7 @@ def test_every_command_tells_the_version(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("analyze", "--help"), "--weight"),
         (("calibrate", "probe", "--help"), "--angle-scale"),
@@ -70,9 +70,9 @@ def test_every_command_tells_the_version(
         (("new", "aircraft", "--help"), "--like"),
     ],
 )
-def test_each_command_is_under_it(arguments: tuple[str, ...], said: str) -> None:
+def test_each_command_is_under_it(arguments: tuple[str, ...], message: str) -> None:
     outcome = flightpower(*arguments)
-    assert outcome.returncode == 0 and said in outcome.stdout
+    assert outcome.returncode == 0 and message in outcome.stdout
 
 
 def test_bad_input_is_one_line_under_it_too(tmp_path: Path) -> None:
@@ -166,11 +166,11 @@ def test_a_command_computes_in_one_thread_unless_the_user_asks_for_more(name: st
         f"print('numpy' in sys.modules, len(os.listdir('{THREADS}')))"
     )
     unset = {key: value for key, value in os.environ.items() if not key.endswith("_NUM_THREADS")}
-    said = [
+    output = [
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True).stdout
         for environment in (unset, unset | {"OMP_NUM_THREADS": "2"})
     ]
-    assert [one.splitlines()[-1] for one in said] == ["True 1", "True 2" if (os.cpu_count() or 1) > 1 else "True 1"]
+    assert [item.splitlines()[-1] for item in output] == ["True 1", "True 2" if (os.cpu_count() or 1) > 1 else "True 1"]
 
 
 @pytest.mark.parametrize("name", ["analyze", "flightpower analyze"])
@@ -186,4 +186,4 @@ def test_the_report_keeps_the_command_as_it_was_typed(name: str, monkeypatch: py
     monkeypatch.setattr(sys, "argv", typed)
     with pytest.raises(SystemExit):
         getattr(scripts, typed[0])()
-    assert [shlex.split(one) for one in kept] == [typed]
+    assert [shlex.split(command_line) for command_line in kept] == [typed]

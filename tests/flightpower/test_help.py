@@ -32,11 +32,11 @@ APPLICATIONS = {
 
 def commands() -> list[tuple[str, str]]:
     """(application, its command); the command is empty for the application itself."""
-    found = [(name, "") for name in APPLICATIONS]
+    results = [(name, "") for name in APPLICATIONS]
     for name, app in APPLICATIONS.items():
         several = getattr(typer.main.get_command(app), "commands", {})
-        found += [(name, command) for command in several]
-    return found
+        results += [(name, command) for command in several]
+    return results
 
 
 def help_of(name: str, command: str) -> str:
@@ -74,13 +74,13 @@ def test_help_says_where_the_shipped_propellers_are_listed() -> None:
 
 
 def test_plans_are_by_default_those_that_the_page_on_flying_tells() -> None:
-    told = (Path(__file__).parents[2] / "docs" / "use" / "flying.md").read_text("utf-8")
-    found = re.search(r"For the Nexstar, (\d+) minutes and legs .* \(`flightpower plan nexstar --leg", told)
-    legs = re.search(r"(\d+) m in line of sight, (\d+) m with an autopilot unless", told)
-    load = re.search(r"largest load factor while porpoising, (\d) unless", told)
-    assert found and legs and load
-    default = {name: one.default for name, one in signature(plan.PlanOptions).parameters.items()}
-    assert default["minutes"] == float(found[1]) and default["load_factor"] == float(load[1])
+    text = (Path(__file__).parents[2] / "docs" / "use" / "flying.md").read_text("utf-8")
+    match = re.search(r"For the Nexstar, (\d+) minutes and legs .* \(`flightpower plan nexstar --leg", text)
+    legs = re.search(r"(\d+) m in line of sight, (\d+) m with an autopilot unless", text)
+    load = re.search(r"largest load factor while porpoising, (\d) unless", text)
+    assert match and legs and load
+    default = {name: parameter.default for name, parameter in signature(plan.PlanOptions).parameters.items()}
+    assert default["minutes"] == float(match[1]) and default["load_factor"] == float(load[1])
     assert [plan.PlanOptions(pilot=pilot).longest_leg_m for pilot in plan.PilotKind] == [
         float(leg) for leg in legs.groups()
     ]

@@ -29,7 +29,7 @@ def test_the_program_on_the_page_imports_names_that_exist_and_calls_what_they_ta
     (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     imported = next(node for node in ast.parse(program).body if getattr(node, "module", "") == "flightpower")
     assert isinstance(imported, ast.ImportFrom)
-    assert {one.name for one in imported.names} <= {*flightpower.__all__}
+    assert {item.name for item in imported.names} <= {*flightpower.__all__}
 
 
 def test_the_program_on_the_page_is_the_one_whose_types_are_checked() -> None:
@@ -49,7 +49,7 @@ def test_a_module_of_the_user_with_the_name_of_a_part_is_not_in_the_way(name: st
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "said"),
+    ("name", "value", "message"),
     [
         ("weight_N", "3.9 kg", "give a number above zero"),
         ("weight_N", -3.0, "give a number above zero"),
@@ -59,8 +59,8 @@ def test_a_module_of_the_user_with_the_name_of_a_part_is_not_in_the_way(name: st
         ("usable", 0.8, "give a text, as to the command, such as '0.8'"),
     ],
 )
-def test_an_option_of_the_wrong_kind_is_one_line(name: str, value: object, said: str) -> None:
-    with pytest.raises(flightpower.InputError, match=rf"^Options: {name} = .*{said}"):
+def test_an_option_of_the_wrong_kind_is_one_line(name: str, value: object, message: str) -> None:
+    with pytest.raises(flightpower.InputError, match=rf"^Options: {name} = .*{message}"):
         flightpower.Options(**{name: value})  # type: ignore[arg-type]
 
 

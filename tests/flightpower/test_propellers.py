@@ -64,9 +64,9 @@ def test_the_nearest_are_told_with_what_they_may_cost(run) -> None:
     code, out, _ = run("11x7.2", "apc", "thin")
     assert code == 1 and "+0.2 in pitch" in out and "thrust_scale = " in out and "An inch of diameter" in out
     code, text, _ = run("11x7.2", "apc", "thin", "--json")
-    said = json.loads(text)
-    assert code == 1 and said["tables"] == [] and said["nearest"][0]["name"] == "apc-11x7e"
-    cost = said["costs"][0]
+    content = json.loads(text)
+    assert code == 1 and content["tables"] == [] and content["nearest"][0]["name"] == "apc-11x7e"
+    cost = content["costs"][0]
     assert f'thrust_scale = "{100 * cost["thrust_scale"]:.0f} %"' in out
     assert cost["thrust"][0] < 0 < cost["thrust"][1] and cost["per_inch"][0] > 0
 
@@ -95,7 +95,7 @@ def test_a_downloaded_folder_is_searched_and_turned_into_own_tables(run, downloa
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("xoar",), "no table of xoar"),
         (("55",), "in inches"),
@@ -105,6 +105,6 @@ def test_a_downloaded_folder_is_searched_and_turned_into_own_tables(run, downloa
         (("11x7", "--folder", "none"), "no folder"),
     ],
 )
-def test_what_is_wrong_is_one_line(run, words: tuple[str, ...], said: str) -> None:
+def test_what_is_wrong_is_one_line(run, words: tuple[str, ...], message: str) -> None:
     code, out, err = run(*words)
-    assert code == 2 and not out and err.startswith("error: ") and err.count("\n") == 1 and said in err
+    assert code == 2 and not out and err.startswith("error: ") and err.count("\n") == 1 and message in err

@@ -386,8 +386,8 @@ def give(folder: Path) -> None:
         "sim fly --plan stand.toml --no-hardware --probe probe.json -o flown",
         "flightpower new tray -o tray.toml",
     ):
-        code, _, said = typed(line)
-        assert code == 0, said
+        code, _, message = typed(line)
+        assert code == 0, message
     Path("stood.mcap").write_bytes(Path("flown/log.mcap").read_bytes())
     Path("torn.mcap").write_bytes(Path("flown/log.mcap").read_bytes()[:3000])
     from tests.chain.running import rewritten

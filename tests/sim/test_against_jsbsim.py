@@ -122,19 +122,19 @@ def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, maneuver):
     fdm = other(
         AircraftState(**x)._replace(down=-100.0, elevator=elevator, aileron=aileron, rudder=rudder, motor=motor)
     )
-    found = [state(fdm)]
+    results = [state(fdm)]
     for before, after in pairwise(controls):
         for i in range(STEPS):
             # Halfway through the step that follows, as good as a linear course within it.
             steer(fdm, *(before + (after - before) * (i + 0.5) / STEPS))
             fdm.run()
         steer(fdm, *after)
-        found.append(state(fdm))
-    V, alpha, _ = np.array(found).T
+        results.append(state(fdm))
+    V, alpha, _ = np.array(results).T
     assert np.ptp(truth["V_mps"] if maneuver == RUN else np.rad2deg(truth["alpha_rad"])) > 4
     assert np.max(np.abs(V / truth["V_mps"] - 1)) < 0.01
     assert np.max(np.abs(np.rad2deg(alpha - truth["alpha_rad"]))) < 0.2
     # JSBSim says the thrust of the step before: power is compared with the speed and motor of each instant.
     power = truth["thrust_N"].to_numpy() * truth["V_mps"].to_numpy()
-    first_order_lag = np.array(found)[1:, 2]
+    first_order_lag = np.array(results)[1:, 2]
     assert np.max(np.abs(first_order_lag / power[1:] - 1)) < 0.01

@@ -32,7 +32,7 @@ def test_spectra_are_those_of_the_standard():
     for omega in omegas:
         response = C @ np.linalg.solve(1j * omega * np.eye(N) - A, B) + D
         # Unit two-sided intensity in time is 1/(pi) one-sided in angular frequency, V/pi in spatial.
-        found = np.sum(np.abs(response) ** 2, axis=1) * V / np.pi
+        result = np.sum(np.abs(response) ** 2, axis=1) * V / np.pi
         Om = omega / V
 
         def lateral(sigma, L, Om=Om):
@@ -43,7 +43,7 @@ def test_spectra_are_those_of_the_standard():
         p = s.sigma_w**2 / s.L_w * 0.8 * (np.pi * s.L_w / (4 * SPAN)) ** (1 / 3) / (1 + (4 * SPAN * Om / np.pi) ** 2)
         q = Om**2 / (1 + (4 * SPAN * Om / np.pi) ** 2) * w
         r = Om**2 / (1 + (3 * SPAN * Om / np.pi) ** 2) * v
-        assert np.allclose(found, [u, v, w, p, q, r], rtol=1e-10)
+        assert np.allclose(result, [u, v, w, p, q, r], rtol=1e-10)
 
 
 def test_variances_are_those_of_the_standard():

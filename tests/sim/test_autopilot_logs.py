@@ -116,11 +116,11 @@ def test_the_board_that_logged_is_known_by_a_hash_of_its_number(
     tmp_path: Path, flight, errors, write, read, name, faults
 ) -> None:
     """The hash is equal in all flights of an installation, and differs between installations."""
-    path, found, another = tmp_path / name, [], draw(load_budget("none"), 1)
+    path, vehicles, another = tmp_path / name, [], draw(load_budget("none"), 1)
     for drawn in (errors, of_installation(another, errors), another):
         write(path, flight, FlightSensorTruth(flight, drawn), drawn, faults)
-        found.append(read(path).vehicle)
-    assert found[0] == found[1] != found[2] and all(len(one) == 8 for one in found)
+        vehicles.append(read(path).vehicle)
+    assert vehicles[0] == vehicles[1] != vehicles[2] and all(len(vehicle) == 8 for vehicle in vehicles)
 
 
 def test_a_log_that_does_not_say_its_board_has_none(tmp_path: Path, flight, errors) -> None:

@@ -106,10 +106,10 @@ def test_a_weight_on_the_boom_pitches_the_aircraft_and_bends_the_boom() -> None:
     at_rest = np.interp(13.0, t, motion.attitude[:, 1])
     assert at_rest - STANDING[1] == pytest.approx(-0.002 * 0.1 * 9.80665, rel=1e-3)
     assert np.abs(motion.rates[:, 1]).max() > 0.1  # the hand that hangs it
-    without, one, two, after = segment.tip_rad(0.01)
+    without, item, two, after = segment.tip_rad(0.01)
     assert without == after == 0.0
-    assert one == pytest.approx(-0.01 * 0.1 / 0.05 - 0.002 * 0.1 * 9.80665)
-    assert two == pytest.approx(2 * one)
+    assert item == pytest.approx(-0.01 * 0.1 / 0.05 - 0.002 * 0.1 * 9.80665)
+    assert two == pytest.approx(2 * item)
     with pytest.raises(InputError, match="give the weights"):
         BoomWeightsSegment(mass_kg=()).check()
 
@@ -136,18 +136,18 @@ def test_deflected_surfaces_are_held_and_their_pulses_are_those_of_the_aircraft_
 @pytest.mark.parametrize(("diameter_mm", "cavity_mm3"), [(0.3, 20), (0.42, 20), (0.8, 500)])
 def test_the_response_of_a_line_has_its_lag(diameter_mm: float, cavity_mm3: float) -> None:
     line = PneumaticLine(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=cavity_mm3 * 1e-9)
-    found = step_response(line, *GROUND_AIR)
-    assert found.value[0] == pytest.approx(0.0, abs=1e-6) and found.value[-1] == pytest.approx(1.0, abs=1e-3)
-    assert np.trapezoid(1 - found.value, found.t_s) == pytest.approx(time_constant_s(line, *GROUND_AIR), rel=5e-3)
+    response = step_response(line, *GROUND_AIR)
+    assert response.value[0] == pytest.approx(0.0, abs=1e-6) and response.value[-1] == pytest.approx(1.0, abs=1e-3)
+    assert np.trapezoid(1 - response.value, response.t_s) == pytest.approx(time_constant_s(line, *GROUND_AIR), rel=5e-3)
 
 
 @pytest.mark.parametrize("diameter_mm", [0.3, 0.42])
 def test_the_response_is_that_of_bergh_and_tijdeman(diameter_mm: float) -> None:
     """Two independent models: cells with inertia here, Bessel functions of the frequency there."""
     line = PneumaticLine(length_m=0.9, diameter_m=diameter_mm * 1e-3, cavity_m3=20e-9)
-    found, gas = step_response(line, *GROUND_AIR), air(*GROUND_AIR)
-    expected = 1 - through(line, gas)(low_frequency_lag_s([line], gas))(found.t_s)
-    assert np.abs(found.value - expected).max() < 0.03
+    response, gas = step_response(line, *GROUND_AIR), air(*GROUND_AIR)
+    expected = 1 - through(line, gas)(low_frequency_lag_s([line], gas))(response.t_s)
+    assert np.abs(response.value - expected).max() < 0.03
 
 
 def test_bursts_on_a_narrow_line_show_the_lag_of_the_simulator() -> None:
@@ -166,12 +166,12 @@ def test_bursts_on_a_narrow_line_show_the_lag_of_the_simulator() -> None:
     assert true_s == pytest.approx(17.5e-3, rel=0.02)
     steps, noise = find_steps(t, pressure)
     assert len(steps) == 8
-    found = fit_lag(steps, noise, through(line, air(static, temperature)))
-    assert found.lo_s < true_s < found.hi_s < 1.1 * true_s
+    lag = fit_lag(steps, noise, through(line, air(static, temperature)))
+    assert lag.lo_s < true_s < lag.hi_s < 1.1 * true_s
 
 
 @pytest.mark.parametrize(
-    ("segment", "said"),
+    ("segment", "message"),
     [
         ('kind = "deflect"\nsurface = "elevator"\nangle = ["30 deg"]', "beyond the elevator's travel, -22.0 to 21.0"),
         ('kind = "deflect"\nsurface = "flap"\nangle = ["3 deg"]', "not one of elevator, aileron, rudder"),
@@ -182,9 +182,9 @@ def test_bursts_on_a_narrow_line_show_the_lag_of_the_simulator() -> None:
         ('kind = "turn-by-hand"\nseconds = "5 s"', "seconds"),
     ],
 )
-def test_what_cannot_be_done_is_refused(nexstar, segment: str, said: str) -> None:
+def test_what_cannot_be_done_is_refused(nexstar, segment: str, message: str) -> None:
     (bench,) = parse_plan(f"[[segment]]\n{segment}\n", "mine").segments
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         bench.check()
         bench.columns(plant_of(nexstar), np.arange(0.0, bench.duration_s, DT))
 

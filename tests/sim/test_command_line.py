@@ -72,8 +72,8 @@ def test_fly_writes_truth_curve_tray_and_log(sim, tmp_path):
     assert log.attachments["probe.json"] == (resources.files("flightpower.sim") / "data" / "probe.json").read_bytes()
 
     before = (out / "log.mcap").read_bytes()
-    code, said = sim("fly", "--plan", "short.toml", "-o", "out")
-    assert code == 2 and "already contains" in said and (out / "log.mcap").read_bytes() == before
+    code, message = sim("fly", "--plan", "short.toml", "-o", "out")
+    assert code == 2 and "already contains" in message and (out / "log.mcap").read_bytes() == before
     code, _ = sim("fly", "--plan", "short.toml", "-o", "out", "--replace")
     assert code == 0 and (out / "log.mcap").read_bytes() != before
 
@@ -98,8 +98,8 @@ def test_another_probe_calibration_is_not_replaced_but_can_be_given(sim, tmp_pat
     (tmp_path / "out").mkdir()
     mine = tmp_path / "out" / "probe.json"
     mine.write_text('{"format": "mine"}')
-    code, said = sim("fly", "--no-hardware", "--plan", "short.toml", "-o", "out")
-    assert code == 2 and "another calibration" in said and "--probe" in said
+    code, message = sim("fly", "--no-hardware", "--plan", "short.toml", "-o", "out")
+    assert code == 2 and "another calibration" in message and "--probe" in message
     code, _ = sim("fly", "--no-hardware", "--plan", "short.toml", "--probe", str(mine), "-o", "out")
     assert code == 0 and read_log(tmp_path / "out" / "log.mcap").attachments["probe.json"] == mine.read_bytes()
 
@@ -107,13 +107,13 @@ def test_another_probe_calibration_is_not_replaced_but_can_be_given(sim, tmp_pat
 def test_a_real_log_is_never_replaced(sim, tmp_path):
     (tmp_path / "flight").mkdir()
     (tmp_path / "flight" / "log.mcap").write_bytes(b"a day's work")
-    code, said = sim("fly", "--plan", "short.toml", "-o", "flight", "--replace")
-    assert code == 2 and "not a simulated flight" in said
+    code, message = sim("fly", "--plan", "short.toml", "-o", "flight", "--replace")
+    assert code == 2 and "not a simulated flight" in message
     assert (tmp_path / "flight" / "log.mcap").read_bytes() == b"a day's work"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "expected"),
     [
         (["fly", "-o", "out", "--aircraft", "spitfire"], "spitfire"),
         (["fly", "-o", "out", "--plan", "missing.toml"], "missing.toml"),
@@ -137,10 +137,10 @@ def test_a_real_log_is_never_replaced(sim, tmp_path):
         (["plot", "short.toml", "-o", "x.html"], "short.toml"),
     ],
 )
-def test_bad_input_is_one_line_and_code_2(sim, tmp_path, arguments, said):
+def test_bad_input_is_one_line_and_code_2(sim, tmp_path, arguments, expected):
     code, err = sim(*arguments)
     assert code == 2
-    assert said in err and "\n" not in err and err.startswith("sim: ")
+    assert expected in err and "\n" not in err and err.startswith("sim: ")
     assert not (tmp_path / "out").exists()
 
 
@@ -153,15 +153,15 @@ def test_trim_modes_and_plot(sim, tmp_path, flight):
     write_truth(tmp_path / "truth.parquet", flight.truth, flight.metadata, flight.power_required)
     assert sim("plot", ".", "-o", "flight.html")[0] == 0
     assert (tmp_path / "flight.html").stat().st_size > 100_000
-    code, said = sim("plot", ".", "-o", "flight.html")
-    assert code == 2 and "exists already" in said
+    code, message = sim("plot", ".", "-o", "flight.html")
+    assert code == 2 and "exists already" in message
 
 
 def test_tunnel(sim, tmp_path):
     assert sim("tunnel", "-o", "tunnel.csv")[0] == 0
     first = (tmp_path / "tunnel.csv").read_bytes()
-    code, said = sim("tunnel", "-o", "tunnel.csv", "--seed", "2")
-    assert code == 2 and "exists already" in said and (tmp_path / "tunnel.csv").read_bytes() == first
+    code, message = sim("tunnel", "-o", "tunnel.csv", "--seed", "2")
+    assert code == 2 and "exists already" in message and (tmp_path / "tunnel.csv").read_bytes() == first
 
 
 def test_a_world_flies_and_its_log_has_the_table_that_the_analysis_gets(sim, tmp_path):
@@ -171,7 +171,7 @@ def test_a_world_flies_and_its_log_has_the_table_that_the_analysis_gets(sim, tmp
     assert metadata["world"] == "short-table"
     text = read_log(tmp_path / "out" / "log.mcap").attachments["propeller.csv"].decode()
     assert min(float(line.split(",")[2]) for line in text.splitlines() if line[0].isdigit()) >= 0.035
-    code, said = sim("fly", "--plan", "short.toml", "--world", "weight", "--errors", "bench", "-o", "again")
-    assert code == 2 and "--world" in said
-    code, said = sim("fly", "--plan", "short.toml", "--world", "atlantis", "-o", "again")
-    assert code == 2 and "short-table" in said
+    code, message = sim("fly", "--plan", "short.toml", "--world", "weight", "--errors", "bench", "-o", "again")
+    assert code == 2 and "--world" in message
+    code, message = sim("fly", "--plan", "short.toml", "--world", "atlantis", "-o", "again")
+    assert code == 2 and "short-table" in message

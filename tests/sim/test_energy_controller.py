@@ -24,11 +24,11 @@ DT = 0.02
 
 def settled(*seen: Observation, height_m: float = 80.0, speed_mps: float = 15.0) -> tuple[float, float]:
     """Pitch and throttle after observations of which each lasts two seconds."""
-    controller, found = EnergyController(CRUISE, DT), (0.0, 0.0)
-    for one in seen:
-        for observation in repeat(one, round(2 / DT)):
-            found = controller.command(observation, height_m, 0.0, speed_mps)
-    return found
+    controller, command = EnergyController(CRUISE, DT), (0.0, 0.0)
+    for item in seen:
+        for observation in repeat(item, round(2 / DT)):
+            command = controller.command(observation, height_m, 0.0, speed_mps)
+    return command
 
 
 def test_level_flight_at_the_wanted_speed_is_the_trim_of_cruise() -> None:

@@ -70,9 +70,9 @@ def test_what_nobody_knows_on_the_ground_is_nan(flight):
 
 def test_same_seed_same_flight(nexstar):
     text = AIRBORNE_HEAD + '[air]\nturbulence = "6 m/s"\n[[segment]]\nkind = "hold"\nduration = "3 s"\n'
-    one, again, other = (fly_text(nexstar, text, seed=s).truth for s in (1, 1, 2))
-    pd.testing.assert_frame_equal(one, again)
-    assert not np.allclose(one["V_mps"], other["V_mps"], atol=0.01)
+    item, again, other = (fly_text(nexstar, text, seed=s).truth for s in (1, 1, 2))
+    pd.testing.assert_frame_equal(item, again)
+    assert not np.allclose(item["V_mps"], other["V_mps"], atol=0.01)
 
 
 @pytest.mark.parametrize("name", shipped_plans())
@@ -226,7 +226,7 @@ def test_what_is_no_truth_file_says_so(tmp_path, content):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         (
             '[[segment]]\nkind = "hold"\nduration = "5 s"\nspeed = "9 m/s"\n',
@@ -245,8 +245,8 @@ def test_what_is_no_truth_file_says_so(tmp_path, content):
         ('[[segment]]\nkind = "stand"\nduration = "1 s"\n[[segment]]\nkind = "turn"\n', "segment 2.*on the ground"),
     ],
 )
-def test_a_plan_that_cannot_be_flown_says_what_and_the_limit(nexstar, text, said):
-    with pytest.raises(InputError, match=said) as caught:
+def test_a_plan_that_cannot_be_flown_says_what_and_the_limit(nexstar, text, expected):
+    with pytest.raises(InputError, match=expected) as caught:
         fly_text(nexstar, text)
     assert "\n" not in str(caught.value)
 
@@ -261,7 +261,7 @@ def test_a_flight_that_diverges_stops_with_time_and_state(nexstar):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ("", "has no"),
         ('[[segment]]\nkind = "loop"\n', "loop.*is not one of"),
@@ -280,8 +280,8 @@ def test_a_flight_that_diverges_stops_with_time_and_state(nexstar):
         ("segment = 3\n", "has no"),
     ],
 )
-def test_a_broken_plan_is_one_clear_line(text, said):
-    with pytest.raises(InputError, match=said) as caught:
+def test_a_broken_plan_is_one_clear_line(text, expected):
+    with pytest.raises(InputError, match=expected) as caught:
         parse_plan(text, "mine")
     assert str(caught.value).startswith("plan mine") or "pilot" in str(caught.value)
     assert "\n" not in str(caught.value)

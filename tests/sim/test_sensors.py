@@ -318,10 +318,10 @@ def test_each_systematic_error_shows_where_it_should(flight, perfect, flown):
     assert np.allclose(np.sqrt(ratio), 1 + fast._errors.values.V_scale)
 
     biased = felt_with(flight, systematic={"accel_bias_mps2": 0.3, "gyro_bias_radps": 0.01}, seed=1)
-    for one, other, bias in zip(
+    for item, other, bias in zip(
         biased.imu(t), perfect.imu(t), (biased._errors.accel_bias, biased._errors.gyro_bias), strict=True
     ):
-        assert np.allclose(one - other, bias)
+        assert np.allclose(item - other, bias)
 
     turned = felt_with(flight, systematic={"imu_misalignment_rad": 0.01}, seed=1)
     assert np.allclose(np.linalg.norm(turned.imu(t)[0], axis=1), np.linalg.norm(perfect.imu(t)[0], axis=1))
@@ -365,14 +365,14 @@ def test_a_motor_that_stopped_with_its_propeller_anywhere_does_not_push(flight):
 
 def test_the_harsh_budget_has_the_sizes_of_the_study():
     s = load_budget("harsh").systematic
-    found = (np.rad2deg(s.alpha_offset_rad), s.accel_bias_mps2, np.rad2deg(s.imu_misalignment_rad), s.gyro_bias_radps)
-    assert found == pytest.approx((1.5, 0.3, 0.5, 0.01))
+    result = (np.rad2deg(s.alpha_offset_rad), s.accel_bias_mps2, np.rad2deg(s.imu_misalignment_rad), s.gyro_bias_radps)
+    assert result == pytest.approx((1.5, 0.3, 0.5, 0.01))
     assert (s.thrust_scale, s.V_scale, s.lag_s) == (0.03, 0.02, 0.02)
     assert s.alpha_scale > 0 and s.thrust_slope_J > 0
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "expected"),
     [
         ('[noise]\naccel = "1 m"\n', "accel"),
         ("[noise]\naccell = 1\n", "accell"),
@@ -380,10 +380,10 @@ def test_the_harsh_budget_has_the_sizes_of_the_study():
         ("[noise\n", "TOML"),
     ],
 )
-def test_a_broken_budget_is_one_clear_line(tmp_path, text, said):
+def test_a_broken_budget_is_one_clear_line(tmp_path, text, expected):
     path = tmp_path / "mine.toml"
     path.write_text(text, "utf-8")
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=expected) as caught:
         load_budget(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 

@@ -66,13 +66,13 @@ def test_required_power_is_that_of_the_polar(plant, trimmer):
     expected = q * S * V * drag_coefficient(W / (q * S), CD0=aero.CD0, K=aero.K, CL_minD=aero.CL_minD)
     assert np.allclose(CL, W / (q * S), rtol=1e-9)
     assert np.allclose(power, expected, rtol=2e-4)  # tanh of 4 widths from the stall
-    for one, P in zip(V, power, strict=True):
-        trim = trimmer.solve(V=one, climb=0.0)
+    for item, P in zip(V, power, strict=True):
+        trim = trimmer.solve(V=item, climb=0.0)
         now, _ = trimmer.plant.instant(trim.state(), trim.commands)
         flown, _, _ = power_required(
-            plant, np.array([one]), density=trimmer.density, weight_N=now.CL * one**2 * trimmer.density / 2 * S
+            plant, np.array([item]), density=trimmer.density, weight_N=now.CL * item**2 * trimmer.density / 2 * S
         )
-        assert now.train.thrust_N * np.cos(now.alpha) * one == pytest.approx(flown[0], rel=1e-3)
+        assert now.train.thrust_N * np.cos(now.alpha) * item == pytest.approx(flown[0], rel=1e-3)
         assert flown[0] == pytest.approx(P, rel=0.05)
 
 
@@ -109,8 +109,8 @@ def test_the_phugoid_has_lanchesters_period(name):
     lanchester = np.pi * np.sqrt(2) * V / g
 
     def undamped(p):
-        found = next(m for m in modes(p, Trimmer(p, 100.0).solve(V=V, climb=0.0)) if m.name == "phugoid")
-        return 2 * np.pi / found.natural_frequency_radps
+        result = next(m for m in modes(p, Trimmer(p, 100.0).solve(V=V, climb=0.0)) if m.name == "phugoid")
+        return 2 * np.pi / result.natural_frequency_radps
 
     aero, geometry = plant.aero, plant.aircraft.geometry
     relative_density = trimmer.density * geometry.wing_area_m2 * geometry.chord_m / (4 * plant.mass_kg)

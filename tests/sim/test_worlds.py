@@ -81,7 +81,7 @@ def test_the_aircraft_file_states_what_the_world_does(name):
 
 
 def test_every_key_of_uncertainty_reaches_the_aircraft_file():
-    doubled = Uncertainty(**{one.name: 2 * one.default + 0.25 for one in fields(Uncertainty)})
+    doubled = Uncertainty(**{field.name: 2 * field.default + 0.25 for field in fields(Uncertainty)})
     world = replace(load_world("study"), uncertainty=doubled)
     for aircraft in ("nexstar", "light-1kg"):  # with a section [uncertainty] of its own, and without
         stated = parse_aircraft(world.aircraft_text(load_aircraft(aircraft).text), "aircraft.toml").uncertainty

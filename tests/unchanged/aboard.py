@@ -64,10 +64,11 @@ def monitored(log: Log, aircraft: Aircraft, probe: ProbeMaps | None, speed: floa
     speeds = np.linspace(10.0, 24.0, 8)
     fields = ("t_s", "V", "height_m", "bank", "complete")
     return {
-        "motion": {name: [getattr(one, name) for one in moved] for name in fields},
-        "drag": np.array([one.drag for one in moved]).T.tolist(),
+        "motion": {name: [getattr(item, name) for item in moved] for name in fields},
+        "drag": np.array([item.drag for item in moved]).T.tolist(),
         "verdicts": [
-            {name: getattr(one, name) for name in ("kind", "start_s", "end_s", "reason", "text")} for one in verdicts
+            {name: getattr(verdict, name) for name in ("kind", "start_s", "end_s", "reason", "text")}
+            for verdict in verdicts
         ],
         "runs": [monitor.runs, monitor.slowest_mps, monitor.fastest_mps],
         "polar": monitor.energy.polar(),
@@ -96,7 +97,7 @@ def telemetry() -> Contents:
         (sample for tick, samples in ticks_of(log) if 100 < tick < 400 for sample in samples),
         ticks=299, seconds=12.0, unix_ns=0,
     )  # fmt: skip
-    found: Contents = {"zero": zero}
+    contents: Contents = {"zero": zero}
     for name, config, probe, known in (
         ("alone", TelemetryConfig(to="udp:127.0.0.1:14550"), probe_of(log), zero),
         ("with an autopilot", TelemetryConfig(to="udp:127.0.0.1:14550", vehicle=False), None, None),
@@ -118,8 +119,8 @@ def telemetry() -> Contents:
                 for message in parser.parse_buffer(packet) or ():
                     fields = message.to_dict()
                     sent[f"{fields.pop('mavpackettype')} {fields.pop('name', '')}"].append(fields)
-        found[name] = sent
-    return found
+        contents[name] = sent
+    return contents
 
 
 def thrust() -> Contents:
@@ -136,16 +137,16 @@ def thrust() -> Contents:
 def rest() -> Contents:
     """Readings on the ground and in the air, as those of an aircraft at rest."""
     log = log_of(commands.demo_log)
-    found: Contents = {"height": [rest_check.standard_height_m(p) for p in (70e3, 95e3, 104e3)]}
+    contents: Contents = {"height": [rest_check.standard_height_m(p) for p in (70e3, 95e3, 104e3)]}
     for name, first in (("on the ground", 100), ("in the air", 1500)):
         messages = {
             topic: [entry.message for entry in entries if first <= entry.tick < first + 100]
             for topic, entries in log.entries.items()
         }
-        found[name] = {topic: rest_check.rest_problem(of_topic) for topic, of_topic in messages.items()}
-        found[f"{name}, height"] = rest_check.height_comparison(messages)
-        found[f"{name}, barometers"] = rest_check.barometer_comparison(messages)
-    return found
+        contents[name] = {topic: rest_check.rest_problem(of_topic) for topic, of_topic in messages.items()}
+        contents[f"{name}, height"] = rest_check.height_comparison(messages)
+        contents[f"{name}, barometers"] = rest_check.barometer_comparison(messages)
+    return contents
 
 
 CASES = {"run-monitor": run_monitor, "telemetry": telemetry, "thrust": thrust, "at-rest": rest}

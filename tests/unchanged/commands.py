@@ -140,26 +140,26 @@ def pool() -> Contents:
         ):
             (folder / name).mkdir(parents=True)
             (folder / name / "results.json").write_bytes(analysis_of(log, *options)[1]["results.json"])
-        found: dict[str, object] = {"compare": run("analyze", "compare", "a", "b", "-o", "compared")}
+        result: dict[str, object] = {"compare": run("analyze", "compare", "a", "b", "-o", "compared")}
         pooled = pool_results(sorted(folder.glob("[ab]/*/results.json"))).results(left_out=["c: torn"])
         write.write_pooled(pooled, folder / "pooled")
         for name in ("compared", "pooled"):
-            found |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}
-    return found
+            result |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}
+    return result
 
 
 def plans() -> Contents:
-    found: dict[str, object] = {}
+    contents: dict[str, object] = {}
     with new_folder() as folder:
         (folder / "results.json").write_bytes(analysis_of(demo_log())[1]["results.json"])
         for name, options in PLANS.items():
-            found[name] = printed_by("flightpower", "plan", *options, "-o", name)
-            found |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}
-    return found
+            contents[name] = printed_by("flightpower", "plan", *options, "-o", name)
+            contents |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}
+    return contents
 
 
 def autopilot_logs() -> Contents:
-    found: dict[str, object] = {}
+    outcomes: dict[str, object] = {}
     log = flight("ordinary-flight", "--as", "ardupilot", "--seed", "3", "--errors", "study")
     known = flight("ordinary-flight", "--as", "px4", "--log-faults", "pressure-offset,dropouts", "--errors", "study")
     aircraft = ("--aircraft", "nexstar.toml", "--propeller", "apc-12x8e")
@@ -170,10 +170,10 @@ def autopilot_logs() -> Contents:
             ("px4.ulg", known, aircraft),
         ):
             (folder / name).write_bytes(content)
-            found[name] = run("analyze", name, "-o", f"of {name}", *options)
-            found |= {f"{name} {file}": inside for file, inside in of_files(folder / f"of {name}").items()}
-        found["airspeed"] = printed_by("calibrate", "airspeed", "ardupilot.BIN")
-    return found
+            outcomes[name] = run("analyze", name, "-o", f"of {name}", *options)
+            outcomes |= {f"{name} {file}": inside for file, inside in of_files(folder / f"of {name}").items()}
+        outcomes["airspeed"] = printed_by("calibrate", "airspeed", "ardupilot.BIN")
+    return outcomes
 
 
 def exports() -> Contents:
@@ -186,7 +186,7 @@ def exports() -> Contents:
 @cache
 def calibrated() -> tuple[Contents, dict[str, bytes]]:
     """Exit code of each calibration, numbers of those that only print, and all files."""
-    found: dict[str, object] = {}
+    result: dict[str, object] = {}
     with new_folder() as folder:
         for plan in ("tubing-bursts", "magnetometer-turn", "surface-deflections", "transducer-column"):
             (folder / f"{plan}.mcap").write_bytes(flight(plan))
@@ -195,22 +195,22 @@ def calibrated() -> tuple[Contents, dict[str, bytes]]:
         run("sim", "tunnel", "-o", "tunnel.csv")
         run("flightpower", "new", "aircraft", "--like", "nexstar", "-o", "nexstar.toml")
         for i, words in enumerate(CALIBRATIONS):
-            found[f"{i} {words[0]}"] = (run if "-o" in words else printed_by)("calibrate", *words)
+            result[f"{i} {words[0]}"] = (run if "-o" in words else printed_by)("calibrate", *words)
         files = {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix != ".mcap"}
-    return found, files
+    return result, files
 
 
 def calibrations() -> Contents:
-    found, files = calibrated()
+    result, files = calibrated()
     with new_folder() as folder:
         for name, content in files.items():
             (folder / name).write_bytes(content)
-        return found | of_files(folder)
+        return result | of_files(folder)
 
 
 def own_aircraft() -> Contents:
     """An aircraft file with few keys, and all calibrations; then one with long lines that have to be corrected."""
-    found: dict[str, object] = {}
+    outcomes: dict[str, object] = {}
     with new_folder() as folder:
         for name, content in calibrated()[1].items():
             (folder / name).write_bytes(content)
@@ -223,9 +223,9 @@ def own_aircraft() -> Contents:
             ("calibrated", ("--aircraft", "my.toml", *files, "--thrust-stand", "stand.json", "--battery-Wh", "74")),
             ("long lines", ("--aircraft", "long.toml", "--weight", "4.0 kg")),
         ):
-            found[name] = run("analyze", "log.mcap", "-o", name, *options)
-            found[f"{name}, results"] = of_files(folder / name)["results.json"]
-    return found
+            outcomes[name] = run("analyze", "log.mcap", "-o", name, *options)
+            outcomes[f"{name}, results"] = of_files(folder / name)["results.json"]
+    return outcomes
 
 
 PLAN = """
@@ -278,14 +278,14 @@ duration = "10 s"
 
 def option_defaults() -> Contents:
     """What every command does unless it is told otherwise."""
-    found: dict[str, object] = {}
+    option_defaults: dict[str, object] = {}
 
     def collect(program: Any, path: str) -> None:
         for name, inner in getattr(program, "commands", {}).items():
             collect(inner, f"{path} {name}")
         for option in program.params:
             if isinstance(option.default, int | float) and not isinstance(option.default, bool):
-                found[f"{path} {option.name}"] = option.default
+                option_defaults[f"{path} {option.name}"] = option.default
 
     for name, module in {
         **MODULES,
@@ -294,7 +294,7 @@ def option_defaults() -> Contents:
     }.items():
         if name != "sim":
             collect(typer.main.get_command(importlib.import_module(module).app), name)
-    return found
+    return option_defaults
 
 
 MY_AIRCRAFT = """name = "mine"

@@ -73,7 +73,7 @@ def fits() -> Contents:
     spring = fit_filter_error(disturbed.NONLINEAR, disturbed.nonlinear_record(3), disturbed.NONLINEAR_NOISE)
     parts = [disturbed.linear_record(seed, 0.0, f"run {seed}") for seed in (4, 5, 6)]
     from_start = lambda start: fit_output_error(disturbed.LINEAR, still, start=start)  # noqa: E731
-    found: Contents = {
+    contents: Contents = {
         "output error": of_fit(plain),
         "with tails": of_fit(tailed),
         "in a band": of_fit(fit_output_error(unbiased, still, band_Hz=BAND_HZ)),
@@ -93,19 +93,19 @@ def fits() -> Contents:
         "equation error": of_fit(fit_equation_error(disturbed.LINEAR, still, smoothing_s=0.2)),
         "equation error in a band": of_fit(fit_equation_error_in_band(unbiased, still, band_Hz=BAND_HZ)),
         "predicted": [
-            {"response": one.y, "residuals": one.residuals, "agreement": one.agreement}
-            for one in (predict(plain, parts[0]), predict(plain, rough))
+            {"response": prediction.y, "residuals": prediction.residuals, "agreement": prediction.agreement}
+            for prediction in (predict(plain, parts[0]), predict(plain, rough))
         ],
         "cross-validation": {
-            name: one.agreement
-            for name, one in cross_validate(parts, lambda some: fit_output_error(disturbed.LINEAR, some)).items()
+            name: item.agreement
+            for name, item in cross_validate(parts, lambda some: fit_output_error(disturbed.LINEAR, some)).items()
         },
         "halves": [len(half) for half in split(still, 3)],
     }  # fmt: skip
     for name, fit in (("plain", plain), ("rough", fit_output_error(disturbed.LINEAR, rough))):
         corrected = errors.morelli_klein(fit)
         derived = errors.delta_method(corrected, lambda p: np.sqrt(-p.Mal - p.Mq * p.Zal))
-        found[f"errors, {name}"] = {
+        contents[f"errors, {name}"] = {
             "corrected": corrected.covariance,
             "raw": errors.morelli_klein(fit, "raw").covariance,
             "bootstrap": errors.block_bootstrap(fit, block_s=1.0, draws=40).covariance,
@@ -113,7 +113,7 @@ def fits() -> Contents:
             "tests": errors.t_tests(corrected),
             "white": errors.whiteness(fit),
         }
-    return found
+    return contents
 
 
 def signals() -> Contents:
@@ -124,7 +124,7 @@ def signals() -> Contents:
     chosen = [stepwise(candidates, z), orthogonal_functions(candidates, z)]
     return {
         "band": band_matrix(BAND_HZ, 100, 0.04),
-        "chosen": [one._asdict() for one in chosen],
+        "chosen": [item._asdict() for item in chosen],
     }
 
 
@@ -139,7 +139,7 @@ def aircraft() -> Contents:
     input_made = measured("3-2-1-1", fly(18, lambda V, t: 5.0, three_two_one_one, 8), BENCH_NOISE, 3)
     start = aircraft_models.starting_values(NEXSTAR, runs)
     rng = np.random.default_rng(1)
-    found: Contents = {
+    contents: Contents = {
         "start": start,
         "level": [aircraft_models.level_flight_state(run) for run in runs],
         "priors": aircraft_models.Priors(),
@@ -152,16 +152,19 @@ def aircraft() -> Contents:
             rng.uniform(size=(7, 9))  # the stored values had one more model, of seven inputs, before this one
         x, u = (rng.uniform(0.05, 0.4, (len(names), 9)) for names in (model.states, model.inputs))
         for values, names in ((x, model.states), (u, model.inputs)):
-            for i, one in enumerate(names):
-                values[i] += {"V": 15.0, "V_ref": 17.0, "rho": 1.0, "thrust": 6.0}.get(one, 0.0)
+            for i, item in enumerate(names):
+                values[i] += {"V": 15.0, "V_ref": 17.0, "rho": 1.0, "thrust": 6.0}.get(item, 0.0)
         p = [q.start + 0.1 for q in model.parameters]
         rates = model.evaluate_dynamics(x, u, p) if model.states else ()
-        found[name] = {
-            "rates": [np.broadcast_to(np.asarray(one, dtype=float), 9) for one in rates],
-            "outputs": [np.broadcast_to(np.asarray(one, dtype=float), 9) for one in model.evaluate_outputs(x, u, p)],
+        contents[name] = {
+            "rates": [np.broadcast_to(np.asarray(rate, dtype=float), 9) for rate in rates],
+            "outputs": [
+                np.broadcast_to(np.asarray(evaluate_output, dtype=float), 9)
+                for evaluate_output in model.evaluate_outputs(x, u, p)
+            ],
             "parameters": {q.name: [q.start, q.prior_sigma, q.lower, q.upper] for q in model.parameters},
         }
-    return found
+    return contents
 
 
 CASES: dict[str, Callable[[], Contents]] = {

@@ -117,7 +117,7 @@ def _scale(leaves: Mapping[str, Leaf], path: str) -> float:
     """The largest of an estimate and its interval's ends: one near zero is no better known for it. 0 for all others."""
     parent, _, last = path.rpartition(".")
     numbers = [leaves.get(f"{parent}.{end}") for end in ESTIMATE] if last in ESTIMATE else []
-    return max((abs(one) for one in numbers if isinstance(one, float)), default=0.0)
+    return max((abs(number) for number in numbers if isinstance(number, float)), default=0.0)
 
 
 def same(a: Leaf, b: Leaf, relative: float = RELATIVE, scale: float = 0.0) -> bool:
@@ -180,33 +180,33 @@ def _collect(value: Any, path: str, leaves: dict[str, Any]) -> None:
         case np.ndarray() if value.dtype.kind in "fiub":
             leaves[path] = value.astype(float).ravel()
         case list() | tuple() | np.ndarray():
-            _collect_list([_plain(one) for one in value], path, leaves)
+            _collect_list([_plain(item) for item in value], path, leaves)
         case _:
             raise TypeError(f"{path}: {type(value).__name__}")
 
 
 def _collect_list(values: list[Any], path: str, leaves: dict[str, Any]) -> None:
-    if all(isinstance(one, int | float | None) for one in values):
-        leaves[path] = np.array([np.nan if one is None else one for one in values], dtype=float)
-    elif all(isinstance(one, str) for one in values):
+    if all(isinstance(item, int | float | None) for item in values):
+        leaves[path] = np.array([np.nan if item is None else item for item in values], dtype=float)
+    elif all(isinstance(item, str) for item in values):
         _collect_texts(values, path, leaves)
-    elif all(isinstance(one, Mapping) and one.keys() == values[0].keys() for one in values):
-        _collect({name: [one[name] for one in values] for name in values[0]}, path, leaves)
-    elif all(isinstance(one, list | tuple | np.ndarray) for one in values):
-        flat = [_plain(inner) for one in values for inner in one]
-        leaves[f"{path}.lengths"] = np.array([len(one) for one in values], dtype=float)
+    elif all(isinstance(item, Mapping) and item.keys() == values[0].keys() for item in values):
+        _collect({name: [item[name] for item in values] for name in values[0]}, path, leaves)
+    elif all(isinstance(item, list | tuple | np.ndarray) for item in values):
+        flat = [_plain(inner) for item in values for inner in item]
+        leaves[f"{path}.lengths"] = np.array([len(item) for item in values], dtype=float)
         _collect_list(flat, path, leaves)
     else:
-        for i, one in enumerate(values):
-            _collect(one, f"{path}[{i}]", leaves)
+        for i, item in enumerate(values):
+            _collect(item, f"{path}[{i}]", leaves)
 
 
 def _collect_texts(texts: list[str], path: str, leaves: dict[str, Any]) -> None:
     """Quantities as their numbers and units; names, each once and how often; nothing else."""
     quantities = [QUANTITY.fullmatch(text) for text in texts]
     if all(quantities):
-        leaves[path] = np.array([float(one[1]) for one in quantities if one])
-        texts = [one[2] or "" for one in quantities if one]
+        leaves[path] = np.array([float(quantity[1]) for quantity in quantities if quantity])
+        texts = [quantity[2] or "" for quantity in quantities if quantity]
         path += " unit"
     names = Counter(text for text in texts if NAME.fullmatch(text) and not HASH.fullmatch(text))
     if names:
@@ -219,15 +219,15 @@ def _short(leaf: float | str | np.ndarray | None) -> Leaf:
     if not isinstance(leaf, np.ndarray):
         return leaf
     if leaf.size <= SHORT:
-        return [_rounded(one) for one in leaf.tolist()]
+        return [_rounded(item) for item in leaf.tolist()]
     finite = leaf[np.isfinite(leaf)]
     moments = (finite.mean(), np.sqrt(np.mean(finite**2))) if finite.size else (np.nan, np.nan)
-    return [float(finite.size), *(_rounded(float(one)) for one in (*moments, leaf[0], leaf[-1]))]
+    return [float(finite.size), *(_rounded(float(item)) for item in (*moments, leaf[0], leaf[-1]))]
 
 
 def _full(leaf: float | str | np.ndarray | None) -> Leaf:
     if isinstance(leaf, np.ndarray):
-        return [one if math.isfinite(one) else None for one in leaf.tolist()]
+        return [item if math.isfinite(item) else None for item in leaf.tolist()]
     return None if isinstance(leaf, float) and not math.isfinite(leaf) else leaf
 
 
@@ -245,9 +245,11 @@ def _toml(path: Path) -> Any:
 
 
 def _columns(value: Any) -> Any:
-    if not isinstance(value, list) or not all(isinstance(one, dict) for one in value):
+    if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
         return value
-    return {name: [one[name] for one in value if name in one] for name in {name: 0 for one in value for name in one}}
+    return {
+        name: [item[name] for item in value if name in item] for name in {name: 0 for item in value for name in item}
+    }
 
 
 def _csv(path: Path) -> Any:
@@ -272,8 +274,8 @@ def _waypoints(path: Path) -> Any:
 
 def _page(path: Path) -> dict[str, Any]:
     """What is drawn in the figures of a page, by name."""
-    found = FIGURE.findall(path.read_text("utf-8"))
-    return {"figures": {json.loads(name): {"drawn": _drawn(json.loads(data))} for name, data in found}}
+    matches = FIGURE.findall(path.read_text("utf-8"))
+    return {"figures": {json.loads(name): {"drawn": _drawn(json.loads(data))} for name, data in matches}}
 
 
 def _drawn(traces: list[dict[str, Any]]) -> dict[str, Any]:

@@ -95,24 +95,24 @@ def _has_results(folder: Path) -> bool:
 
 def find_logs(given: Sequence[str]) -> FoundLogs:
     """Files as they are given; of a folder and of an address that is one, the logs in it and below, by their suffix."""
-    found = FoundLogs()
-    for one in given:
+    listing = FoundLogs()
+    for argument in given:
         try:
-            if is_address(one):
-                listed = _listed(one)
-                found.in_folders |= [str(log) for log in listed] != [shown(one)]
-                found.logs += listed
-            elif (folder := Path(one)).is_dir():
-                found.in_folders = True
+            if is_address(argument):
+                listed = _listed(argument)
+                listing.in_folders |= [str(log) for log in listed] != [shown(argument)]
+                listing.logs += listed
+            elif (folder := Path(argument)).is_dir():
+                listing.in_folders = True
                 inside = sorted(path for path in folder.rglob("*") if path.suffix.lower() in suffixes())
                 if not inside:
                     raise InputError(f"{folder}: no logs in this folder{RESULTS_HERE if _has_results(folder) else ''}")
-                found.logs += inside
+                listing.logs += inside
             else:
-                found.logs.append(Path(one))
+                listing.logs.append(Path(argument))
         except InputError as error:
-            found.failures.append(str(error))
-    return found
+            listing.failures.append(str(error))
+    return listing
 
 
 def file_system(address: str) -> tuple["AbstractFileSystem", str]:
@@ -147,11 +147,11 @@ def _listed(address: str) -> list[RemoteLog]:
         with ThreadPoolExecutor() as pool:
             return dict(zip(names, pool.map(fs.info, names), strict=True))
 
-    found = _asked(address, entries)
+    listing = _asked(address, entries)
     logs = [
         RemoteLog(fs.unstrip_protocol(name), info.get("size"), _version(info))
-        for name, info in sorted(found.items())
-        if len(found) == 1 or _is_log(name)
+        for name, info in sorted(listing.items())
+        if len(listing) == 1 or _is_log(name)
     ]
     if not logs:
         raise InputError(f"{shown(address)}: no logs there")

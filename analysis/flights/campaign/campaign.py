@@ -81,7 +81,7 @@ class Planned(NamedTuple):
 
 
 def run(
-    found: FoundLogs, output: Path, work: Work, monitor: Monitor, *, jobs: int, scheduler: str | None = None
+    listing: FoundLogs, output: Path, work: Work, monitor: Monitor, *, jobs: int, scheduler: str | None = None
 ) -> Campaign:
     """Analyze logs into folders below `output`, `jobs` at a time, or on the cluster of a scheduler.
 
@@ -90,8 +90,8 @@ def run(
     """
     if scheduler is None:
         load_ahead(work.preload)
-    campaign = Campaign(failures=list(found.failures))
-    planned = {one.job.name: one for one in _plan(found.logs, output, work, jobs, campaign)}
+    campaign = Campaign(failures=list(listing.failures))
+    planned = {planned_job.job.name: planned_job for planned_job in _plan(listing.logs, output, work, jobs, campaign)}
     campaign.kept = len(campaign.folders)
     for failure in campaign.failures:
         monitor.failed(failure)
@@ -105,7 +105,9 @@ def run(
 
     place = processors(work.analyze, jobs, step) if scheduler is None else cluster(scheduler, work.analyze, step)
     with place as computers:
-        for job, partial, outcome in run_jobs((one.job for one in planned.values()), computers, new_folder):
+        for job, partial, outcome in run_jobs(
+            (planned_job.job for planned_job in planned.values()), computers, new_folder
+        ):
             if outcome.storage:
                 raise StorageError(outcome.error.replace(str(partial), str(output / job.name)))
             if outcome.error:
@@ -129,28 +131,28 @@ def _plan(logs: Sequence[Log], output: Path, work: Work, jobs: int, campaign: Ca
     by_digest: dict[str, Log] = {}
     earlier = records(output)
     known = _known_digest(logs, earlier.values())
-    for log, found in zip(logs, digests(logs, known, jobs), strict=True):
-        if isinstance(found, InputError):
-            campaign.failures.append(str(found))
-        elif found in by_digest:
-            campaign.notes.append(f"{log}: has the same content as {by_digest[found]}; used once")
+    for log, digest in zip(logs, digests(logs, known, jobs), strict=True):
+        if isinstance(digest, InputError):
+            campaign.failures.append(str(digest))
+        elif digest in by_digest:
+            campaign.notes.append(f"{log}: has the same content as {by_digest[digest]}; used once")
         else:
-            by_digest[found] = log
+            by_digest[digest] = log
     named = list(zip(by_digest.items(), names([place(log) for log in by_digest.values()]), strict=True))
     with contextlib.suppress(OSError, InputError):  # what cannot be renamed is refused below
-        campaign.notes += _rename(output, {name: LogFile.of(log, found) for (found, log), name in named}, earlier)
+        campaign.notes += _rename(output, {name: LogFile.of(log, digest) for (digest, log), name in named}, earlier)
     planned = []
-    for (found, log), name in named:
+    for (file_digest, log), name in named:
         folder = output / name
         try:
             record = record_of(folder)
-            file = LogFile.of(log, found)
+            file = LogFile.of(log, file_digest)
             if record and not _belongs(folder, record, file):
                 raise InputError(f"{folder}: is of another log, {record.log.path}; move it")
             runs = edited_runs(folder, record)
             files = work.files(log)
             inputs = inputs_digest(work.settings, files, runs)
-            done = record is not None and record.key == key(found, inputs) and intact(folder, record)
+            done = record is not None and record.key == key(file_digest, inputs) and intact(folder, record)
         except (InputError, OSError) as error:
             campaign.failures.append(str(error))
             continue
@@ -199,16 +201,20 @@ def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[L
     stands for its digest is unlike any until its analysis reads it.
     """
     by_path = {record.log.path: record.log for record in records}
-    sizes = Counter(one.size for one in by_path.values())
+    sizes = Counter(log.size for log in by_path.values())
     for log in logs:
         with contextlib.suppress(OSError):
             sizes[log.stat().st_size if isinstance(log, Path) else log.size or 0] += 1
 
     def known(log: Log) -> str | None:
-        found = by_path.get(str(log.absolute() if isinstance(log, Path) else log))
+        same_file = by_path.get(str(log.absolute() if isinstance(log, Path) else log))
         with contextlib.suppress(OSError):
-            if found and (found.changed_ns or found.version) and found == LogFile.of(log, found.digest):
-                return found.digest
+            if (
+                same_file
+                and (same_file.changed_ns or same_file.version)
+                and same_file == LogFile.of(log, same_file.digest)
+            ):
+                return same_file.digest
         return f"unread {log}" if isinstance(log, RemoteLog) and log.size and sizes[log.size] == 1 else None
 
     return known
@@ -216,7 +222,7 @@ def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[L
 
 def read_flights(folders: Sequence[Path]) -> list[Results]:
     """The results in flights' folders, `log` in them being the folder's name. Raises InputError for a damaged file."""
-    return [structs.replace(without_details(read_results(one / RESULTS)), log=one.name) for one in folders]
+    return [structs.replace(without_details(read_results(flight / RESULTS)), log=flight.name) for flight in folders]
 
 
 def flight_folders_of(folder: Path) -> list[Path]:
@@ -227,9 +233,9 @@ def flight_folders_of(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise InputError(f"{folder}: is not a folder; give one that `analyze` wrote")
     if not (folder / RESULTS).is_file():
-        found = sorted(path.parent for path in folder.glob(f"*/{RESULTS}"))
-        if not found:
+        folders = sorted(path.parent for path in folder.glob(f"*/{RESULTS}"))
+        if not folders:
             raise InputError(f"{folder}: no {RESULTS} in it; give a folder that `analyze` wrote")
-        return found
+        return folders
     flights = read_json(folder / RESULTS).get("flights")
     return [folder] if flights is None else [folder / str(flight["log"]) for flight in flights]

@@ -63,7 +63,7 @@ def _client(client: Callable[..., Any], address: str) -> Any:
 
 
 def _parcel(analyze: Analyze, job: Job) -> Parcel:
-    paths = [one for one in (job.log, *job.files, job.runs) if isinstance(one, Path)]
+    paths = [path for path in (job.log, *job.files, job.runs) if isinstance(path, Path)]
     return Parcel(analyze, job, Path.cwd(), {_absolute(path): path.read_bytes() for path in paths}, software())
 
 

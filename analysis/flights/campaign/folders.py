@@ -42,14 +42,14 @@ def digest(path: Path) -> str:
 def digests(logs: Iterable[Log], known: Callable[[Log], str | None], jobs: int) -> list[str | InputError]:
     """`digest` of each log, `jobs` at a time, where it is not known; the error where one cannot be read."""
 
-    def one(log: Log) -> str | InputError:
+    def digest_or_error(log: Log) -> str | InputError:
         try:
             return known(log) or (digest(log) if isinstance(log, Path) else content_digest(log))
         except InputError as error:
             return error
 
     with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(one, logs))
+        return list(pool.map(digest_or_error, logs))
 
 
 def key(log_digest: str, inputs: str) -> str:
@@ -132,22 +132,22 @@ def names(absolute: Sequence[PurePath]) -> list[str]:
     """A folder's name for each log: its own without suffix, with as many parents before it as tell the logs apart."""
     repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # one flight in two formats
     own = [log.name if str(log.with_suffix("")).casefold() in repeated else log.stem for log in absolute]
-    found = own
+    names = own
     for depth in range(1, max((len(log.parts) for log in absolute), default=1)):
-        repeated = _repeated(found)
+        repeated = _repeated(names)
         if not repeated:
             break
-        found = [
+        names = [
             "-".join([*log.parts[1:-1][-depth:], last]) if name.casefold() in repeated else name
-            for name, last, log in zip(found, own, absolute, strict=True)
+            for name, last, log in zip(names, own, absolute, strict=True)
         ]
-    return _numbered(found)
+    return _numbered(names)
 
 
-def _numbered(found: Sequence[str]) -> list[str]:
+def _numbered(names: Sequence[str]) -> list[str]:
     """The names; a number follows one that occurred before, as `a-b/x` and `a/b-x` make one."""
     used, out = set[str](), []
-    for name in found:
+    for name in names:
         number, own = 2, name
         while own.casefold() in used:
             own, number = f"{name}-{number}", number + 1
@@ -180,15 +180,15 @@ def record_of(folder: Path) -> Record | None:
 
 def records(output: Path) -> dict[Path, Record]:
     """The records of all flights' folders below `output`."""
-    found = {}
+    records = {}
     for path in output.glob(f"*/{RECORD}"):
         try:
             record = record_of(path.parent)
         except InputError:
             continue
         if record:
-            found[path.parent] = record
-    return found
+            records[path.parent] = record
+    return records
 
 
 def intact(folder: Path, record: Record) -> bool:

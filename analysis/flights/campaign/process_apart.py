@@ -25,8 +25,8 @@ def run_apart(analyze: Analyze, job: Job, working: Path, results: Path) -> Outco
         code = process.wait()  # before stdin is closed: its end tells the process that nobody waits any more
     if not outcome.is_file():
         return Outcome(f"{job.log}: its process ended with exit code {code}; is there enough memory? Analyze it alone")
-    found: Outcome = pickle.loads(outcome.read_bytes())
-    return found
+    result: Outcome = pickle.loads(outcome.read_bytes())
+    return result
 
 
 def main() -> None:

@@ -66,9 +66,9 @@ def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Out
     """Run one job in this process, which is its own: the memory of the process is limited. Never raises."""
     start, processor_start = time.monotonic(), time.process_time()
     limit_memory(round(CAMPAIGN.memory_GB * 2**30))
-    error, found, storage = "", "", False
+    error, digest, storage = "", "", False
     try:
-        with as_file(job.log, folder) as (log, found):
+        with as_file(job.log, folder) as (log, digest):
             analyze(log, folder, job.runs, progress)
             name_by_address(folder, log, job.log)
     except InputError as cause:
@@ -82,7 +82,7 @@ def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Out
             " software; analyze it alone for the details, and report it"
         )
     seconds, processor_seconds = time.monotonic() - start, time.process_time() - processor_start
-    return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes(), found, storage)
+    return Outcome(" ".join(error.splitlines()), seconds, processor_seconds, peak_bytes(), digest, storage)
 
 
 def below(root: Path, path: Path) -> Path:

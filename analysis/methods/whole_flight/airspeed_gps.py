@@ -62,8 +62,8 @@ def most_probable(
         return np.concatenate([whitened(factor, np.stack(columns, axis=1)), np.diag(1 / sigma), rows])
 
     x_scale = np.where(np.isfinite(sigma), sigma, 1.0)
-    found = least_squares(cost, start, derivative, x_scale=x_scale, ftol=TOLERANCE, xtol=TOLERANCE)
-    return found.x, np.asarray(found.jac)
+    solution = least_squares(cost, start, derivative, x_scale=x_scale, ftol=TOLERANCE, xtol=TOLERANCE)
+    return solution.x, np.asarray(solution.jac)
 
 
 def root(covariance: Array) -> Array:
@@ -184,12 +184,12 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
     seen, start = true_airspeed(pressure, rho, 0.0, 0.0), np.array([0.0, 0.0, np.mean(north), np.mean(east), 0.0, 0.0])
     (x, covariance), (other, other_covariance) = (_solved(of, priors, start, apart_s) for of in (by_pitot, by_gps))
     # The truth is between both regressions (R. Frisch, 1934), evenly; no flight says less than its prior.
-    found, half = unpack(names, (x + other) / 2), pack(AIRSPEED, unpack(names, (x - other) / 2))
+    values, half = unpack(names, (x + other) / 2), pack(AIRSPEED, unpack(names, (x - other) / 2))
     before = np.diag(1 / prior_sigma**2)
     by_flight = np.linalg.inv((covariance + other_covariance) / 2) - before
     by_flight = by_flight - np.outer(by_flight @ half, by_flight @ half) / (3 + half @ by_flight @ half)
     covariance = np.asarray(np.linalg.inv(before + by_flight), dtype=float)
-    return AirspeedErrors(float(found.scale), float(found.zero_Pa), covariance, *_speed_and_direction(found))
+    return AirspeedErrors(float(values.scale), float(values.zero_Pa), covariance, *_speed_and_direction(values))
 
 
 def _solved(residual: Callable[[Array], Array], sigma_of: Array, start: Array, apart_s: Array) -> tuple[Array, Array]:

@@ -198,12 +198,12 @@ def _estimate(
             )
     parameters = estimate_of(flight, balance, fit, airspeed)
     gradient = parameters.gradient(partial(level_power, V))
-    found = parameters.quantity(partial(level_power, V), gradient)
+    power_W = parameters.quantity(partial(level_power, V), gradient)
     level = level_power(balance.V_mps, p, conditions)
     at = Condition(weight_N, rho, wing_area_m2)
     return ElectricalEstimate(
-        Curve(kind=Kind.ELECTRICAL, condition=at, V_mps=V, power_W=found, idle_W=conditions.idle_power_W),
-        _among_flights(found, gradient, parameters, _prior(balance, span_m), airspeed),
+        Curve(kind=Kind.ELECTRICAL, condition=at, V_mps=V, power_W=power_W, idle_W=conditions.idle_power_W),
+        _among_flights(power_W, gradient, parameters, _prior(balance, span_m), airspeed),
         parameters,
         airspeed,
         balance.windows.centers_s,
@@ -267,11 +267,14 @@ def _prior(balance: EnergyBalance, span_m: float) -> Prior:
     idle = (p.idle_drag.mean, p.idle_drag.sigma)
     if balance.conditions.power_law is None:
         logit = float(np.log(p.efficiency.mean / (1 - p.efficiency.mean)))
-        x, fall = (float(np.log(balance.powered_x())), p.x_sigma), (float(np.log(p.fall.mean)), p.fall.sigma)
+        x, fall = (
+            (float(np.log(balance.median_advance_with_power())), p.x_sigma),
+            (float(np.log(p.fall.mean)), p.fall.sigma),
+        )
         efficiency = dict(zip(PROPELLER, [(logit, p.efficiency.sigma), x, fall, idle], strict=True))
     else:
         greatest = (float(np.log(p.law_efficiency.mean)), p.law_efficiency.sigma)
-        speed, power = ((one.mean, one.sigma) for one in (p.law_speed, p.law_power))
+        speed, power = ((parameter.mean, parameter.sigma) for parameter in (p.law_speed, p.law_power))
         efficiency = dict(zip(POWER_LAW, [greatest, speed, power, idle], strict=True))
     wind = {} if balance.samples.ground is None else wind_prior(balance.samples.ground.first_wind_mps)
     return {**drag, **efficiency, **lift, **wind}

@@ -127,8 +127,8 @@ def drag_estimate(
         **dict(zip(THRUST_ERRORS, of_thrust, strict=True)),
         **lift_prior(span_m, c.wing_area_m2),
     }
-    rows = np.array([one.row(balance.names) for one in stand]).reshape(len(stand), len(balance.names))
-    values = np.array([one.value / one.sigma for one in stand])
+    rows = np.array([reading.row(balance.names) for reading in stand]).reshape(len(stand), len(balance.names))
+    values = np.array([reading.value / reading.sigma for reading in stand])
     fit = most_probable_fit(balance, prior, (rows, values))
     power_sigma = SHARED.current if measured else float(np.hypot(SHARED.current, SHARED.motor_constants))
     parameters = estimate_of(

@@ -79,9 +79,11 @@ def by_air(windows: Windows, mass_kg: float, V_mps: float, sigma_w_mps: float, t
     return np.asarray(vertical + along)
 
 
-def by_efficiency(windows: Windows, useful_W: Array, share: float) -> Array:
+def by_efficiency(windows: Windows, thrust_power_W: Array, share: float) -> Array:
     """Covariance (n, n) [W^2] by the form of the efficiency, wrong by a share of it."""
-    return np.asarray(share**2 * np.outer(useful_W, useful_W) * np.exp(-_lags(windows) / RESIDUALS.efficiency_s))
+    return np.asarray(
+        share**2 * np.outer(thrust_power_W, thrust_power_W) * np.exp(-_lags(windows) / RESIDUALS.efficiency_s)
+    )
 
 
 def by_angle(windows: Windows, mass_kg: float, V_mps: Array, sigma_rad: float, time_s: float) -> Array:
@@ -286,7 +288,7 @@ class EnergyBalance:
             columns.append((self.residual(changed) - self.residual(parameters)) / 0.1)
         return np.stack(columns, axis=1)
 
-    def useful_W(self, parameters: Array) -> Array:
+    def thrust_power_W(self, parameters: Array) -> Array:
         """Thrust times airspeed, mean of each window (n,) [W]."""
         useful = self._useful(unpack(self.names, parameters), self.samples, self.conditions)
         return self._mean(useful.power_W)
@@ -297,7 +299,7 @@ class EnergyBalance:
         working = motor_W[motor_W > 0.2 * np.percentile(motor_W, 95)]
         return PowerLaw(float(np.median(self.V_mps)), max(float(np.median(working)) if len(working) else 0.0, 1.0))
 
-    def powered_x(self) -> float:
+    def median_advance_with_power(self) -> float:
         """Median argument of the efficiency where the motor works."""
         motor = self._motor_power(self.conditions)
         rows = np.unique(self._rows)
@@ -348,11 +350,11 @@ def _with_airspeed(s: Samples, p: NamedValues) -> Samples:
     return s if s.ground is None else s._replace(V_mps=s.ground.airspeed(pack(WIND, p)))
 
 
-def _along_path_W(s: Samples, useful_W: Array, p: NamedValues, c: FlightConditions) -> Array:
+def _along_path_W(s: Samples, thrust_power_W: Array, p: NamedValues, c: FlightConditions) -> Array:
     """Power (n,) [W] of thrust less drag, by the accelerometer turned by the angle of attack, gusts included."""
     assert s.force_x_mps2 is not None
     lift_N, qS = s.load_factor * c.mass_kg * g, c.rho * s.V_mps**2 / 2 * c.wing_area_m2
-    alpha = p.alpha_0 + np.exp(p.ln_alpha_per_CL) * lift_N / qS + p.alpha_per_CT * useful_W / s.V_mps / qS
+    alpha = p.alpha_0 + np.exp(p.ln_alpha_per_CL) * lift_N / qS + p.alpha_per_CT * thrust_power_W / s.V_mps / qS
     forward_N = c.mass_kg * s.force_x_mps2 * np.cos(alpha) - lift_N * np.sin(alpha)
     return np.asarray(s.V_mps * forward_N)
 
@@ -378,15 +380,15 @@ def level_power(V: Array, p: NamedValues, c: FlightConditions) -> Array:
     """Electrical power of steady level flight (n,) [W]; NaN where the motor cannot give it."""
     drag_W = drag_power(V, 1.0, 0.0, QuarticPolar.of(p), c)
     motor = np.geomspace(0.5, 1e5, 600)
-    useful_W, _ = useful_power(V[:, None], motor, p, c)
-    surplus = useful_W - drag_W[:, None]
+    thrust_power_W, _ = useful_power(V[:, None], motor, p, c)
+    surplus = thrust_power_W - drag_W[:, None]
     enough = surplus >= 0
     first = np.maximum(np.argmax(enough, axis=1), 1)
     at = np.arange(len(V))
     low, high = surplus[at, first - 1], surplus[at, first]
     share = low / (low - high)
-    found = motor[first - 1] + share * (motor[first] - motor[first - 1])
-    return np.where(enough.any(axis=1), found + c.idle_power_W, np.nan)
+    power_W = motor[first - 1] + share * (motor[first] - motor[first - 1])
+    return np.where(enough.any(axis=1), power_W + c.idle_power_W, np.nan)
 
 
 def level_efficiency(V: Array, p: NamedValues, c: FlightConditions) -> Array:

@@ -103,7 +103,7 @@ def most_probable_fit(
     What the balance with the accelerometer contains beside the motion of the air is the error of the angle of attack,
     and so is what the sum of both balances contains beside the error of the efficiency's form.
     """
-    mean, sigma = (pack(balance.names, {name: one[part] for name, one in prior.items()}) for part in (0, 1))
+    mean, sigma = (pack(balance.names, {name: bounds[part] for name, bounds in prior.items()}) for part in (0, 1))
     windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))
     n, with_force = len(balance.V_mps), balance.samples.force_x_mps2 is not None
     white = uncorrelated(windows)
@@ -135,7 +135,7 @@ def most_probable_fit(
 
     for _ in range(3):
         air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
-        of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
+        of_drag = by_efficiency(windows, balance.thrust_power_W(parameters), share) + white
         noise = air + of_drag
         if with_force:
             of_force = by_angle(windows, mass_kg, balance.V_mps, angle_rad, angle_s) + white
@@ -146,11 +146,11 @@ def most_probable_fit(
         factor = root(noise)
         parameters, jacobian = most_probable(balance.residual, factor, mean, sigma, parameters, measured=measured)
         residual = balance.residual(parameters)
-        of_drag = by_efficiency(windows, balance.useful_W(parameters), share) + white
-        airs = [one + of_gusts(first, 1.0, time_s) for one, time_s in zip(vertical, WINDOWS.times_s, strict=True)]
+        of_drag = by_efficiency(windows, balance.thrust_power_W(parameters), share) + white
+        airs = [air + of_gusts(first, 1.0, time_s) for air, time_s in zip(vertical, WINDOWS.times_s, strict=True)]
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
         air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
-        of_form = [by_efficiency(windows, balance.useful_W(parameters), 1.0)]
+        of_form = [by_efficiency(windows, balance.thrust_power_W(parameters), 1.0)]
         share = max(
             least_share,
             _size_and_time(
@@ -167,7 +167,7 @@ def most_probable_fit(
                 ),
             )
             equal = [0.0] * len(WINDOWS.times_s)
-            angle_rad, angle_s = max(_size_and_time(*one, angles, ANGLES_RAD, equal) for one in shown)
+            angle_rad, angle_s = max(_size_and_time(*signal, angles, ANGLES_RAD, equal) for signal in shown)
     information = jacobian.T @ jacobian
     covariance = np.asarray(np.linalg.inv(information), dtype=float)
     by_residual = solve_triangular(factor, jacobian[: len(residual)], lower=True, trans="T", check_finite=False)
@@ -191,17 +191,19 @@ def _size_and_time(
     fixed: covariance of the rest. by_time: of the part at size 1, for each of WINDOWS.times_s. unlikely: their
     cost, as chi squared.
     """
-    found, block = [], 64  # columns that LAPACK takes at once
+    costs_by_time, block = [], 64  # columns that LAPACK takes at once
     factor = root(fixed)
     white = whitened(factor, residual)
-    for one, cost_of_time in zip(by_time, unlikely, strict=True):
+    for fitted, cost_of_time in zip(by_time, unlikely, strict=True):
         # Relative to the rest, and turned so that three diagonals are left, whatever its size, with the rest added.
-        relative, _ = lapack.dsygst(one, factor, lower=1)
-        reflectors, diagonal, beside, scale, _ = lapack.dsytrd(relative, lower=1, lwork=block * len(one))
+        relative, _ = lapack.dsygst(fitted, factor, lower=1)
+        reflectors, diagonal, beside, scale, _ = lapack.dsytrd(relative, lower=1, lwork=block * len(fitted))
         turned = white[:, None].copy()
         turned[1:] = lapack.dormqr("L", "T", reflectors[1:, :-1], scale, turned[1:], block)[0]
-        found.append(np.array([_misfit(size**2 * diagonal, size**2 * beside, turned) for size in sizes]) + cost_of_time)
-    costs = np.concatenate(found)
+        costs_by_time.append(
+            np.array([_misfit(size**2 * diagonal, size**2 * beside, turned) for size in sizes]) + cost_of_time
+        )
+    costs = np.concatenate(costs_by_time)
     sigmas, times_s = np.tile(sizes, len(by_time)), np.repeat(WINDOWS.times_s[: len(by_time)], len(sizes))
     weight = np.exp((costs.min() - costs) / 2)
     weight /= weight.sum()
@@ -248,7 +250,7 @@ class Estimate(NamedTuple):
         for i, sigma in enumerate(np.sqrt(np.diag(self.covariance))):
             step = np.zeros(len(self.values))
             step[i] = STEP * sigma
-            above, below = (of(unpack(self.names, self.values + one), self.conditions) for one in (step, -step))
+            above, below = (of(unpack(self.names, self.values + change), self.conditions) for change in (step, -step))
             rows.append(np.nan_to_num((above - below) / (2 * step[i])))
         return np.array(rows)
 

@@ -185,11 +185,11 @@ def _refuse_meter(path: Path, columns: Mapping[str, Array], moving: BoolArray, w
 
 def _believed_throttle(columns: Mapping[str, Array], moving: BoolArray) -> tuple[Array, list[str]]:
     """The throttle (n,), NaN where power does not follow it, and a note where it contradicts it."""
-    found = meter(columns, moving)
-    if found is Meter.FOLLOWS:
+    throttle = meter(columns, moving)
+    if throttle is Meter.FOLLOWS:
         return columns[recording.THROTTLE], []
     contradicts = "The measured power does not follow the log's throttle, which is not used; check the current sensor."
-    notes = [contradicts] if found is Meter.CONTRADICTS else []
+    notes = [contradicts] if throttle is Meter.CONTRADICTS else []
     return np.full(len(moving), np.nan), notes
 
 
@@ -271,8 +271,8 @@ def _columns(flight: FlightRecording, t_s: Array) -> dict[str, Array]:
     gap_s = WINDOWS.length_s if flight.by_radio else FLIGHT.longest_gap_s
 
     def column(name: str, window_s: float = 0.0) -> Array:
-        one = channels.get(name)
-        return np.full(len(t_s), np.nan) if one is None else resampled(one, t_s, window_s, gap_s)
+        channel = channels.get(name)
+        return np.full(len(t_s), np.nan) if channel is None else resampled(channel, t_s, window_s, gap_s)
 
     columns = {
         "pressure_Pa": column(recording.AIRSPEED_PRESSURE, FLIGHT.smoothing_s),
@@ -286,14 +286,14 @@ def _columns(flight: FlightRecording, t_s: Array) -> dict[str, Array]:
     return columns | {name: column(name) for name in (*recording.GPS, recording.MOTOR, recording.THROTTLE)}
 
 
-def _variance(one: Channel | None, t_s: Array) -> Array:
+def _variance(channel: Channel | None, t_s: Array) -> Array:
     """Variance (n,) within the smoothing window of what is slower than vibration; zero where it is not measured."""
-    if one is None or len(one.t_s) < 2:
+    if channel is None or len(channel.t_s) < 2:
         return np.zeros(len(t_s))
-    width = round(FLIGHT.step_s / 2 / float(np.median(np.diff(one.t_s))))
-    value = one.value if width < 2 else smoothed(one.value, width)
+    width = round(FLIGHT.step_s / 2 / float(np.median(np.diff(channel.t_s))))
+    value = channel.value if width < 2 else smoothed(channel.value, width)
     mean, square = (
-        resampled(Channel(one.t_s, x), t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for x in (value, value**2)
+        resampled(Channel(channel.t_s, x), t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for x in (value, value**2)
     )
     return np.asarray(np.maximum(np.nan_to_num(square - mean**2), 0.0))
 
@@ -355,14 +355,14 @@ def _air_temperature_K(flight: FlightRecording, moving: BoolArray, t_s: Array) -
         return given_K, TEMPERATURE.given_sigma_K, f"Air temperature {given_K - 273.15:.0f} °C, as given."
     thermometers = flight.thermometers
     flown = t_s[moving] if moving.any() else t_s
-    found = {}
-    for name, one in thermometers.items():
-        inside = one.value[(one.t_s >= flown[0]) & (one.t_s <= flown[-1])]
+    by_sensor = {}
+    for name, sensor in thermometers.items():
+        inside = sensor.value[(sensor.t_s >= flown[0]) & (sensor.t_s <= flown[-1])]
         values = inside[(inside > TEMPERATURE.coldest_K) & (inside < TEMPERATURE.hottest_K)]
         if len(values):
-            found[name] = float(np.median(values))
-    coolest = min(found, key=lambda one: found[one], default=None)
-    warm = coolest is not None and found[coolest] > TEMPERATURE.warm_K
+            by_sensor[name] = float(np.median(values))
+    coolest = min(by_sensor, key=lambda sensor: by_sensor[sensor], default=None)
+    warm = coolest is not None and by_sensor[coolest] > TEMPERATURE.warm_K
     if coolest is None or (warm and coolest in flight.inside):
         pressure_Pa = float(np.median(flight.channels[recording.STATIC].value))
         standard_K = float(temperature_at(height_at(pressure_Pa)))
@@ -371,11 +371,15 @@ def _air_temperature_K(flight: FlightRecording, moving: BoolArray, t_s: Array) -
             " atmosphere; --air-temperature gives it."
         )
         return standard_K, TEMPERATURE.unknown_sigma_K, note
-    others = [f"{one} shows {value - 273.15:.0f} °C" for one, value in found.items() if value > found[coolest] + 5]
+    others = [
+        f"{sensor} shows {value - 273.15:.0f} °C"
+        for sensor, value in by_sensor.items()
+        if value > by_sensor[coolest] + 5
+    ]
     also = f" ({'; '.join(others)})" if others else ""
-    note = f"Air temperature {found[coolest] - 273.15:.0f} °C, by the coolest thermometer, {coolest}{also}."
+    note = f"Air temperature {by_sensor[coolest] - 273.15:.0f} °C, by the coolest thermometer, {coolest}{also}."
     return (
-        found[coolest],
+        by_sensor[coolest],
         TEMPERATURE.unknown_sigma_K if warm or coolest in flight.inside else TEMPERATURE.sigma_K,
         note,
     )
@@ -395,13 +399,13 @@ def _airborne(
     if ground is not None:
         flying &= columns["height_m"] - ground > FLIGHT.clear_of_ground_m
     trim = round(WINDOWS.length_s / FLIGHT.step_s)
-    found = []
+    slices = []
     for rows in stretches(flying):
         start = rows.start + (trim if _touches_ground(moving, rows.start, -1) else 0)
         stop = rows.stop - (trim if _touches_ground(moving, rows.stop - 1, 1) else 0)
         if (stop - start) * FLIGHT.step_s >= 2.5 * WINDOWS.length_s:
-            found.append(slice(start, stop))
-    return found
+            slices.append(slice(start, stop))
+    return slices
 
 
 def _ground_height(height: Array, standing: BoolArray) -> Array | None:

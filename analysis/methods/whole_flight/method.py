@@ -58,9 +58,9 @@ def recording_of(log: Log) -> FlightRecording:
     start_ns = next(log.entries[topic][0].time_ns for topic in ("/probe/airspeed", "/gps") if log.entries.get(topic))
     channels: dict[str, Channel] = {}
     for name, (topic, field) in CHANNELS.items():
-        one = Channel(*samples(log.entries.get(topic, NO_ENTRIES), field, start_ns))
-        if len(one.t_s) >= READABLE.fewest_samples:
-            channels[name] = one
+        channel = Channel(*samples(log.entries.get(topic, NO_ENTRIES), field, start_ns))
+        if len(channel.t_s) >= READABLE.fewest_samples:
+            channels[name] = channel
     zero = ZERO_FILE.parsed_if_any(log.attachments.get("zero.json"), f"{log.path}: zero.json")
     zero_Pa = zero.by_channel().get("q_c_Pa") if zero else None
     if zero_Pa is not None and (pitot := channels.get(recording.AIRSPEED_PRESSURE)) is not None:

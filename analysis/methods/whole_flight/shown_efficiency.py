@@ -51,8 +51,8 @@ def shown_efficiency(
     # Without a prior of the scale the result does not depend on its mean, where the search begins: what is needed over
     # what is useful, by the priors.
     usual = pack(free.names, {name: mean for name, (mean, _) in prior.items()} | {POWER_SCALE: 0.0})
-    useful_W, surplus_W = free.useful_W(usual), free.residual(usual)[: len(free.V_mps)]
-    needed = max(1 - float(np.sum(surplus_W) / np.sum(useful_W)), 0.01)
+    thrust_power_W, surplus_W = free.thrust_power_W(usual), free.residual(usual)[: len(free.V_mps)]
+    needed = max(1 - float(np.sum(surplus_W) / np.sum(thrust_power_W)), 0.01)
     fit = most_probable_fit(free, {**prior, POWER_SCALE: (float(np.log(needed)), np.inf)})
     return estimate_of(flight, free, fit, airspeed).quantity(partial(_of_measured_power, V, free.names))
 

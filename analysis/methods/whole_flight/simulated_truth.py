@@ -30,19 +30,19 @@ class SimulatedTruth:
     power_error: float
 
     def sentence(self) -> str:
-        told = (
+        comparison = (
             "The flight is a simulation by ArduPilot. Its truth is not used; the airspeed found is"
             f" {100 * self.airspeed_error:+.1f} % off it (± {100 * self.airspeed_half_width:.1f} % stated)"
         )
         if not self.steady_windows:
-            return f"{told}."
+            return f"{comparison}."
         return (
-            f"{told}, and in {self.steady_windows} windows of truly steady level flight the curve is"
+            f"{comparison}, and in {self.steady_windows} windows of truly steady level flight the curve is"
             f" {100 * self.power_error:+.1f} % off the measured power."
         )
 
 
-def compared(flight: FlightRecording, table: FlightTable, found: ElectricalEstimate) -> SimulatedTruth | None:
+def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEstimate) -> SimulatedTruth | None:
     """None where the log is no simulation's."""
     if recording.TRUE_AIRSPEED not in flight.truth:
         return None
@@ -53,16 +53,16 @@ def compared(flight: FlightRecording, table: FlightTable, found: ElectricalEstim
         else np.full(len(t_s), np.nan)
         for name in (recording.TRUE_AIRSPEED, recording.TRUE_HEIGHT)
     )
-    rows, airspeed = table.table, found.airspeed
+    rows, airspeed = table.table, estimate.airspeed
     V = true_airspeed(rows["pressure_Pa"].to_numpy(), rows["rho"].to_numpy(), airspeed.scale, airspeed.zero_Pa)
     known = table.flown & np.isfinite(true_V) & np.isfinite(V)
     if not known.any():
         return None
-    steady = _steady(true_V, true_height, table, found.conditions.mass_kg)
+    steady = _steady(true_V, true_height, table, estimate.conditions.mass_kg)
     at_V = np.array([np.mean(true_V[window]) for window in steady])
-    inside = (at_V >= found.V_mps[0]) & (at_V <= found.V_mps[-1]) if len(at_V) else np.zeros(0, dtype=bool)
+    inside = (at_V >= estimate.V_mps[0]) & (at_V <= estimate.V_mps[-1]) if len(at_V) else np.zeros(0, dtype=bool)
     measured = np.array([np.mean(rows["power_W"].to_numpy()[window]) for window in steady])[inside]
-    curve = np.interp(at_V[inside], found.V_mps, found.power_W) if inside.any() else measured
+    curve = np.interp(at_V[inside], estimate.V_mps, estimate.power_W) if inside.any() else measured
     # d ln V of the pitot's scale and zero, and of density where GPS does not show true airspeed.
     of_pitot = np.array([1.0, 1 / (2 * np.mean(rows["pressure_Pa"].to_numpy()[known]))])
     sigma = np.hypot(np.sqrt(of_pitot @ airspeed.covariance @ of_pitot), (1 - airspeed.by_gps) * table.rho_sigma / 2)
@@ -80,11 +80,11 @@ def _steady(V: Array, height: Array, rows: FlightTable, mass_kg: float) -> list[
     """
     length, power = round(WINDOWS.length_s / FLIGHT.step_s), rows.table["power_W"].to_numpy()
     energy_J = mass_kg * (g * height + V**2 / 2)
-    found = []
+    windows = []
     for start in range(0, len(V) - length, length):
         window = slice(start, start + length)
         change_W = abs(energy_J[window][-1] - energy_J[window][0]) / WINDOWS.length_s
         still = change_W < 0.02 * np.mean(power[window]) and np.std(V[window]) < 0.02 * np.mean(V[window])
         if rows.flown[window].all() and still:
-            found.append(window)
-    return found
+            windows.append(window)
+    return windows

@@ -109,16 +109,16 @@ class ThrustBalance(EnergyBalance):
         power_W = np.maximum(c.power_scale * s.power_W - c.idle_power_W, 0.0)
         revps = np.geomspace(INSTANCES.turning_revps, 600.0, 120)
         speed_mps = np.linspace(0.0, float(np.nanmax(s.V_mps)) + 1.0, 40)
-        found = np.full((len(speed_mps), len(power_W)), np.nan)
+        speeds = np.full((len(speed_mps), len(power_W)), np.nan)
         for i, V in enumerate(speed_mps):
             _, shaft_W = self._propeller.thrust_and_power(np.full_like(revps, V), revps, c.rho)
             taken_W = np.maximum.accumulate(self._motor.electrical_W(shaft_W, revps))
             driven = max(int(np.argmax(taken_W > 0)) - 1, 0)  # the fastest that the air alone turns
-            found[i] = np.interp(power_W, taken_W[driven:], revps[driven:])
+            speeds[i] = np.interp(power_W, taken_W[driven:], revps[driven:])
         at = np.clip(np.nan_to_num(s.V_mps) / (speed_mps[1] - speed_mps[0]), 0, len(speed_mps) - 1.001)
         low, samples = at.astype(int), np.arange(len(power_W))
         share = at - low
-        return np.asarray((1 - share) * found[low, samples] + share * found[low + 1, samples])
+        return np.asarray((1 - share) * speeds[low, samples] + share * speeds[low + 1, samples])
 
 
 def _powered(samples: Samples, c: FlightConditions) -> list[slice]:

@@ -207,5 +207,5 @@ class Figure:
         """Names in the legend, in its order."""
         names = [mark.name for mark in self.marks if not isinstance(mark, Band)]
         names += [mark.name for mark in self.marks] + [shade.name for shade in self.shades]
-        found = [name for name in dict.fromkeys(names) if name]
-        return found[::-1] if self.legend_reversed else found
+        titles = [name for name in dict.fromkeys(names) if name]
+        return titles[::-1] if self.legend_reversed else titles

@@ -75,7 +75,10 @@ def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[R
         Shade(run.start_s, run.end_s, RUN_COLOR.get(run.kind, OTHER_RUN), 0.22, name=run.kind, run=run.name)
         for run in runs
         if run.kind not in NOT_SHADED
-    ] + [Shade(one.start_s, one.end_s, GRAY, 0.07, outlined=True, name="rejected") for one in rejected]
+    ] + [
+        Shade(rejected_result.start_s, rejected_result.end_s, GRAY, 0.07, outlined=True, name="rejected")
+        for rejected_result in rejected
+    ]
     return figure
 
 

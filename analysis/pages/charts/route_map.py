@@ -23,7 +23,7 @@ def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
     """Safe and median reach, the route from its start on, home in the middle, a scale, the wind's arrow."""
     places = [mission.start, *(step.to for step in mission.steps)]
     farthest_m = max(
-        *(one.radius_m for one in result.directions),
+        *(direction.radius_m for direction in result.directions),
         *(abs(p.east_m) for p in places),
         *(abs(p.north_m) for p in places),
     )
@@ -33,13 +33,19 @@ def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
         return LAYOUT.side / 2 + scale * east_m, LAYOUT.side / 2 - scale * north_m
 
     def reach(radii: Iterable[tuple[Direction, float]]) -> list[tuple[float, float]]:
-        return [at(r * sin(radians(one.course_deg)), r * cos(radians(one.course_deg))) for one, r in radii]
+        return [at(r * sin(radians(leg.course_deg)), r * cos(radians(leg.course_deg))) for leg, r in radii]
 
     ring_m = round_length(farthest_m / 2)
     x, y = at(0.0, 0.0)
     parts = [
-        _polygon(reach((one, one.radius_m) for one in result.directions), f'stroke="{GRAY}" stroke-dasharray="6 4"'),
-        _polygon(reach((one, one.safe_radius_m) for one in result.directions), f'stroke="{BLUE}" stroke-width="2"'),
+        _polygon(
+            reach((direction, direction.radius_m) for direction in result.directions),
+            f'stroke="{GRAY}" stroke-dasharray="6 4"',
+        ),
+        _polygon(
+            reach((direction, direction.safe_radius_m) for direction in result.directions),
+            f'stroke="{BLUE}" stroke-width="2"',
+        ),
         _line([at(place.east_m, place.north_m) for place in places], ORANGE),
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="black"/>',
         _line([(40, LAYOUT.side - 30), (40 + scale * ring_m, LAYOUT.side - 30)], "black"),

@@ -137,9 +137,9 @@ def _panel_px(figure: Figure) -> float:
 def _described(figure: Figure, x: Scale, ys: Sequence[Scale]) -> str:
     """Axes with their ends and the lines' names in a sentence, for who does not see the drawing."""
 
-    def ends(one: Scale) -> str:
-        lo, hi = (10**end if one.axis.logarithmic else end for end in (one.lo, one.hi))
-        return f"{one.axis.title} from {lo:.4g} to {hi:.4g}"
+    def ends(scale: Scale) -> str:
+        lo, hi = (10**end if scale.axis.logarithmic else end for end in (scale.lo, scale.hi))
+        return f"{scale.axis.title} from {lo:.4g} to {hi:.4g}"
 
     names = figure.entries()
     lines = f". Shown: {', '.join(names)}" if names else ""
@@ -161,16 +161,16 @@ def _reach(figure: Figure, along: str, panel: int | None = None) -> tuple[float,
                 values.append(np.ravel(ends))
             if isinstance(mark, Bars):
                 values += [_corners(mark)[along == "y"].ravel()]
-    found = np.concatenate(values) if values else np.array([0.0, 1.0])
+    numbers = np.concatenate(values) if values else np.array([0.0, 1.0])
     axis = figure.x if panel is None else figure.ys[panel - 1]
-    found = found[np.isfinite(found) & (found > 0 if axis.logarithmic else True)]
-    return (float(found.min()), float(found.max())) if len(found) else (0.0, 1.0)
+    numbers = numbers[np.isfinite(numbers) & (numbers > 0 if axis.logarithmic else True)]
+    return (float(numbers.min()), float(numbers.max())) if len(numbers) else (0.0, 1.0)
 
 
 def _equal(x: Scale, y: Scale) -> tuple[Scale, list[Scale], float]:
     """The shorter axis widened, so that width over height is one of the ratios that the style has a class for."""
     wide, high = x.hi - x.lo, y.hi - y.lo
-    ratio = min(RATIOS, key=lambda one: abs(np.log(one * high / wide)))
+    ratio = min(RATIOS, key=lambda ratio: abs(np.log(ratio * high / wide)))
     to_wide, to_high = max(wide, ratio * high), max(high, wide / ratio)
     return (
         Scale(x.axis, x.lo - (to_wide - wide) / 2, x.hi + (to_wide - wide) / 2),
@@ -241,8 +241,8 @@ def _about(mark: Mark, y: Scale) -> str:
         parts["label"] = mark.label
     if mark.z is not None and value:
         parts["z"] = " ".join(f"{z:.5g}" for z in np.ravel(mark.z))
-    found = "".join(f' data-{key}="{escape(text)}"' for key, text in parts.items() if text)
-    return found + (' class="off"' if mark.hidden else "")
+    attributes = "".join(f' data-{key}="{escape(text)}"' for key, text in parts.items() if text)
+    return attributes + (' class="off"' if mark.hidden else "")
 
 
 def _ink(color: str) -> str:
@@ -266,7 +266,7 @@ def _drawn(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
             yield f'<path{about} d="{path(X, Y)}" {look}/>'
         case Points():
             for color in dict.fromkeys(mark.colors or [mark.color]):
-                here = np.array([one == color for one in mark.colors]) if mark.colors else np.ones(len(X), dtype=bool)
+                here = np.array([name == color for name in mark.colors]) if mark.colors else np.ones(len(X), dtype=bool)
                 yield from _dots(mark, color, (X, Y), here, y)
             yield from _error_bars(mark, x, y)
 
@@ -348,10 +348,10 @@ def _bars(bars: Bars, x: Scale, y: Scale) -> Iterator[str]:
         color = bars.colors[i] if bars.colors else bars.color
         opacity = f' fill-opacity="{bars.opacities[i]:g}"' if bars.opacities else ""
         z = float(bars.z[i]) if bars.z is not None else np.nan
-        said = (bars.value or "").format(x=bars.x[i], y=bars.y[i], z=z)
+        label = (bars.value or "").format(x=bars.x[i], y=bars.y[i], z=z)
         say = (
-            f' data-say="{escape(f"{bars.label or bars.name}: {said}" if bars.label or bars.name else said)}"'
-            if said
+            f' data-say="{escape(f"{bars.label or bars.name}: {label}" if bars.label or bars.name else label)}"'
+            if label
             else ""
         )
         yield (
@@ -413,22 +413,22 @@ def _entry(figure: Figure, name: str) -> str:
     marks = figure.named(name)
     lines = [mark for mark in marks if not isinstance(mark, Band)]
     shades = [shade for shade in figure.shades if shade.name == name]
-    found: Mark | Shade = lines[0] if lines else marks[0] if marks else shades[0]
-    ink, at = _ink(found.color), '<g transform="translate(14 7)">'
+    mark: Mark | Shade = lines[0] if lines else marks[0] if marks else shades[0]
+    ink, at = _ink(mark.color), '<g transform="translate(14 7)">'
     area = f'<rect x="6" y="1" width="16" height="12" fill="{ink}"'
-    match found:
+    match mark:
         case Line():
-            dash = f' stroke-dasharray="{found.dash}"' if found.dash else ""
-            drawn = f'<path d="M1 7H27" stroke="{ink}" stroke-width="{min(found.width, 5):g}"{dash}/>'
-            drawn += f"{at}{symbol(found.symbol, found.color, 5)}</g>" if found.symbol else ""
+            dash = f' stroke-dasharray="{mark.dash}"' if mark.dash else ""
+            drawn = f'<path d="M1 7H27" stroke="{ink}" stroke-width="{min(mark.width, 5):g}"{dash}/>'
+            drawn += f"{at}{symbol(mark.symbol, mark.color, 5)}</g>" if mark.symbol else ""
         case Points():
-            drawn = f"{at}{symbol(found.symbol, found.color, min(found.size / 2, 6))}</g>"
-            if found.hollow:
-                drawn += f'{at}<circle r="{found.size / 2 - 2.5:g}" fill="{_ink(PAPER)}"/></g>'
+            drawn = f"{at}{symbol(mark.symbol, mark.color, min(mark.size / 2, 6))}</g>"
+            if mark.hollow:
+                drawn += f'{at}<circle r="{mark.size / 2 - 2.5:g}" fill="{_ink(PAPER)}"/></g>'
         case Shade(outlined=True):
-            drawn = f'{area} fill-opacity="{found.opacity:g}" stroke="{ink}" stroke-dasharray="3 3"/>'
+            drawn = f'{area} fill-opacity="{mark.opacity:g}" stroke="{ink}" stroke-dasharray="3 3"/>'
         case Band() | Shade():
-            drawn = f'{area} fill-opacity="{max(found.opacity, 0.35):g}"/>'
+            drawn = f'{area} fill-opacity="{max(mark.opacity, 0.35):g}"/>'
         case _:
             drawn = f"{area}/>"
     hidden = bool(marks) and all(mark.hidden for mark in marks)

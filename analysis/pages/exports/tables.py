@@ -67,10 +67,10 @@ def _of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
         taken, and what the fit leaves unexplained; index t_s
     curves : as of a flight with runs
     """
-    found, results = analysis.estimate, analysis.results
+    estimate, results = analysis.estimate, analysis.results
     windows = pd.DataFrame(
-        {"speed_mps": found.measured_V_mps, "level_power_W": found.measured_W, "residual_W": found.residual_W},
-        index=pd.Index(found.time_s, name=INDEX),
+        {"speed_mps": estimate.measured_V_mps, "level_power_W": estimate.measured_W, "residual_W": estimate.residual_W},
+        index=pd.Index(estimate.time_s, name=INDEX),
     )
     table = analysis.flight.table.rename(columns=WITH_UNITS).assign(in_flight=analysis.flight.flown)
     curves = {

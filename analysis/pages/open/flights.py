@@ -99,6 +99,8 @@ class Folder:
 
 def is_file_name(name: str) -> bool:
     """Whether a name, in any script, is one of a visible file in this folder on every system."""
-    odd = any(unicodedata.category(one) in ("Cc", "Cs", "Co", "Cn") or one in NOT_IN_NAMES for one in name)
+    odd = any(
+        unicodedata.category(character) in ("Cc", "Cs", "Co", "Cn") or character in NOT_IN_NAMES for character in name
+    )
     ends = name[:1] in ("", ".", "-", " ") or name[-1:] in (".", " ")
     return not odd and not ends and len(name.encode("utf-8", "replace")) <= LIMITS.name_bytes

@@ -26,8 +26,8 @@ def polars_in(folder: Path) -> dict[str, Path]:
 
 def _inside(folder: Path, wanted: Callable[[Path], bool]) -> dict[str, Path]:
     inside = folder.resolve()
-    found = (path for path in sorted(folder.iterdir()) if path.is_file() and path.resolve().parent == inside)
-    return {path.name: path for path in found if not path.name.startswith(".") and wanted(path)}
+    paths = (path for path in sorted(folder.iterdir()) if path.is_file() and path.resolve().parent == inside)
+    return {path.name: path for path in paths if not path.name.startswith(".") and wanted(path)}
 
 
 def _may_be_polar(path: Path) -> bool:
@@ -53,12 +53,12 @@ def _is_polar(path: Path, mtime_ns: int, size: int) -> bool:
 
 def listed(folder: Path) -> list[Json]:
     """Name, date, length and kind of each log, and whether it has a report; the newest first."""
-    found = []
+    rows = []
     for path in logs_in(folder).values():
         stat = path.stat()
         about = _extent(path, stat.st_mtime_ns, stat.st_size)
         began_s = about.start_s if about.start_s is not None else stat.st_mtime
-        found.append(
+        rows.append(
             {
                 "name": path.name,
                 "began_s": began_s,
@@ -70,7 +70,7 @@ def listed(folder: Path) -> list[Json]:
                 "report": (report_folder(path) / "report.html").is_file(),
             }
         )
-    return sorted(found, key=lambda one: -one["began_s"])
+    return sorted(rows, key=lambda row: -row["began_s"])
 
 
 def _minutes(length_s: float) -> str:
@@ -81,7 +81,7 @@ def _minutes(length_s: float) -> str:
 def _extent(path: Path, mtime_ns: int, size: int) -> Extent:
     """For one state of the file."""
     try:
-        found = extent(path)
-        return found if found.kind is not LogKind.TABLE or is_table(path) else Extent(LogKind.UNKNOWN)
+        log_extent = extent(path)
+        return log_extent if log_extent.kind is not LogKind.TABLE or is_table(path) else Extent(LogKind.UNKNOWN)
     except (OSError, InputError):
         return Extent(LogKind.UNKNOWN)

@@ -124,7 +124,7 @@ NEEDED = ("mass", "wing-area", "span")  # without which no balance is made
 
 def aircraft_form(keys: Mapping[str, Any], groups: Collection[str] = tuple(AIRCRAFT)) -> list[Json]:
     """The groups of fields for the values of an aircraft file, by key; those it lacks are shown if OFFERED."""
-    found = []
+    sections = []
     for title in groups:
         fields = [
             _field(key, label, typed(keys.get(key, "")), _meaning(pattern))
@@ -132,13 +132,13 @@ def aircraft_form(keys: Mapping[str, Any], groups: Collection[str] = tuple(AIRCR
             for key, label in _expanded(pattern, named)
             if key in keys or key in OFFERED or key == PROPELLER
         ]
-        found += [{"title": title, "fields": fields}] if fields else []
-    return found
+        sections += [{"title": title, "fields": fields}] if fields else []
+    return sections
 
 
 def options_form() -> list[Json]:
     """The one group of fields for a log without an aircraft file."""
-    fields = [_field(key, one.label, "", one.meaning, one.example) for key, one in OPTIONS.items()]
+    fields = [_field(key, option.label, "", option.meaning, option.example) for key, option in OPTIONS.items()]
     return [{"title": FIRST, "fields": [*fields, _field(PROPELLER, "propeller flown", "", _meaning(PROPELLER))]}]
 
 
@@ -171,8 +171,8 @@ def pattern_of(key: str) -> str:
 
 def typed(value: object) -> str:
     """A value of a TOML file as it is typed: text without quotation marks, a list with commas."""
-    if isinstance(value, list) and all(isinstance(one, str | int | float) for one in value):
-        return ", ".join(typed(one) for one in value)
+    if isinstance(value, list) and all(isinstance(part, str | int | float) for part in value):
+        return ", ".join(typed(part) for part in value)
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
@@ -201,19 +201,19 @@ def _is_list(key: str) -> bool:
 
 def option_values(given: Mapping[str, str]) -> Json:
     """Fields of `Options` from what was typed, by key. Raises FieldError for a value that cannot be used."""
-    found: Json = {}
+    values: Json = {}
     for key, text in given.items():
         if key not in OPTIONS:
             raise InputError(f"{key[:60]!r}: not a value of the form")
         if not text.strip():
             continue
-        one = OPTIONS[key]
+        option = OPTIONS[key]
         try:
-            found[one.field] = one.parsed(text)
-            Options(**{one.field: found[one.field]})
+            values[option.field] = option.parsed(text)
+            Options(**{option.field: values[option.field]})
         except InputError as error:
             raise FieldError(str(error), key) from None
-    return found
+    return values
 
 
 def shipped(propeller: str) -> bool:

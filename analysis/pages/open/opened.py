@@ -67,15 +67,15 @@ class OpenedFlight(ABC):
 
     def curve(self, values: Values) -> Json:
         """The curve as the report will have it. Raises InputError."""
-        asked = msgspec.json.encode(values)
-        if asked not in self._curves:
+        request = msgspec.json.encode(values)
+        if request not in self._curves:
             began = time.process_time()
-            found = self._curve(values)
-            found["seconds"] = time.process_time() - began
+            curve = self._curve(values)
+            curve["seconds"] = time.process_time() - began
             while len(self._curves) >= LIMITS.curves:
                 self._curves.pop(next(iter(self._curves)))
-            self._curves[asked] = found
-        return self._curves[asked]
+            self._curves[request] = curve
+        return self._curves[request]
 
     def drawn(self, values: Values) -> Json:
         """The time histories with the channels that were asked for. Raises InputError for one that there is none of."""
@@ -99,7 +99,7 @@ class OpenedFlight(ABC):
         options = self._options(values, folder)
         kept = [path.name for path in self._write_inputs(values, folder) if path]
         done = analyze_log(self.path, folder, options, lambda _: None, self.command(values))
-        return {"said": _said(done), "kept": kept, "command": self.command(values)}
+        return {"said": _summary_lines(done), "kept": kept, "command": self.command(values)}
 
     def command(self, values: Values) -> str:
         """The command that gives the same files."""
@@ -146,15 +146,15 @@ def report_folder(log: Path) -> Path:
 
 
 def _stat(path: Path) -> tuple[int, int]:
-    found = path.stat()
-    return found.st_mtime_ns, found.st_size
+    stat = path.stat()
+    return stat.st_mtime_ns, stat.st_size
 
 
-def _speed(found: SpeedInterval) -> float | None:
-    return found.speed_mps if found.inside_flown_range else None
+def _speed(speed_interval: SpeedInterval) -> float | None:
+    return speed_interval.speed_mps if speed_interval.inside_flown_range else None
 
 
-def _said(done: Report) -> list[str]:
+def _summary_lines(done: Report) -> list[str]:
     """The verdict, and what was replaced."""
     results = done.results
     return [f"{results.aircraft.title}: {results.trust}"] + ([done.replaced_report] if done.replaced_report else [])

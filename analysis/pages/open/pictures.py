@@ -47,7 +47,7 @@ class Stretch(NamedTuple):
 def strips(rows: Sequence[Row], channels: Mapping[str, Channel], events: Sequence[Event], end_s: float) -> str:
     """Time histories one above the other, those of named channels below them; modes and messages at the bottom."""
     rows = [row for row in rows if np.isfinite(row[1]).any()]
-    rows += [(one.t_s, one.value, Axis(name)) for name, one in channels.items()]
+    rows += [(channel.t_s, channel.value, Axis(name)) for name, channel in channels.items()]
     rows = [_between(row, end_s) for row in rows]
     known = [row for row in rows if len(row[0])]
     panels = len(known) + bool(events)
@@ -70,13 +70,13 @@ def _between(row: Row, end_s: float) -> Row:
 
 def _modes(events: Sequence[Event], panel: int, end_s: float) -> list[Bars]:
     """One bar for each stretch in a mode, of one color for each mode; its name where there is room."""
-    switched = [one for one in events if one.kind is EventKind.MODE]
-    starts = np.clip([one.t_s for one in switched], 0.0, end_s)
+    switched = [event for event in events if event.kind is EventKind.MODE]
+    starts = np.clip([event.t_s for event in switched], 0.0, end_s)
     lengths = np.diff(np.append(starts, end_s))
-    names = list(dict.fromkeys(one.text for one in switched))
+    names = list(dict.fromkeys(event.text for event in switched))
     bars = []
     for i, name in enumerate(names):
-        here = np.array([one.text == name for one in switched]) & (lengths > 0)
+        here = np.array([event.text == name for event in switched]) & (lengths > 0)
         room = len(name) / LIMITS.letters * end_s
         bars.append(
             Bars(
@@ -93,10 +93,10 @@ def _messages(events: Sequence[Event], panel: int, end_s: float) -> list[Points]
     """A mark for each message, which the cursor reads."""
     return [
         Points(
-            x=np.array([min(max(one.t_s, 0.0), end_s)]), y=np.array([0.85]), panel=panel, color=INK, size=9,
-            symbol=Symbol.DOWN, label=one.text, value="{x:.1f} s",
+            x=np.array([min(max(event.t_s, 0.0), end_s)]), y=np.array([0.85]), panel=panel, color=INK, size=9,
+            symbol=Symbol.DOWN, label=event.text, value="{x:.1f} s",
         )
-        for one in [one for one in events if one.kind is EventKind.MESSAGE][: LIMITS.entries]
+        for event in [event for event in events if event.kind is EventKind.MESSAGE][: LIMITS.entries]
     ]  # fmt: skip
 
 
@@ -117,29 +117,29 @@ def rows_of_runs(table: pd.DataFrame) -> list[Row]:
 def rows_of_recording(flight: FlightRecording, start_s: float) -> list[Row]:
     """What an energy balance uses, as logged: indicated airspeed, speed over ground, height, power, throttle, motor."""
     known = flight.channels
-    found: list[tuple[Channel, Axis]] = []
+    drawn: list[tuple[Channel, Axis]] = []
     if (pitot := known.get(recording.AIRSPEED_PRESSURE)) is not None:
         speed = np.sign(pitot.value) * np.sqrt(2 * np.abs(pitot.value) / SEA_LEVEL_DENSITY)
-        found.append((Channel(pitot.t_s, speed), Axis("indicated airspeed", "m/s")))
+        drawn.append((Channel(pitot.t_s, speed), Axis("indicated airspeed", "m/s")))
     if known.keys() >= set(recording.GPS):
         north, east = known[recording.GPS[0]], known[recording.GPS[1]]
         over_ground = np.hypot(north.value, np.interp(north.t_s, *east))
-        found.append((Channel(north.t_s, over_ground), Axis("speed over ground", "m/s")))
+        drawn.append((Channel(north.t_s, over_ground), Axis("speed over ground", "m/s")))
     if (static := known.get(recording.STATIC)) is not None:
         lowest_Pa = float(np.percentile(static.value, 99))
         height_m = np.asarray(height_at(static.value, ground_pressure_Pa=lowest_Pa, ground_temperature_K=288.15))
-        found.append((Channel(static.t_s, height_m), Axis("height", "m")))
+        drawn.append((Channel(static.t_s, height_m), Axis("height", "m")))
     if known.keys() >= {recording.VOLTAGE, recording.CURRENT}:
         current = known[recording.CURRENT]
         power_W = current.value * np.interp(current.t_s, *known[recording.VOLTAGE])
-        found.append((Channel(current.t_s, power_W), Axis("electrical power", "W")))
+        drawn.append((Channel(current.t_s, power_W), Axis("electrical power", "W")))
     for name, factor, axis in (
         (recording.THROTTLE, 100, Axis("throttle", "%")),
         (recording.MOTOR, 60, Axis("motor", "rpm")),
     ):
         if name in known:
-            found.append((Channel(known[name].t_s, factor * known[name].value), axis))
-    return [(one.t_s - start_s, one.value, axis) for one, axis in found]
+            drawn.append((Channel(known[name].t_s, factor * known[name].value), axis))
+    return [(channel.t_s - start_s, channel.value, axis) for channel, axis in drawn]
 
 
 def track_of(flight: FlightRecording, start_s: float, end_s: float) -> Track | None:

@@ -74,7 +74,7 @@ class RunsFlight(OpenedFlight):
             "command": self.command(Values("")),
             "form": form.aircraft_form(self.aircraft_keys),
             "strips": self.strips({}),
-            "events": [one._asdict() for one in self._events],
+            "events": [event._asdict() for event in self._events],
             "runs": self._found(measured),
             "propellers": shipped_propellers(),
             "propeller": measured.propeller.name,
@@ -249,9 +249,11 @@ def runs_text(runs: Sequence[Run], log: str) -> str:
 def _runs(maneuvers: Maneuvers) -> list[Json]:
     """Runs in order of time; unused ones with the reason."""
     runs = [Run(run.kind, run.start_s, run.end_s, True, "; ".join(run.notes)) for run in maneuvers.maneuvers]
-    runs += [Run(one.kind, one.start_s, one.end_s, False, one.reason) for one in maneuvers.rejected]
-    found: list[Json] = msgspec.to_builtins(sorted(runs, key=lambda run: run.start_s))
-    return found
+    runs += [
+        Run(rejected.kind, rejected.start_s, rejected.end_s, False, rejected.reason) for rejected in maneuvers.rejected
+    ]
+    rows: list[Json] = msgspec.to_builtins(sorted(runs, key=lambda run: run.start_s))
+    return rows
 
 
 def _by_likelihood(method: str) -> bool:

@@ -229,12 +229,12 @@ def _drafted_map(table: Path) -> str:
 
 def _length(environ: Environ, most: int) -> int:
     """Length of a request's body. Raises RefusedError if it is missing or too large."""
-    told = environ.get("CONTENT_LENGTH") or ""
-    if not told.isascii() or not told.isdigit():
+    length = environ.get("CONTENT_LENGTH") or ""
+    if not length.isascii() or not length.isdigit():
         raise RefusedError(HTTPStatus.LENGTH_REQUIRED, "the length of the request is missing")
-    if int(told) > most:
+    if int(length) > most:
         raise RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"too large: {most / 1e6:g} MB are taken at most")
-    return int(told)
+    return int(length)
 
 
 def _copy(source: IO[bytes], to: IO[bytes], length: int, at_once: int = 1 << 20) -> None:

@@ -79,7 +79,7 @@ class WholeFlight(OpenedFlight):
             "command": self.command(Values("")),
             "form": groups,
             "strips": self.strips({}),
-            "events": [self._from_start(one)._asdict() for one in self.recording.events],
+            "events": [self._from_start(event)._asdict() for event in self.recording.events],
             "propellers": shipped_propellers(),
             "propeller": self.aircraft_keys.get("propulsion.propeller", ""),
             "remembered": {} if self.aircraft_keys else remembered(report_folder(self.path)),
@@ -90,13 +90,13 @@ class WholeFlight(OpenedFlight):
     @cached_property
     def start_s(self) -> float:
         """The first moment of the airspeed, or of the velocity by GPS, as of the table of the flight."""
-        found = self.recording.channels
-        main = found.get(recording.AIRSPEED_PRESSURE, found.get(recording.GPS[0]))
+        channels = self.recording.channels
+        main = channels.get(recording.AIRSPEED_PRESSURE, channels.get(recording.GPS[0]))
         return float(main.t_s[0]) if main is not None and len(main.t_s) else 0.0
 
     @cached_property
     def end_s(self) -> float:
-        ends = [float(one.t_s[-1]) for one in self.recording.channels.values() if len(one.t_s)]
+        ends = [float(channel.t_s[-1]) for channel in self.recording.channels.values() if len(channel.t_s)]
         return max([end - self.start_s for end in ends], default=1.0)
 
     @cached_property
@@ -104,13 +104,13 @@ class WholeFlight(OpenedFlight):
         if isinstance(self.source, Log):
             first = next(topic for topic in ("/probe/airspeed", "/gps") if self.source.entries.get(topic))
             return daemon.all_channels(self.source, int(times_ns(self.source.entries[first])[0]))
-        found = autopilot_of(self.path)
-        return {} if found is None else autopilot.all_channels(self.path, found)
+        kind = autopilot_of(self.path)
+        return {} if kind is None else autopilot.all_channels(self.path, kind)
 
     def strips(self, channels: dict[str, Channel]) -> str:
         rows = rows_of_recording(self.recording, self.start_s)
-        shifted = {name: Channel(one.t_s - self.start_s, one.value) for name, one in channels.items()}
-        return strips(rows, shifted, [self._from_start(one) for one in self.recording.events], self.end_s)
+        shifted = {name: Channel(channel.t_s - self.start_s, channel.value) for name, channel in channels.items()}
+        return strips(rows, shifted, [self._from_start(event) for event in self.recording.events], self.end_s)
 
     def _from_start(self, event: Event) -> Event:
         return event._replace(t_s=event.t_s - self.start_s)
@@ -155,10 +155,10 @@ class WholeFlight(OpenedFlight):
         if self.aircraft_keys or not missing:
             return {}
         guess = guessed_aircraft(self.recording)
-        found = {
+        guesses = {
             "mass": guess.weight_N / GRAVITY_MPS2, "wing-area": guess.wing_area_m2, "span": guess.span_m,
         }  # fmt: skip
-        return {key: found[key] for key in missing}
+        return {key: guesses[key] for key in missing}
 
     def _options(self, values: Values, folder: Path, guessed: dict[str, float] | None = None) -> Options:
         given: Json = {"leave_out": self._left_out(values) or None}
@@ -171,11 +171,11 @@ class WholeFlight(OpenedFlight):
             return Options(**given)
         given |= form.option_values(values.aircraft)
         for key in form.NEEDED:
-            one = form.OPTIONS[key]
-            if given.get(one.field) is None:
+            option = form.OPTIONS[key]
+            if given.get(option.field) is None:
                 if not guessed:
-                    raise FieldError(f"{one.label}: is only guessed; type it, such as {one.example}", key)
-                given[one.field] = guessed[key]
+                    raise FieldError(f"{option.label}: is only guessed; type it, such as {option.example}", key)
+                given[option.field] = guessed[key]
         return Options(**given)
 
     def _left_out(self, values: Values) -> str:
@@ -211,13 +211,13 @@ class WholeFlight(OpenedFlight):
 def remembered(report: Path) -> dict[str, str]:
     """Mass, wing area and span of the last report of a log, as typed; empty where there is none."""
     try:
-        found = read_results(report / "results.json")
+        results = read_results(report / "results.json")
     except InputError:
         return {}
     return {
-        "mass": f"{found.test.weight_N / GRAVITY_MPS2:.4g} kg",
-        "wing-area": f"{found.aircraft.wing_area_m2:.4g} m^2",
-        "span": f"{found.aircraft.span_m:.4g} m",
+        "mass": f"{results.test.weight_N / GRAVITY_MPS2:.4g} kg",
+        "wing-area": f"{results.aircraft.wing_area_m2:.4g} m^2",
+        "span": f"{results.aircraft.span_m:.4g} m",
     }
 
 

@@ -124,13 +124,15 @@ def _whiteness(results: Results) -> str:
 
 def _health(results: Results) -> str:
     assert results.provenance is not None
-    found = results.provenance
+    provenance = results.provenance
     parts = []
-    if found.ticks_missed is not None and found.ticks is not None:
-        parts.append(f"{found.ticks_missed} of {found.ticks + found.ticks_missed} sampling instants were missed")
+    if provenance.ticks_missed is not None and provenance.ticks is not None:
+        parts.append(
+            f"{provenance.ticks_missed} of {provenance.ticks + provenance.ticks_missed} sampling instants were missed"
+        )
     faulty = [
         f"{sensor.topic} ({sum(sensor.faults.values())} of {sensor.messages} messages)"
-        for sensor in found.sensors
+        for sensor in provenance.sensors
         if sensor.faults
     ]
     parts.append(f"faults: {', '.join(faulty)}" if faulty else "no sensor reported a fault")
@@ -267,13 +269,13 @@ def next_flight(results: Results) -> list[str]:
             " so that the speed of best endurance is not known."
         )
     if results.path is not None:
-        lacking: dict[str, list[str]] = {}
+        missing: dict[str, list[str]] = {}
         for error in results.path.sensor_errors:
             for reason in error.missing:
                 if error.name != results.next_flight_lowers:
-                    lacking.setdefault(reason, []).append(error.title)
+                    missing.setdefault(reason, []).append(error.title)
         advice += [
-            f"The flight does not determine {', '.join(titles)} ({reason})." for reason, titles in lacking.items()
+            f"The flight does not determine {', '.join(titles)} ({reason})." for reason, titles in missing.items()
         ]
     if any(point.extrapolated for point in results.main.points):
         advice.append(

@@ -36,8 +36,8 @@ def curve_section(results: Results) -> CurveSection:
     ]
     if polar := results.drag_polar:
         best = "–" if polar.maximum_lift_to_drag is None else f"{polar.maximum_lift_to_drag:.1f}"
-        said = f"C_D0 {polar.CD0:.4f}, Oswald efficiency {polar.oswald_efficiency:.2f}, (L/D)max {best}"
-        facts.append(("Drag polar", said))
+        sentence = f"C_D0 {polar.CD0:.4f}, Oswald efficiency {polar.oswald_efficiency:.2f}, (L/D)max {best}"
+        facts.append(("Drag polar", sentence))
     return CurveSection(
         title="Electrical power and drag" if by_battery else "Power-required curve and drag polar",
         facts=[*facts, ("Data", f"{_data(results)}; estimation {results.verdict}")],
@@ -56,14 +56,14 @@ def curve_section(results: Results) -> CurveSection:
 def _stand(results: Results) -> str:
     """What was known of thrust at rest before the flight, and what the flight makes of it."""
     measurements = results.pooling.prior_measurements if results.pooling else UNSET
-    found = {p.name: p for p in results.parameters}.get("static_thrust_ratio")
-    if found is None or not measurements:
+    ratio = {p.name: p for p in results.parameters}.get("static_thrust_ratio")
+    if ratio is None or not measurements:
         return ""
     before = measurements[0]
     return (
         f"Thrust at rest was measured on a stand: {1 + before.value:.3f} ± {before.sigma:.3f} times that of the"
         " propeller table (standard error, with that of the straight line from rest to flight). With this flight it is"
-        f" {found.value:.3f} ± {found.standard_error:.3f}."
+        f" {ratio.value:.3f} ± {ratio.standard_error:.3f}."
     )
 
 
@@ -179,15 +179,15 @@ def methods_section(results: Results) -> MethodsSection | None:
     )
 
 
-def _pitch_rate(found: PitchRateResult | None) -> str:
-    if found is None:
+def _pitch_rate(rate: PitchRateResult | None) -> str:
+    if rate is None:
         return ""
-    ratios = ", ".join(f"{ratio:.2g} in the {run}" for run, ratio in found.signal_to_noise.items())
-    differs = "differs significantly" if found.significant else "does not differ significantly"
+    ratios = ", ".join(f"{ratio:.2g} in the {run}" for run, ratio in rate.signal_to_noise.items())
+    differs = "differs significantly" if rate.significant else "does not differ significantly"
     return (
-        f"Pitch rate over its noise ({found.noise_radps:.4f} rad/s), as variances (4.7): {ratios}. Lift due to pitch"
-        f" rate, by maximum likelihood: C_Lq = {found.CLq:.1f} ± {found.standard_error:.1f} (standard error),"
-        f" t = {found.t:.1f} (4.4); it {differs} from zero, for which {found.critical_t:.2f} would be needed."
+        f"Pitch rate over its noise ({rate.noise_radps:.4f} rad/s), as variances (4.7): {ratios}. Lift due to pitch"
+        f" rate, by maximum likelihood: C_Lq = {rate.CLq:.1f} ± {rate.standard_error:.1f} (standard error),"
+        f" t = {rate.t:.1f} (4.4); it {differs} from zero, for which {rate.critical_t:.2f} would be needed."
     )
 
 

@@ -96,19 +96,19 @@ class ProvenanceSection(NamedTuple):
 
 def provenance_section(results: Results) -> ProvenanceSection | None:
     """None where the results do not say what they were made of."""
-    found = results.provenance
-    if found is None:
+    provenance = results.provenance
+    if provenance is None:
         return None
     date_and_place = "; ".join((_date(results), _place(results)))
     facts = [
         ("Date and place", date_and_place),
         *_air(results),
-        ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {found.weight_source}"),
-        ("Log", _log(results, found)),
-        ("Recorded by", _recorder(results, found)),
-        *_of_daemon(results, found),
+        ("Weight", f"{results.test.weight_N / GRAVITY_MPS2:.3f} kg, {provenance.weight_source}"),
+        ("Log", _log(results, provenance)),
+        ("Recorded by", _recorder(results, provenance)),
+        *_of_daemon(results, provenance),
         ("Analyzed by", f"flightpower {results.software_version}"),
-        ("Command", found.command_line or "not recorded: one of several logs, or called from Python"),
+        ("Command", provenance.command_line or "not recorded: one of several logs, or called from Python"),
     ]
     return ProvenanceSection(
         date_and_place=date_and_place,
@@ -116,7 +116,10 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
         facts=facts,
         files=HtmlTable(
             ("file", "name", "from", "SHA-256"),
-            [(file.role, file.name or "–", file.origin, file.sha256 or "not a single file") for file in found.files],
+            [
+                (file.role, file.name or "–", file.origin, file.sha256 or "not a single file")
+                for file in provenance.files
+            ],
         ),
         sensors=HtmlTable(
             ("topic", "messages", "measurements", "faults"),
@@ -127,29 +130,29 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
                     str(sensor.measurements),
                     ", ".join(f"{number} {status}" for status, number in sensor.faults.items()) or "none",
                 )
-                for sensor in found.sensors
+                for sensor in provenance.sensors
             ],
             numbers=True,
         ),
     )
 
 
-def _recorder(results: Results, found: Provenance) -> str:
+def _recorder(results: Results, provenance: Provenance) -> str:
     if results.vehicle:
         return f"autopilot {results.vehicle} (hash of its serial number)"
-    return f"flightpower {found.recorded_by}" if found.recorded_by else "not known"
+    return f"flightpower {provenance.recorded_by}" if provenance.recorded_by else "not known"
 
 
-def _of_daemon(results: Results, found: Provenance) -> list[tuple[str, str]]:
+def _of_daemon(results: Results, provenance: Provenance) -> list[tuple[str, str]]:
     """What only our own recorder tells."""
-    if not found.recorded_by and found.ticks is None:
+    if not provenance.recorded_by and provenance.ticks is None:
         return []
-    return [("Sampling", _ticks(results)), ("Messages of the daemon", "; ".join(found.events) or "no warning")]
+    return [("Sampling", _ticks(results)), ("Messages of the daemon", "; ".join(provenance.events) or "no warning")]
 
 
-def _log(results: Results, found: Provenance) -> str:
-    length = "" if found.duration_s is None else f" {found.duration_s:.0f} s,"
-    return f"{results.log},{length} {found.log_bytes / 1e6:.1f} MB, SHA-256 {found.log_sha256}"
+def _log(results: Results, provenance: Provenance) -> str:
+    length = "" if provenance.duration_s is None else f" {provenance.duration_s:.0f} s,"
+    return f"{results.log},{length} {provenance.log_bytes / 1e6:.1f} MB, SHA-256 {provenance.log_sha256}"
 
 
 class BalanceSection(NamedTuple):
@@ -161,12 +164,12 @@ class BalanceSection(NamedTuple):
 
 def balance_section(results: Results) -> BalanceSection | None:
     """None where the curve is not by an energy balance."""
-    found = results.balance
-    if found is None:
+    balance = results.balance
+    if balance is None:
         return None
     residual = (
-        f"Thrust power minus the power of drag and of the change of energy, {found.residual_W:.0f} W rms over"
-        f" {found.flown_s:.0f} s. It shows the vertical motion of the air. The interval allows for its slow waves."
+        f"Thrust power minus the power of drag and of the change of energy, {balance.residual_W:.0f} W rms over"
+        f" {balance.flown_s:.0f} s. It shows the vertical motion of the air. The interval allows for its slow waves."
     )
     return BalanceSection(_airspeed(results), residual)
 
@@ -185,20 +188,20 @@ def _airspeed(results: Results) -> str:
 
 
 def _date(results: Results) -> str:
-    found = results.provenance
-    if found is None or found.start_utc is None:
+    provenance = results.provenance
+    if provenance is None or provenance.start_utc is None:
         return "Date not known"
-    clock = "" if found.clock is Clock.SATELLITES else " (the computer's clock, which may be wrong)"
-    return f"{found.start_utc.replace('T', ' ').removesuffix('Z')} UTC{clock}"
+    clock = "" if provenance.clock is Clock.SATELLITES else " (the computer's clock, which may be wrong)"
+    return f"{provenance.start_utc.replace('T', ' ').removesuffix('Z')} UTC{clock}"
 
 
 def _place(results: Results) -> str:
-    found = results.provenance
-    if found is None or found.latitude_deg is None or found.longitude_deg is None:
+    provenance = results.provenance
+    if provenance is None or provenance.latitude_deg is None or provenance.longitude_deg is None:
         return "place not known"
-    north, east = "N" if found.latitude_deg >= 0 else "S", "E" if found.longitude_deg >= 0 else "W"
-    height = "" if found.height_msl_m is None else f", {found.height_msl_m:.0f} m above sea level"
-    return f"{abs(found.latitude_deg):.5f}° {north} {abs(found.longitude_deg):.5f}° {east}{height}"
+    north, east = "N" if provenance.latitude_deg >= 0 else "S", "E" if provenance.longitude_deg >= 0 else "W"
+    height = "" if provenance.height_msl_m is None else f", {provenance.height_msl_m:.0f} m above sea level"
+    return f"{abs(provenance.latitude_deg):.5f}° {north} {abs(provenance.longitude_deg):.5f}° {east}{height}"
 
 
 def _wind(results: Results) -> str:
@@ -240,7 +243,7 @@ def _air(results: Results) -> list[tuple[str, str]]:
 
 
 def _ticks(results: Results) -> str:
-    found = results.provenance
-    if found is None or found.ticks is None:
+    log = results.provenance
+    if log is None or log.ticks is None:
         return "the log has no record of it"
-    return f"{found.ticks_missed} of {found.ticks + (found.ticks_missed or 0)} sampling instants were missed"
+    return f"{log.ticks_missed} of {log.ticks + (log.ticks_missed or 0)} sampling instants were missed"

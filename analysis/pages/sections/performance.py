@@ -85,19 +85,19 @@ def autopilot_section(results: Results) -> AutopilotSection | None:
     """None where nothing follows."""
     if not results.autopilot_parameters:
         return None
-    logged = any(one.logged is not None for one in results.autopilot_parameters)
+    logged = any(parameter.logged is not None for parameter in results.autopilot_parameters)
     rows = [
         (
-            one.firmware,
-            one.name,
-            _number(one.value),
-            f"{_number(one.lo)} to {_number(one.hi)}",
-            one.unit,
-            one.versions,
-            *(("" if one.logged is None else _number(one.logged),) if logged else ()),
-            one.basis,
+            parameter.firmware,
+            parameter.name,
+            _number(parameter.value),
+            f"{_number(parameter.lo)} to {_number(parameter.hi)}",
+            parameter.unit,
+            parameter.versions,
+            *(("" if parameter.logged is None else _number(parameter.logged),) if logged else ()),
+            parameter.basis,
         )
-        for one in results.autopilot_parameters
+        for parameter in results.autopilot_parameters
     ]
     header = [name for name in HEADER if logged or name != IN_LOG]
     return AutopilotSection(HtmlTable(header, rows), AIRSPEEDS, results.autopilot_parameters_withheld)

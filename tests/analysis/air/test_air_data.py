@@ -125,12 +125,12 @@ def test_an_alpha_transducer_that_is_stuck_leaves_no_speed_and_says_why(flown, p
 def test_time_aloft_that_is_too_slow_to_be_flight_is_told_in_per_cent_of_it() -> None:
     height_m = np.where(np.arange(200) < 100, 0.0, 50.0)
     slow = np.where(np.arange(200) >= 175, 20.0, 100.0)  # a quarter of the time aloft
-    (said,) = _slow_flight(height_m, slow, 40.0, 1.0)
-    assert said.startswith("25 % of the time above ") and "below 40 Pa" in said
+    (message,) = _slow_flight(height_m, slow, 40.0, 1.0)
+    assert message.startswith("25 % of the time above ") and "below 40 Pa" in message
     assert _slow_flight(height_m, np.where(np.arange(200) >= 199, 20.0, 100.0), 40.0, 1.0) == []
     assert _slow_flight(0 * height_m, slow, 40.0, 1.0) == []
     (low,) = _slow_flight(np.full(200, 50.0), slow, 40.0, 0.5)
-    above = [float(text.split(" above ")[1].split(" m ")[0]) for text in (said, low)]
+    above = [float(text.split(" above ")[1].split(" m ")[0]) for text in (message, low)]
     assert above[1] == pytest.approx(above[0] / 2), "a small aircraft flies lower"
     assert _slow_flight(np.full(200, 11.0), slow, 40.0, 0.5) and not _slow_flight(np.full(200, 9.0), slow, 40.0, 0.5)
     assert _slow_flight(height_m, np.where(np.arange(200) >= 197, 20.0, 100.0), 40.0, 1.0), "3 % are told"

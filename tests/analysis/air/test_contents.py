@@ -23,9 +23,9 @@ def test_thrust_of_a_computed_table_is_as_uncertain_as_the_file_says_or_as_such_
         "propeller.csv": load_propeller("apc-12x8e").to_csv().encode(),
         "probe.json": msgspec.json.encode(tunnel_probe()),
     })  # fmt: skip
-    found = contents(log)
-    assert found.aircraft.uncertainty.thrust_scale_fraction == pytest.approx(sigma, abs=0.006)
-    assert any("computed, not measured" in note for note in found.notes) is not stated
+    log_contents = contents(log)
+    assert log_contents.aircraft.uncertainty.thrust_scale_fraction == pytest.approx(sigma, abs=0.006)
+    assert any("computed, not measured" in note for note in log_contents.notes) is not stated
     measured = contents(log, Replacements(propeller=load_propeller("apc-11x5.5e")))
     assert measured.aircraft.uncertainty.thrust_scale_fraction == pytest.approx(0.018)
 

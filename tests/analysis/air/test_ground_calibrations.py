@@ -40,10 +40,10 @@ def test_hard_iron_lies_within_its_errors_and_the_field_points_where_it_should(b
     """Over 10 draws; what noise of 0.5 uT leaves of direction is 0.5 sqrt(2)/48.5, 0.84 deg."""
     for seed in range(10):
         field, hard, true = measured(seed, by_hand=by_hand)
-        found = magnetometer.calibrate(field, "log")
-        assert np.all(np.abs(np.array(found.hard_iron_T) - hard) < 4 * np.array(found.hard_iron_error_T))
-        assert off_deg(found.corrected(field), true) < (0.95 if by_hand else 3.0)
-        assert found.residual_T < 1.1 * NOISE_T < found.residual_before_T
+        calibration = magnetometer.calibrate(field, "log")
+        assert np.all(np.abs(np.array(calibration.hard_iron_T) - hard) < 4 * np.array(calibration.hard_iron_error_T))
+        assert off_deg(calibration.corrected(field), true) < (0.95 if by_hand else 3.0)
+        assert calibration.residual_T < 1.1 * NOISE_T < calibration.residual_before_T
 
 
 def test_turns_alone_leave_the_vertical_part_open_and_say_so() -> None:
@@ -58,8 +58,8 @@ def test_directions_are_those_of_the_field_without_iron() -> None:
     for by_hand in (True, False):
         field, _, true = measured(1, by_hand=by_hand)
         along = np.linalg.eigvalsh(np.cov((true / FIELD_T).T))
-        found = magnetometer.calibrate(field + 30e-6, "log").directions
-        assert found == pytest.approx(np.sqrt(along[0]), rel=0.1 if by_hand else 0.3)
+        directions = magnetometer.calibrate(field + 30e-6, "log").directions
+        assert directions == pytest.approx(np.sqrt(along[0]), rel=0.1 if by_hand else 0.3)
 
 
 def test_what_is_no_magnetic_field_is_refused() -> None:
@@ -88,31 +88,31 @@ def session(pulses=PULSES, hold_s: float = 3.5, seed: int = 0):
 def test_the_table_of_a_session_is_the_one_that_was_measured() -> None:
     holds = surfaces.held_pulses(*session())
     assert [round(hold.pulse_us, -1) for hold in holds] == list(PULSES)
-    found = surfaces.surface_table(holds, ANGLES)
-    assert found.pulse_us == pytest.approx(sorted(PULSES), abs=1)
-    assert found.angle_deg == sorted(ANGLES)
+    table = surfaces.surface_table(holds, ANGLES)
+    assert table.pulse_us == pytest.approx(sorted(PULSES), abs=1)
+    assert table.angle_deg == sorted(ANGLES)
 
 
 def test_the_angle_may_fall_as_the_pulse_grows() -> None:
-    found = surfaces.surface_table(surfaces.held_pulses(*session()), [-angle for angle in ANGLES])
-    assert found.pulse_us == pytest.approx(sorted(PULSES), abs=1)
-    assert found.angle_deg == sorted((-angle for angle in ANGLES), reverse=True)
+    table = surfaces.surface_table(surfaces.held_pulses(*session()), [-angle for angle in ANGLES])
+    assert table.pulse_us == pytest.approx(sorted(PULSES), abs=1)
+    assert table.angle_deg == sorted((-angle for angle in ANGLES), reverse=True)
 
 
 def test_there_and_back_shows_the_play_of_the_linkage() -> None:
     there_and_back = (1500.0, 1000.0, 1500.0, 2000.0)
-    found = surfaces.surface_table(surfaces.held_pulses(*session(there_and_back)), (0.0, -22.0, 1.0, 21.0))
-    assert found.angle_deg == [-22.0, 0.5, 21.0]
-    assert found.hysteresis_deg == 1.0
+    table = surfaces.surface_table(surfaces.held_pulses(*session(there_and_back)), (0.0, -22.0, 1.0, 21.0))
+    assert table.angle_deg == [-22.0, 0.5, 21.0]
+    assert table.hysteresis_deg == 1.0
 
 
 def test_the_section_is_one_that_an_aircraft_file_takes() -> None:
     from flightpower.flight.aircraft import load_aircraft, parse_aircraft
 
-    found = surfaces.surface_table(surfaces.held_pulses(*session()), ANGLES)
+    table = surfaces.surface_table(surfaces.held_pulses(*session()), ANGLES)
     whole = load_aircraft("nexstar").text
     head, rest = whole.split("[elevator]")
-    section = surfaces.to_toml("elevator", 2, found)
+    section = surfaces.to_toml("elevator", 2, table)
     aircraft = parse_aircraft(head + section + rest[rest.index("\n[aileron]") :], "mine.toml")
     assert aircraft.elevator.angle_of_pulse_rad(1250) == pytest.approx(np.radians(-11.2), abs=np.radians(0.1))
 
@@ -132,8 +132,8 @@ def test_neighboring_samples_count_as_one() -> None:
     over_stated = []
     for seed in range(10):
         field, hard, _ = measured(seed, by_hand=True)
-        found = magnetometer.calibrate(np.repeat(field[::5], 5, axis=0), "log")
-        over_stated.append((np.array(found.hard_iron_T) - hard) / found.hard_iron_error_T)
+        calibration = magnetometer.calibrate(np.repeat(field[::5], 5, axis=0), "log")
+        over_stated.append((np.array(calibration.hard_iron_T) - hard) / calibration.hard_iron_error_T)
     assert 0.6 < np.sqrt(np.mean(np.square(over_stated))) < 1.5
 
 
@@ -144,15 +144,15 @@ def pulses(*held: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_position_counts_if_it_is_held_for_two_seconds() -> None:
-    found = surfaces.held_pulses(*pulses((3.0, 1500.0), (1.0, 1300.0), (2.5, 1100.0)))
-    assert [hold.pulse_us for hold in found] == [1500.0, 1100.0]
-    assert [hold.start_s for hold in found] == pytest.approx([0.0, 4.0])
+    held_pulses = surfaces.held_pulses(*pulses((3.0, 1500.0), (1.0, 1300.0), (2.5, 1100.0)))
+    assert [hold.pulse_us for hold in held_pulses] == [1500.0, 1100.0]
+    assert [hold.start_s for hold in held_pulses] == pytest.approx([0.0, 4.0])
 
 
 def test_positions_apart_by_the_play_of_a_servo_are_one_and_others_are_not() -> None:
     """8 us are the same position, read twice; 40 us, two degrees of a usual servo, are not."""
-    found = surfaces.held_pulses(*pulses((3.0, 1100.0), (3.0, 1500.0), (3.0, 1540.0), (3.0, 1108.0)))
-    table = surfaces.surface_table(found, (-20.0, 0.0, 2.0, -19.0))
+    held_pulses = surfaces.held_pulses(*pulses((3.0, 1100.0), (3.0, 1500.0), (3.0, 1540.0), (3.0, 1108.0)))
+    table = surfaces.surface_table(held_pulses, (-20.0, 0.0, 2.0, -19.0))
     assert table.pulse_us == [1104, 1500, 1540]
     assert table.angle_deg == pytest.approx([-19.5, 0.0, 2.0])
     assert table.hysteresis_deg == pytest.approx(1.0)
@@ -165,6 +165,8 @@ def test_the_axis_that_stays_unknown_is_named_with_its_error_and_the_field(monke
     monkeypatch.setattr(magnetometer, "MAGNETOMETER", replace(MAGNETOMETER, worst_rad=MAGNETOMETER.worst_rad / 100))
     with pytest.raises(InputError) as refused:
         magnetometer.calibrate(field, "log")
-    said = f"hard iron along z stays uncertain by {1e6 * known.hard_iron_error_T[2]:.0f} uT (1 sigma, of a field of "
-    assert said in str(refused.value)
-    assert float(str(refused.value).partition(said)[2].partition(")")[0]) == pytest.approx(1e6 * known.field_T, abs=0.5)
+    message = f"hard iron along z stays uncertain by {1e6 * known.hard_iron_error_T[2]:.0f} uT (1 sigma, of a field of "
+    assert message in str(refused.value)
+    assert float(str(refused.value).partition(message)[2].partition(")")[0]) == pytest.approx(
+        1e6 * known.field_T, abs=0.5
+    )

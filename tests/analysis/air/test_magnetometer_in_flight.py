@@ -37,9 +37,9 @@ def flight(left_T=(0.0, 0.0, 0.0), left_on_the_ground_T: float = 0.0) -> pd.Data
 
 def test_the_field_is_without_iron_and_that_of_the_ground_is_left_out() -> None:
     table = flight(left_on_the_ground_T=20e-6)
-    field, said = compass(table, CALIBRATION)
+    field, message = compass(table, CALIBRATION)
     flying = table["flying"].to_numpy()
-    assert said == [] and np.isnan(field.field_T[~flying]).all()
+    assert message == [] and np.isnan(field.field_T[~flying]).all()
     strength = np.linalg.norm(field.field_T[flying], axis=1)
     assert strength.mean() == pytest.approx(FIELD_T, rel=1e-3)
     assert np.degrees(field.error_T / LEVEL_T) == pytest.approx(3.0, abs=1.0), "of heading: what motor currents may do"
@@ -49,28 +49,28 @@ def test_the_field_is_without_iron_and_that_of_the_ground_is_left_out() -> None:
 def test_iron_that_was_left_over_is_seen_in_the_strength_and_the_error_grows_with_it(left_uT: float) -> None:
     """A level field of left_uT turns the heading by left/22 about north and south, by nothing about east: rms that
     over sqrt(2)."""
-    field, said = compass(flight(left_T=(1e-6 * left_uT, 0.0, 0.0)), CALIBRATION)
-    assert said == []
+    field, message = compass(flight(left_T=(1e-6 * left_uT, 0.0, 0.0)), CALIBRATION)
+    assert message == []
     assert field.error_T > 1e-6 * left_uT / np.sqrt(2)
     assert field.error_T < 2e-6 * left_uT
 
 
 def test_a_calibration_of_another_aircraft_is_noticed_and_nothing_of_it_used() -> None:
     across, along = flight(left_T=(15e-6, 0.0, 0.0)), flight(left_T=(0.0, 0.0, 15e-6))
-    field, (said,) = compass(across, CALIBRATION)
-    assert field is None and "not used" in said and "Calibrate it again" in said
+    field, (message,) = compass(across, CALIBRATION)
+    assert field is None and "not used" in message and "Calibrate it again" in message
     along_field = 15 * LEVEL_T / FIELD_T / np.sqrt(2)  # uT, of iron that turns against the field; rms
-    assert float(said.partition("varies by ")[2].split(" uT")[0]) == pytest.approx(along_field, rel=0.1)
-    field, (said,) = compass(along, CALIBRATION)
-    assert field is None and "not used" in said and "in flight is 62 uT, but 48 uT in its calibration" in said
+    assert float(message.partition("varies by ")[2].split(" uT")[0]) == pytest.approx(along_field, rel=0.1)
+    field, (message,) = compass(along, CALIBRATION)
+    assert field is None and "not used" in message and "in flight is 62 uT, but 48 uT in its calibration" in message
 
 
 def test_a_moments_iron_is_left_out_and_said() -> None:
     table = flight()
     table.loc[100.0:110.0, "mag_z_T"] += 10e-6
-    field, (said,) = compass(table, CALIBRATION)
+    field, (message,) = compass(table, CALIBRATION)
     assert np.isnan(field.field_T[(table.index > 100) & (table.index < 110)]).all()
-    assert "left out for 4 % of the flight, where the field strength is more than 10 % off" in said
+    assert "left out for 4 % of the flight, where the field strength is more than 10 % off" in message
     assert field.error_T == pytest.approx(compass(flight(), CALIBRATION)[0].error_T, rel=0.05)
 
 
@@ -78,8 +78,8 @@ def test_one_that_is_silent_in_flight_is_said_to_be() -> None:
     table = flight()
     table.loc[table["flying"], "mag_x_T"] = np.nan
     for silent in (table, table[["flying"]]):
-        field, (said,) = compass(silent, CALIBRATION)
-        assert field is None and "too few samples in flight" in said
+        field, (message,) = compass(silent, CALIBRATION)
+        assert field is None and "too few samples in flight" in message
 
 
 def test_a_calibration_is_read_as_it_was_written(tmp_path) -> None:

@@ -126,10 +126,10 @@ def at_speeds(speeds: int, points: int, residual) -> tuple[TunnelData, np.ndarra
 
 
 def test_offset_and_slope_at_each_speed() -> None:
-    found = speed_dependence(*at_speeds(3, 20, lambda number, angle: 0.002 + 0.01 * number * angle))
-    assert [at.points for at in found.speeds] == [20, 20, 20]
-    assert [at.offset_rad for at in found.speeds] == pytest.approx([0.002] * 3)
-    assert [at.slope for at in found.speeds] == pytest.approx([0.0, 0.01, 0.02], abs=1e-12)
+    dependence = speed_dependence(*at_speeds(3, 20, lambda number, angle: 0.002 + 0.01 * number * angle))
+    assert [at.points for at in dependence.speeds] == [20, 20, 20]
+    assert [at.offset_rad for at in dependence.speeds] == pytest.approx([0.002] * 3)
+    assert [at.slope for at in dependence.speeds] == pytest.approx([0.0, 0.01, 0.02], abs=1e-12)
 
 
 def test_the_spread_of_slopes_is_without_their_noise() -> None:
@@ -137,20 +137,20 @@ def test_the_spread_of_slopes_is_without_their_noise() -> None:
     rng = np.random.default_rng(0)
     slopes = rng.normal(0, 0.02, 60)
     noise_rad = 0.02 * np.sqrt(20) * np.std(np.radians(np.linspace(-2, 10, 20)))
-    found = speed_dependence(
+    dependence = speed_dependence(
         *at_speeds(60, 20, lambda number, angle: slopes[number] * angle + rng.normal(0, noise_rad, len(angle)))
     )
-    assert found.significant
-    assert found.spread == pytest.approx(np.std(slopes), rel=0.2)
+    assert dependence.significant
+    assert dependence.spread == pytest.approx(np.std(slopes), rel=0.2)
 
 
 def test_noise_alone_is_no_dependence_on_speed() -> None:
     """At the 1 % level: of 40 tunnels with ten speeds more than two come out significant in one case of 150."""
     rng = np.random.default_rng(0)
-    found = [
+    speed_dependences = [
         speed_dependence(*at_speeds(10, 20, lambda number, angle: rng.normal(0, 1e-3, len(angle)))) for _ in range(40)
     ]
-    assert sum(one.significant for one in found) <= 2
+    assert sum(speed_dependence.significant for speed_dependence in speed_dependences) <= 2
 
 
 def test_the_covariance_of_a_polynomial_covers_its_scatter() -> None:
@@ -199,11 +199,11 @@ def test_a_slope_that_depends_on_speed_is_seen_and_counted() -> None:
         return speed_dependence(tunnel, calibration.maps(*C)[0] - tunnel.alpha_rad, tunnel.alpha_rad)
 
     assert not dependence(steady).significant
-    found = dependence(bent)
-    assert found.significant
-    assert found.spread == pytest.approx(0.013, rel=1 / 3)
-    assert [round(at.speed_mps) for at in found.speeds] == [12, 18, 25, 32]
-    assert calibrate(bent).alpha_scale_sigma > found.spread
+    result = dependence(bent)
+    assert result.significant
+    assert result.spread == pytest.approx(0.013, rel=1 / 3)
+    assert [round(at.speed_mps) for at in result.speeds] == [12, 18, 25, 32]
+    assert calibrate(bent).alpha_scale_sigma > result.spread
 
 
 def test_the_tunnel_s_own_angles_count_too_and_all_of_it_travels() -> None:
@@ -309,9 +309,9 @@ def test_angles_from_means_follow_single_samples_to_first_order_and_have_no_bias
         ("beta_rad", (dp_alpha, dp_beta - 0.5 * wave, q_c)),
     ):
         exact, by_means = flow_at_probe(probe, *pressures), flow_at_probe(probe, *pressures, samples=25)
-        one, other = getattr(exact, angle)[inside], getattr(by_means, angle)[inside]
-        assert np.ptp(one) > np.radians(0.1)
-        assert other == pytest.approx(one, abs=0.01 * np.ptp(one))
+        item, other = getattr(exact, angle)[inside], getattr(by_means, angle)[inside]
+        assert np.ptp(item) > np.radians(0.1)
+        assert other == pytest.approx(item, abs=0.01 * np.ptp(item))
         steady = flow_at_probe(probe, dp_alpha, dp_beta, q_c)
         assert by_means.qbar_Pa[inside] == pytest.approx(steady.qbar_Pa[inside], rel=1e-6)
         assert by_means.inside.all()

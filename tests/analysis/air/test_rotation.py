@@ -124,8 +124,8 @@ def test_the_specific_force_is_that_of_the_center_of_gravity(nexstar: Aircraft) 
     extra = np.cross(rates, np.cross(rates, position))
     table = log_of(rates, ALPHA_RAD, 0.0, force_mps2=np.array([0.3, -0.2, -G_MPS2]) + extra)
     moved = specific_force_at_cg(table, replace(nexstar, imu_position_m=position))
-    found = moved[["ax_mps2", "ay_mps2", "az_mps2"]].mean().tolist()
-    assert found == pytest.approx([0.3, -0.2, -G_MPS2], abs=1e-9)
+    result = moved[["ax_mps2", "ay_mps2", "az_mps2"]].mean().tolist()
+    assert result == pytest.approx([0.3, -0.2, -G_MPS2], abs=1e-9)
 
 
 def test_known_offsets_by_vibration_and_the_boom_s_bending_are_taken_out(nexstar: Aircraft, propeller) -> None:
@@ -133,12 +133,12 @@ def test_known_offsets_by_vibration_and_the_boom_s_bending_are_taken_out(nexstar
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0).assign(n_revps=120.0)
     table.loc[:20.0, "n_revps"] = np.nan  # the motor stands
     installation = replace(nexstar.installation, accelerometer_vibration_mps2=(0.1, -0.2, 0.3))
-    found = specific_force_at_cg(table, replace(nexstar, installation=installation))
-    change = (table - found)[["ax_mps2", "ay_mps2", "az_mps2"]]
+    result = specific_force_at_cg(table, replace(nexstar, installation=installation))
+    change = (table - result)[["ax_mps2", "ay_mps2", "az_mps2"]]
     assert change.loc[30.0].tolist() == pytest.approx([0.144, -0.288, 0.432])
     assert not change.loc[:20.0].to_numpy().any()
     bends = replace(nexstar, probe=replace(nexstar.probe, boom_bending_rad=0.02))
-    straight, bent = (air_data(table, one, LINEAR_PROBE, propeller, 1.0).table for one in (nexstar, bends))
+    straight, bent = (air_data(table, item, LINEAR_PROBE, propeller, 1.0).table for item in (nexstar, bends))
     assert (straight["alpha_rad"] - bent["alpha_rad"]).dropna().to_numpy() == pytest.approx(0.02)
 
 
@@ -156,32 +156,32 @@ def test_bank_of_a_coordinated_level_turn_at_a_large_angle_of_attack(bank_rad: f
     along = np.cos(pitch) * np.cos(bank_rad) * np.cos(alpha) + np.sin(pitch) * np.sin(alpha)
     turn = G_MPS2 * np.cos(pitch) * np.sin(bank_rad) / (V_MPS * along)
     p, r = -turn * np.sin(pitch), turn * np.cos(pitch) * np.cos(bank_rad)
-    found = bank_angle(flown(alpha_rad=alpha, p_radps=p, r_radps=r))
+    angle = bank_angle(flown(alpha_rad=alpha, p_radps=p, r_radps=r))
     # The integral of p over the time constant adds p * 3 s forwards and takes it away backwards.
-    assert found[500:1000] == pytest.approx(bank_rad, rel=0.03)
+    assert angle[500:1000] == pytest.approx(bank_rad, rel=0.03)
 
 
 def test_an_aircraft_that_skids_to_and_fro_with_level_wings_has_no_bank() -> None:
     """Its path is straight: the nose swings, vdot + r u = 0, and no side force is needed."""
     t = np.arange(0, 60, 0.04)
     v = V_MPS * 0.1 * np.sin(2 * np.pi * t / 20)
-    found = bank_angle(flown(beta_rad=np.arcsin(v / V_MPS), r_radps=-np.gradient(v, 0.04) / V_MPS))
-    assert np.degrees(np.abs(found[250:-250]).max()) < 0.2
+    angle = bank_angle(flown(beta_rad=np.arcsin(v / V_MPS), r_radps=-np.gradient(v, 0.04) / V_MPS))
+    assert np.degrees(np.abs(angle[250:-250]).max()) < 0.2
 
 
 def test_bank_of_a_straight_sideslip() -> None:
     """Wings hold against the side force: g sin(phi) = -ay."""
-    found = bank_angle(flown(beta_rad=0.1, ay_mps2=-1.0))
-    assert found[500:1000] == pytest.approx(np.arcsin(1.0 / G_MPS2), rel=1e-3)
+    angle = bank_angle(flown(beta_rad=0.1, ay_mps2=-1.0))
+    assert angle[500:1000] == pytest.approx(np.arcsin(1.0 / G_MPS2), rel=1e-3)
 
 
 def test_bank_follows_a_quick_roll_by_the_roll_rate() -> None:
     """20 deg to the right and back within a second: too short for the lateral balance, which is blind here."""
     t = np.arange(0, 60, 0.04)
     rolled = np.radians(20) * np.where(np.abs(t - 30) < 0.5, (1 + np.cos(2 * np.pi * (t - 30))) / 2, 0.0)
-    found = bank_angle(flown(p_radps=np.gradient(rolled, 0.04)))
-    assert np.degrees(found.max()) == pytest.approx(20, abs=3)
-    assert t[np.argmax(found)] == pytest.approx(30, abs=0.1)
+    angle = bank_angle(flown(p_radps=np.gradient(rolled, 0.04)))
+    assert np.degrees(angle.max()) == pytest.approx(20, abs=3)
+    assert t[np.argmax(angle)] == pytest.approx(30, abs=0.1)
 
 
 def test_bank_does_not_depend_on_when_the_clock_began() -> None:

@@ -58,9 +58,9 @@ def test_the_times_of_steps_and_lags_shift_and_scale_with_the_record() -> None:
 def test_an_instant_and_a_level_that_fit_exactly_leave_nothing() -> None:
     t = np.arange(0, 2, 0.01)[None]
     values = 5 + 80 * exponential(0.1)(t - 0.803)
-    found = _misfit(t, values, np.array([[0.80, 0.81, 0.82]]), 0.1, exponential(0.1))
-    assert found.instants_s[0, np.argmin(found.squares)] == pytest.approx(0.803, abs=1e-5)
-    assert found.squares.min() < 1e-4 and (np.diff(found.instants_s) >= 0).all()
+    misfit = _misfit(t, values, np.array([[0.80, 0.81, 0.82]]), 0.1, exponential(0.1))
+    assert misfit.instants_s[0, np.argmin(misfit.squares)] == pytest.approx(0.803, abs=1e-5)
+    assert misfit.squares.min() < 1e-4 and (np.diff(misfit.instants_s) >= 0).all()
     off = _misfit(t, values, np.array([[0.80, 0.81, 0.82]]), 0.2, exponential(0.2))
     assert off.squares.min() > 1000
 
@@ -68,11 +68,11 @@ def test_an_instant_and_a_level_that_fit_exactly_leave_nothing() -> None:
 def test_residuals_are_those_of_a_regression_with_a_level() -> None:
     rng = np.random.default_rng(1)
     y, g = rng.normal(size=(2, 30)), rng.normal(size=(2, 4, 30))
-    found = _residual_squares(y, g)
+    residual_squares = _residual_squares(y, g)
     for s in range(2):
         for m in range(4):
             _, squares, *_ = np.linalg.lstsq(np.column_stack([g[s, m], np.ones(30)]), y[s], rcond=None)
-            assert found[s, m] == pytest.approx(squares[0])
+            assert residual_squares[s, m] == pytest.approx(squares[0])
 
 
 @pytest.mark.parametrize("shift", [-0.4, 0.0, 0.3])

@@ -37,7 +37,9 @@ def column(pressures=PRESSURES_PA, *, seed: int = 0, hold_s: float = 8.0, noise_
     return pd.DataFrame(values, pd.Index(t_s, name="t_s"), ["alpha", "beta", "airspeed"])
 
 
-def found(seed: int = 0, reading_Pa: float = 0.0, scale: float = 0.0, **options) -> tuple[TransducerCalibration, str]:
+def calibration_of(
+    seed: int = 0, reading_Pa: float = 0.0, scale: float = 0.0, **options
+) -> tuple[TransducerCalibration, str]:
     """Calibrates by a reference whose scale and readings have errors."""
     rng = np.random.default_rng([seed, 1])
     given = np.array(PRESSURES_PA) * (1 + scale * rng.standard_normal())
@@ -49,7 +51,7 @@ def test_slopes_lie_within_their_errors() -> None:
     """Over 30 columns of water read to 0.3 mm on a ruler of 0.5 %: errors over stated ones, one sigma."""
     over_stated, errors = [], []
     for seed in range(30):
-        calibration, unsupported = found(seed, reading_Pa=3.0, scale=0.005)
+        calibration, unsupported = calibration_of(seed, reading_Pa=3.0, scale=0.005)
         assert not unsupported
         lines = [calibration.line(name) for name in ("alpha", "beta", "airspeed")]
         over_stated.append([(line.slope - s) / line.slope_error for line, s in zip(lines, SLOPES, strict=True)])
@@ -61,14 +63,14 @@ def test_slopes_lie_within_their_errors() -> None:
 
 def test_a_reference_that_is_too_uncertain_is_named_with_its_error() -> None:
     """Airspeed goes with the root of pressure: half of the 5 % of the reference."""
-    _, unsupported = found(scale=0.05)
+    _, unsupported = calibration_of(scale=0.05)
     assert unsupported.startswith(
         "the standard error of airspeed is 2.5 %, more than 1.0 %: the reference is known to 5.0 %"
     )
 
 
 def test_corrected_readings_are_the_pressures_of_the_reference() -> None:
-    calibration, _ = found(noise_Pa=0.0)
+    calibration, _ = calibration_of(noise_Pa=0.0)
     table = column(noise_Pa=0.0).set_axis(["dp_alpha_Pa", "dp_beta_Pa", "q_c_Pa"], axis=1)
     corrected = calibration.corrected(table.assign(static_Pa=1e5))
     assert corrected["q_c_Pa"].max() == pytest.approx(400.0) and corrected["dp_beta_Pa"].max() == pytest.approx(400.0)
@@ -78,7 +80,7 @@ def test_corrected_readings_are_the_pressures_of_the_reference() -> None:
 
 
 def test_the_standard_errors_replace_the_priors() -> None:
-    calibration, _ = found(scale=0.005)
+    calibration, _ = calibration_of(scale=0.005)
     assert calibration.airspeed_scale_error == pytest.approx(0.0025, rel=0.2), "half that of the pressure"
     for given in ({}, air_data_errors(calibration)._asdict()):
         _, sigma = sensor_error_prior(SensorPriors(calibrated=given), gps=True)
@@ -91,8 +93,8 @@ def test_the_standard_errors_replace_the_priors() -> None:
 
 
 def test_a_calibration_that_its_data_do_not_support_says_why() -> None:
-    assert "airspeed is 2.5 %" in found(scale=0.05)[1]
-    assert "look for a leak" in found(reading_Pa=30.0)[1]
+    assert "airspeed is 2.5 %" in calibration_of(scale=0.05)[1]
+    assert "look for a leak" in calibration_of(reading_Pa=30.0)[1]
     swapped = [*PRESSURES_PA[:2], PRESSURES_PA[3], PRESSURES_PA[2], *PRESSURES_PA[4:]]
     assert "a wrong order" in calibrate(plateaus(column(), "log"), swapped, 0.0, "log")[1]
 
@@ -190,8 +192,8 @@ def test_noise_allows_more_by_five_of_its_standard_errors() -> None:
 
 def test_tubes_are_open_where_the_pressure_is_steady_at_the_first() -> None:
     seen = plateaus(held((10.0, 8.0), (410.0, 8.0), (12.8, 8.0), (32.0, 8.0), (410.0, 8.0)), "log")
-    assert [one.open for one in seen] == [True, False, True, False, False]
-    assert [one.readings_Pa[2] for one in seen] == pytest.approx([10.0, 410.0, 12.8, 32.0, 410.0], abs=0.01)
+    assert [plateau.open for plateau in seen] == [True, False, True, False, False]
+    assert [plateau.readings_Pa[2] for plateau in seen] == pytest.approx([10.0, 410.0, 12.8, 32.0, 410.0], abs=0.01)
     assert in_words(seen) == "zero at 100 s, 1: 410 Pa at 108 s, zero at 116 s, 2: 32 Pa at 124 s, 3: 410 Pa at 132 s"
 
 

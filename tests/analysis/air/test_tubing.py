@@ -29,8 +29,8 @@ def test_the_check_value_to_ten_digits() -> None:
     """d = 1 mm, L = 0.7 m, V = 10 mm^3 at 300 Hz; its source takes mu = 1.82e-5 Pa s, Pr = 0.707, k = 1.4."""
     gas = Gas(93e3, 93e3 / (287.05 * 293.15), 1.82e-5, gamma=1.4, prandtl=0.707)
     tube = PneumaticLine(length_m=0.7, diameter_m=1e-3, cavity_m3=10e-9)
-    found = response([tube], np.array([300.0]), gas, polytropic=1.4)[0]
-    assert found == pytest.approx(-0.08575010622823653 + 0.9362983308678333j, rel=1e-10)
+    result = response([tube], np.array([300.0]), gas, polytropic=1.4)[0]
+    assert result == pytest.approx(-0.08575010622823653 + 0.9362983308678333j, rel=1e-10)
 
 
 def test_a_tube_cut_in_two_is_the_same_tube() -> None:
@@ -93,10 +93,10 @@ def test_the_lag_of_a_simulated_step_is_found_within_five_per_cent(diameter_mm: 
         steps, noise = find_steps(*bursts(line, full=full))
         assert len(steps) == 8
         assert noise == pytest.approx(NOISE_PA, rel=0.2)
-        found = fit_lag(steps, noise, through(line, SEA_LEVEL)) if full else fit_lag(steps, noise)
-        assert found.lag_s == pytest.approx(lag_s, rel=0.05)
-        assert found.lo_s < lag_s < found.hi_s
-        assert 0.8 < found.misfit < 1.2
+        lag = fit_lag(steps, noise, through(line, SEA_LEVEL)) if full else fit_lag(steps, noise)
+        assert lag.lag_s == pytest.approx(lag_s, rel=0.05)
+        assert lag.lo_s < lag_s < lag.hi_s
+        assert 0.8 < lag.misfit < 1.2
 
 
 def test_a_step_across_a_gap_of_the_record_is_not_used() -> None:
@@ -105,9 +105,9 @@ def test_a_step_across_a_gap_of_the_record_is_not_used() -> None:
     steps, _ = find_steps(t, value)
     middle_s = steps[3].t_s[0] + 0.5 * np.ptp(steps[3].t_s)
     later = np.where(t > middle_s, t + 2 * np.ptp(steps[3].t_s), t)
-    found, _ = find_steps(later, value)
-    assert len(steps) == 8 and len(found) == 7
-    assert not any(step.t_s[0] < middle_s < step.t_s[-1] for step in found)
+    result, _ = find_steps(later, value)
+    assert len(steps) == 8 and len(result) == 7
+    assert not any(step.t_s[0] < middle_s < step.t_s[-1] for step in result)
 
 
 @pytest.mark.thorough
@@ -118,7 +118,7 @@ def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
     A log that asks for no more is within 5 % in 95 of 100 cases: of 12, fewer than 10 come in one case of fifty.
     """
     lag_s, shape = low_frequency_lag_s([NARROW], SEA_LEVEL), through(NARROW, SEA_LEVEL)
-    found = []
+    lags = []
     for seed in range(12):
         wanted = 8
         while True:
@@ -126,17 +126,17 @@ def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
             if not lag.more_steps:
                 break
             wanted = lag.steps + lag.more_steps
-        found.append(lag)
-    assert sum(abs(lag.lag_s / lag_s - 1) < 0.05 for lag in found) >= 10
-    assert sum(lag.lo_s < lag_s < lag.hi_s for lag in found) >= 10
-    assert 20 < np.median([lag.steps for lag in found]) < 45, "by the bound of Cramer and Rao 37"
+        lags.append(lag)
+    assert sum(abs(lag.lag_s / lag_s - 1) < 0.05 for lag in lags) >= 10
+    assert sum(lag.lo_s < lag_s < lag.hi_s for lag in lags) >= 10
+    assert 20 < np.median([lag.steps for lag in lags]) < 45, "by the bound of Cramer and Rao 37"
 
 
 def test_a_lag_much_shorter_than_a_tick_gets_an_upper_bound_only() -> None:
     line = PneumaticLine(length_m=0.6, diameter_m=1.59e-3, cavity_m3=20e-9)
-    found = fit_lag(*find_steps(*bursts(line, full=False, rate_Hz=25.0)))
-    assert not found.bounded
-    assert low_frequency_lag_s([line], SEA_LEVEL) < found.hi_s < 0.02
+    lag = fit_lag(*find_steps(*bursts(line, full=False, rate_Hz=25.0)))
+    assert not lag.bounded
+    assert low_frequency_lag_s([line], SEA_LEVEL) < lag.hi_s < 0.02
 
 
 def test_no_step_is_said() -> None:
@@ -164,10 +164,10 @@ def test_a_line_is_undone_without_more_noise_than_stated() -> None:
         H = remainder(np.array([f]))[0]
         assert abs(1 / H) < gain  # or the bound, not the line, would be tested
         blunt = np.abs(H) * np.sin(2 * np.pi * f * t + np.angle(H))
-        found = inverted(blunt, rate_Hz, remainder, gain)
+        result = inverted(blunt, rate_Hz, remainder, gain)
         # Ends are continued by reflection, which a wave does not do: two seconds are left out.
         inside = slice(50, -50)
-        assert found[inside] == pytest.approx(np.sin(2 * np.pi * f * t)[inside], abs=0.02)
+        assert result[inside] == pytest.approx(np.sin(2 * np.pi * f * t)[inside], abs=0.02)
     noise = np.random.default_rng(1).normal(size=len(t))
     assert np.std(inverted(noise, rate_Hz, remainder, gain)) < gain * np.std(noise)
     f = np.linspace(0, 12.5, 200)
@@ -178,10 +178,10 @@ def test_what_is_steady_stays_and_gaps_stay_gaps() -> None:
     remainder = remainder_of(NARROW, SEA_LEVEL)
     values = np.linspace(100.0, 140.0, 500)
     values[200:220] = np.nan
-    found = inverted(values, 25.0, remainder, 1.5)
-    assert np.isnan(found[200:220]).all() and np.isfinite(found).sum() == 480
+    result = inverted(values, 25.0, remainder, 1.5)
+    assert np.isnan(result[200:220]).all() and np.isfinite(result).sum() == 480
     kept = np.isfinite(values)
-    assert found[kept] == pytest.approx(values[kept], abs=0.02)
+    assert result[kept] == pytest.approx(values[kept], abs=0.02)
 
 
 def test_what_is_left_of_a_response_without_its_delay_has_no_phase_at_low_frequency() -> None:

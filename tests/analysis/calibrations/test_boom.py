@@ -44,9 +44,9 @@ def test_the_bending_per_g_is_found_within_its_error_though_the_aircraft_gives_o
     """The gear gives by a third of what the boom bends. Over 12 draws of sensors and readings."""
     carried, z = CarriedMass(HUNG.carried_kg, 0.0), []
     for seed in range(12):
-        found = stretches(flight, seed)
-        assert len(found) == len(MASSES)
-        result = boom_bending(found, MASSES, read_from_level(seed), carried)
+        results = stretches(flight, seed)
+        assert len(results) == len(MASSES)
+        result = boom_bending(results, MASSES, read_from_level(seed), carried)
         z.append((result.per_g_rad - BENDING_RAD) / result.error_rad)
         assert result.error_rad < 0.05 * BENDING_RAD
     assert np.sqrt(np.mean(np.square(z))) < 1.5
@@ -54,22 +54,22 @@ def test_the_bending_per_g_is_found_within_its_error_though_the_aircraft_gives_o
 
 
 def test_the_error_of_the_carried_mass_is_part_of_the_result(flight):
-    found = stretches(flight, 0)
+    result = stretches(flight, 0)
     exact, estimated = (
-        boom_bending(found, MASSES, read_from_level(0), CarriedMass(HUNG.carried_kg, error)) for error in (0.0, 0.1)
+        boom_bending(result, MASSES, read_from_level(0), CarriedMass(HUNG.carried_kg, error)) for error in (0.0, 0.1)
     )
     assert estimated.per_g_rad == exact.per_g_rad
     assert estimated.error_rad == pytest.approx(math.hypot(exact.error_rad, 0.1 * exact.per_g_rad))
 
 
 def test_a_stiff_boom_bends_by_nothing_and_a_wrong_sign_is_refused(flight):
-    found = stretches(flight, 1)
-    stiff = boom_bending(found, MASSES, read_from_level(1, 0.0), CarriedMass(HUNG.carried_kg, 0.1))
+    result = stretches(flight, 1)
+    stiff = boom_bending(result, MASSES, read_from_level(1, 0.0), CarriedMass(HUNG.carried_kg, 0.1))
     assert 0 <= stiff.per_g_rad < 3 * stiff.error_rad
     with pytest.raises(InputError, match="bends up"):
-        boom_bending(found, MASSES, [-angle for angle in read_from_level(1)], CarriedMass(0.05, 0.1))
+        boom_bending(result, MASSES, [-angle for angle in read_from_level(1)], CarriedMass(0.05, 0.1))
     with pytest.raises(InputError, match="2 different"):
-        boom_bending(found, [0.0, *[0.1] * 5, 0.0], read_from_level(1), CarriedMass(0.05, 0.1))
+        boom_bending(result, [0.0, *[0.1] * 5, 0.0], read_from_level(1), CarriedMass(0.05, 0.1))
 
 
 def test_an_aircraft_that_never_stood_still_is_refused(flight):

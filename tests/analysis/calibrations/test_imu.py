@@ -50,17 +50,17 @@ def test_the_scale_of_each_axis_is_found_to_a_thousandth_within_its_error(lying)
     """A scale of 2 % on the axis down is found to 0.1 %, though nose and tail point 6 deg off the vertical."""
     z = []
     for seed in range(6):
-        found = accelerometers(sides_of(lying, seed))
-        assert np.abs(found.scale - SCALE).max() < 1e-3
-        assert np.abs(found.offset_mps2 - OFFSET_MPS2).max() < 0.01
-        assert found.scale_error.max() < 1e-3
-        z.append((found.scale - SCALE) / found.scale_error)
+        result = accelerometers(sides_of(lying, seed))
+        assert np.abs(result.scale - SCALE).max() < 1e-3
+        assert np.abs(result.offset_mps2 - OFFSET_MPS2).max() < 0.01
+        assert result.scale_error.max() < 1e-3
+        z.append((result.scale - SCALE) / result.scale_error)
     assert np.sqrt(np.mean(np.square(z))) < 2.0
 
 
 def test_sides_are_named_by_what_is_up_and_one_that_is_missing_is_told(lying):
     sides = sides_of(lying, 0)
-    assert [one.up for one in sides] == [(2, 1), (1, 1), (2, 0), (1, 0), (0, 0), (0, 1), (2, 1)]
+    assert [side.up for side in sides] == [(2, 1), (1, 1), (2, 0), (1, 0), (0, 0), (0, 1), (2, 1)]
     table = table_of(lying, 0)
     with pytest.raises(InputError, match="never with its tail up"):
         resting_sides(table.loc[:80.0], "log")
@@ -68,25 +68,25 @@ def test_sides_are_named_by_what_is_up_and_one_that_is_missing_is_told(lying):
 
 def exact(scale=SCALE, offset=OFFSET_MPS2, noise_mps2: float = 0.0) -> list[RestingSide]:
     """The six sides, each 5 deg off the vertical in some direction."""
-    rng, found = np.random.default_rng(0), []
+    rng, sides = np.random.default_rng(0), []
     for side in np.vstack([np.eye(3), -np.eye(3)]):
         up = side + 0.087 * rng.normal(size=3)
         force = (1 + scale) * G * up / np.linalg.norm(up) + offset
-        found.append(RestingSide(0.0, force, np.full(3, noise_mps2**2)))
-    return found
+        sides.append(RestingSide(0.0, force, np.full(3, noise_mps2**2)))
+    return sides
 
 
 def test_without_noise_scale_and_offset_are_exact():
-    found = accelerometers(exact())
-    assert found.scale == pytest.approx(SCALE, abs=1e-9) and found.offset_mps2 == pytest.approx(OFFSET_MPS2, abs=1e-8)
-    assert not not_supported(found)
+    result = accelerometers(exact())
+    assert result.scale == pytest.approx(SCALE, abs=1e-9) and result.offset_mps2 == pytest.approx(OFFSET_MPS2, abs=1e-8)
+    assert not not_supported(result)
 
 
 def test_the_error_is_that_of_the_readings_of_both_sides():
     """Half the difference of two readings over g."""
-    found = accelerometers(exact(noise_mps2=0.02))
-    assert found.scale_error == pytest.approx(0.02 / G / np.sqrt(2), rel=0.1)
-    assert not not_supported(found)
+    result = accelerometers(exact(noise_mps2=0.02))
+    assert result.scale_error == pytest.approx(0.02 / G / np.sqrt(2), rel=0.1)
+    assert not not_supported(result)
     assert "uncertain by" in not_supported(accelerometers(exact(noise_mps2=0.15)))
 
 
@@ -97,13 +97,13 @@ def test_a_part_of_another_range_is_refused():
 
 def test_the_lines_for_the_aircraft_file_take_the_errors_out_of_a_flight(lying):
     """What the tray read on its sides becomes g, and the prior of the scale is a fifth of that without calibration."""
-    found = accelerometers(sides_of(lying, 0))
-    text = load_aircraft("nexstar").text.partition("[uncertainty]")[0] + to_toml(found)
+    result = accelerometers(sides_of(lying, 0))
+    text = load_aircraft("nexstar").text.partition("[uncertainty]")[0] + to_toml(result)
     aircraft = parse_aircraft(text, "mine")
     table = table_of(lying, 0)
     corrected = specific_force_at_cg(table, aircraft)
     still = resting_sides(corrected, "log")
-    assert [np.linalg.norm(one.force_mps2) for one in still] == pytest.approx([G] * len(still), abs=0.01)
-    before, after = (stated_sigma(one.uncertainty)["az_scale"] for one in (NEXSTAR, aircraft))
+    assert [np.linalg.norm(side.force_mps2) for side in still] == pytest.approx([G] * len(still), abs=0.01)
+    before, after = (stated_sigma(item.uncertainty)["az_scale"] for item in (NEXSTAR, aircraft))
     assert before == 0.01 and 0.001 < after < 0.002
-    assert summary(found)[2].startswith("down: scale +2.0")
+    assert summary(result)[2].startswith("down: scale +2.0")

@@ -37,11 +37,11 @@ def table(flight, seed: int, offset_mps2=OFFSET_MPS2, poles_entered: int = 14):
         poles_entered=poles_entered,
     )  # fmt: skip
     sensors = FlightSensorTruth(flight, replace(errors, defects=defects, noise=replace(errors.noise, vibration_mps2=0)))
-    found = sensor_table(sensors, NEXSTAR)
-    t_s = found.index.to_numpy()
-    found["battery_V"], found["battery_A"] = sensors.battery(t_s)
+    table = sensor_table(sensors, NEXSTAR)
+    t_s = table.index.to_numpy()
+    table["battery_V"], table["battery_A"] = sensors.battery(t_s)
     throttle_us = sensors.servo_pulses_us(t_s)[:, NEXSTAR.propulsion.throttle_channel - 1]
-    return found.assign(throttle=(throttle_us - 1000) / 1000)
+    return table.assign(throttle=(throttle_us - 1000) / 1000)
 
 
 def test_the_offset_by_vibration_is_found_within_its_error_though_the_aircraft_leans(flight):
@@ -49,9 +49,9 @@ def test_the_offset_by_vibration_is_found_within_its_error_though_the_aircraft_l
     z = []
     for seed in range(12):
         measured = table(flight, seed)
-        found = run_up.vibration_offset(measured, run_up.held_speeds(measured, "log"))
-        z.append((found.offset_mps2 - OFFSET_MPS2) / found.error_mps2)
-        assert found.error_mps2.max() < 0.03
+        vibration_offset = run_up.vibration_offset(measured, run_up.held_speeds(measured, "log"))
+        z.append((vibration_offset.offset_mps2 - OFFSET_MPS2) / vibration_offset.error_mps2)
+        assert vibration_offset.error_mps2.max() < 0.03
     assert np.sqrt(np.mean(np.square(z), axis=0)).max() < 1.8
     assert np.sqrt(np.mean(np.square(z))) < 1.4
     assert np.abs(np.mean(z, axis=0)).max() < 3 / np.sqrt(12)
@@ -59,14 +59,14 @@ def test_the_offset_by_vibration_is_found_within_its_error_though_the_aircraft_l
 
 def test_without_vibration_no_offset_is_found(flight):
     measured = table(flight, 3, (0.0, 0.0, 0.0))
-    found = run_up.vibration_offset(measured, run_up.held_speeds(measured, "log"))
-    assert np.all(np.abs(found.offset_mps2) < 3 * found.error_mps2)
-    assert found.sigma_in_flight_mps2 == pytest.approx(found.error_mps2[[0, 2]].max(), rel=0.2)
+    vibration_offset = run_up.vibration_offset(measured, run_up.held_speeds(measured, "log"))
+    assert np.all(np.abs(vibration_offset.offset_mps2) < 3 * vibration_offset.error_mps2)
+    assert vibration_offset.sigma_in_flight_mps2 == pytest.approx(vibration_offset.error_mps2[[0, 2]].max(), rel=0.2)
 
 
 def test_in_flight_a_large_offset_is_known_to_a_share_of_it():
-    found = run_up.VibrationOffset(np.array([0.5, 0.0, 0.0]), np.array([0.01, 0.01, 0.01]))
-    assert found.sigma_in_flight_mps2 == pytest.approx(np.hypot(0.01, RUN_UP.transfer * 0.5))
+    vibration_offset = run_up.VibrationOffset(np.array([0.5, 0.0, 0.0]), np.array([0.01, 0.01, 0.01]))
+    assert vibration_offset.sigma_in_flight_mps2 == pytest.approx(np.hypot(0.01, RUN_UP.transfer * 0.5))
 
 
 def test_the_motor_s_constant_shows_the_number_of_poles(flight):
@@ -91,20 +91,20 @@ def test_without_a_meter_or_full_throttle_neither_constant_nor_battery_is_known(
 
 def test_the_battery_s_resistance_is_found_within_its_error(flight):
     for seed in range(4):
-        found = run_up.battery(run_up.held_speeds(table(flight, seed), "log"))
+        battery = run_up.battery(run_up.held_speeds(table(flight, seed), "log"))
         current_scale = draw(load_budget("study"), seed).values.battery_scale
         true_ohm = NEXSTAR.propulsion.battery_resistance_ohm / (1 + current_scale)
-        assert abs(found.resistance_ohm - true_ohm) < 4 * found.resistance_error_ohm < 0.1 * true_ohm * 4
-        assert found.voltage_V == pytest.approx(NEXSTAR.propulsion.battery_voltage_V, abs=4 * found.voltage_error_V)
+        assert abs(battery.resistance_ohm - true_ohm) < 4 * battery.resistance_error_ohm < 0.1 * true_ohm * 4
+        assert battery.voltage_V == pytest.approx(NEXSTAR.propulsion.battery_voltage_V, abs=4 * battery.voltage_error_V)
 
 
 def test_thrust_read_from_a_scale_is_that_of_a_stand(flight):
     held = run_up.held_speeds(table(flight, 0), "log")
-    true_N = [float(np.interp(one.time_s, flight.truth["time_s"], flight.truth["thrust_N"])) for one in held[1:-1]]
+    true_N = [float(np.interp(speed.time_s, flight.truth["time_s"], flight.truth["thrust_N"])) for speed in held[1:-1]]
     readings = run_up.thrust_readings(held, [1.04 * thrust for thrust in true_N[:-1]] + [None], "log")
-    found, unsupported = calibrate(readings, load_propeller("apc-12x8e"), 0.01, "log")
-    assert found.readings == 6 and not unsupported
-    assert found.ratio == pytest.approx(1.04, abs=0.02)
+    result, unsupported = calibrate(readings, load_propeller("apc-12x8e"), 0.01, "log")
+    assert result.readings == 6 and not unsupported
+    assert result.ratio == pytest.approx(1.04, abs=0.02)
     with pytest.raises(InputError, match="2 readings of thrust for 7 motor speeds"):
         run_up.thrust_readings(held, [1.0, 2.0], "log")
 
@@ -130,8 +130,8 @@ def test_the_lines_for_the_aircraft_file_are_read_and_correct_the_accelerometer(
     mine = parse_aircraft(load_aircraft("nexstar").text.partition("[uncertainty]")[0] + text, "mine.toml")
     assert mine.installation.accelerometer_vibration_mps2 == pytest.approx(offset.offset_mps2, abs=5e-4)
     assert mine.uncertainty.accelerometer_vibration_mps2 == pytest.approx(offset.sigma_in_flight_mps2, rel=0.05)
-    before, after = (specific_force_at_cg(measured, one) for one in (NEXSTAR, mine))
-    fastest = max(held, key=lambda one: one.revps)
+    before, after = (specific_force_at_cg(measured, item) for item in (NEXSTAR, mine))
+    fastest = max(held, key=lambda speed: speed.revps)
     change = (before - after).iloc[fastest.rows][list(run_up.FORCES)].mean()
     assert change.to_numpy() == pytest.approx(offset.offset_mps2 * (fastest.revps / 100) ** 2, rel=0.02, abs=2e-3)
     assert not (before - after).iloc[held[0].rows][list(run_up.FORCES)].to_numpy().any()

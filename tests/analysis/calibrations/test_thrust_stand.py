@@ -50,23 +50,23 @@ def test_errors_are_those_of_repeated_measurements() -> None:
     rng = np.random.default_rng(1)
     off = []
     for seed in range(500):
-        found, unsupported = calibrate(
+        result, unsupported = calibrate(
             readings(1.03 * (1 + 0.01 * rng.standard_normal()), 0.01, seed=seed), TABLE, 0.01, ""
         )
         assert not unsupported
-        off.append((found.ratio - 1.03) / found.ratio_error)
+        off.append((result.ratio - 1.03) / result.ratio_error)
     assert 0.85 < np.sqrt(np.mean(np.square(off))) < 1.05
     assert 0.93 < np.mean(np.abs(off) < 1.96) < 0.99
 
 
 def test_a_ratio_that_changes_with_motor_speed_is_less_certain() -> None:
     constant, _ = calibrate(readings(noise=0.003), TABLE, 0.01, "stand.csv")
-    found, _ = calibrate(readings(noise=0.003, by_speed=0.02), TABLE, 0.01, "stand.csv")
+    result, _ = calibrate(readings(noise=0.003, by_speed=0.02), TABLE, 0.01, "stand.csv")
     assert constant.speed_error == 0 and constant.ratio_error < 0.011
-    assert found.speed_error == pytest.approx(0.02 * 4 / 2, rel=0.1)
-    assert found.scatter_error < 0.005 and found.ratio_error > found.speed_error
+    assert result.speed_error == pytest.approx(0.02 * 4 / 2, rel=0.1)
+    assert result.scatter_error < 0.005 and result.ratio_error > result.speed_error
     change = 100 * 0.02 * 4  # percent, from 3000 to 7000 rpm
-    (doubt,) = doubts(found, readings(), TABLE, None)
+    (doubt,) = doubts(result, readings(), TABLE, None)
     assert float(re.findall(r"changes by (\S+) %", doubt)[0]) == pytest.approx(change, rel=0.1)
     assert not doubts(constant, readings(), TABLE, None)
 
@@ -77,8 +77,8 @@ def test_the_command_writes_a_file_that_replaces_the_aircraft_files_ratio(tmp_pa
     arguments = (given, "--propeller", "apc-12x8e", *AIR, "-o", output)
     outcome = run(*arguments)
     assert outcome.exit_code == 0 and "thrust at rest is 1.030 ± 0.020 (95 % interval)" in outcome.output
-    found = THRUST_STAND_FILE.load(output)
-    aircraft = found.applied_to(load_aircraft("nexstar"))
+    result = THRUST_STAND_FILE.load(output)
+    aircraft = result.applied_to(load_aircraft("nexstar"))
     assert aircraft.propulsion.static_thrust_ratio == pytest.approx(1.03)
     assert aircraft.uncertainty.static_thrust_ratio_fraction == pytest.approx(0.01)
     sections = outcome.output.split("aircraft file:\n")[1]
@@ -91,9 +91,9 @@ def test_the_command_writes_a_file_that_replaces_the_aircraft_files_ratio(tmp_pa
     assert parse_aircraft(text, "mine.toml").propulsion.static_thrust_ratio == pytest.approx(1.03, abs=1e-4)
     again = run(*arguments)
     assert "exists already; give --replace" in str(again.exception)
-    found.check_table(TABLE, "stand.json")
+    result.check_table(TABLE, "stand.json")
     with pytest.raises(InputError, match=r"stand.json: thrust .* another table \(apc-12x8e\) .* \(blade-11x5\)"):
-        found.check_table(load_propeller("blade-11x5"), "stand.json")
+        result.check_table(load_propeller("blade-11x5"), "stand.json")
 
 
 def test_units_are_those_of_the_header_and_density_may_be_in_the_file(tmp_path: Path) -> None:
@@ -148,11 +148,11 @@ def test_a_ratio_that_stays_uncertain_is_not_written(tmp_path: Path) -> None:
 
 def test_the_error_of_a_ratio_is_told_relative_to_it(tmp_path: Path) -> None:
     """Four fifths of all thrusts are four fifths of the ratio, with the same error in percent."""
-    told = [
+    outcomes = [
         run(write(tmp_path / "s.csv", readings(ratio, noise)), "--propeller", "apc-12x8e", *AIR, "-o", tmp_path / "o")
         for ratio, noise in ((1.0, 0.4), (0.8, 0.32))
     ]
-    first, second = (re.findall(r"error of the ratio is ([\d.]+) %", outcome.output) for outcome in told)
+    first, second = (re.findall(r"error of the ratio is ([\d.]+) %", outcome.output) for outcome in outcomes)
     assert first == second and len(first) == 1
 
 
@@ -160,8 +160,8 @@ def test_a_table_with_one_speed_of_rotation_is_compared() -> None:
     row = Row(5000.0, (0.0, 0.4, 0.8), (0.1, 0.07, 0.01), (0.05, 0.05, 0.02))
     table = Propeller("one row", 0.3, (row,))
     n = RPM / 60
-    found, _ = calibrate(StandReadings(n, 1.02 * 0.1 * RHO * n**2 * 0.3**4, np.full(len(n), RHO)), table, 0.0, "s")
-    assert found.ratio == pytest.approx(1.02) and found.ratio_error == pytest.approx(0, abs=1e-12)
+    result, _ = calibrate(StandReadings(n, 1.02 * 0.1 * RHO * n**2 * 0.3**4, np.full(len(n), RHO)), table, 0.0, "s")
+    assert result.ratio == pytest.approx(1.02) and result.ratio_error == pytest.approx(0, abs=1e-12)
 
 
 def test_an_analysis_takes_the_file_in_place_of_the_aircraft_files_ratio_and_of_no_other_table() -> None:
@@ -173,14 +173,14 @@ def test_an_analysis_takes_the_file_in_place_of_the_aircraft_files_ratio_and_of_
     )
     log = Log(Path("log.mcap"), attachments={"aircraft.toml": text.encode(), "propeller.csv": TABLE.to_csv().encode()})
     with_probe = Replacements(probe=SimpleNamespace())  # type: ignore[arg-type]
-    found, _ = calibrate(readings(), TABLE, 0.01, "stand.csv")
+    result, _ = calibrate(readings(), TABLE, 0.01, "stand.csv")
     assert contents(log, with_probe).aircraft.propulsion.static_thrust_ratio == 1.07
-    given = contents(log, with_probe._replace(thrust_stand=found))
-    assert given.aircraft.propulsion.static_thrust_ratio == found.ratio and given.thrust_stand is found
+    given = contents(log, with_probe._replace(thrust_stand=result))
+    assert given.aircraft.propulsion.static_thrust_ratio == result.ratio and given.thrust_stand is result
     other = load_propeller("blade-11x5")
     left_out = contents(log, with_probe._replace(propeller=other))
     assert left_out.aircraft.propulsion.static_thrust_ratio is None
     assert "belongs to the propeller apc-12x8e and is not used with blade-11x5" in left_out.notes[0]
     with pytest.raises(InputError, match=r"mine/stand.json: thrust on the stand was compared with another table"):
         files = {"thrust_stand.json": "mine/stand.json"}
-        contents(log, with_probe._replace(propeller=other, thrust_stand=found, files=files))
+        contents(log, with_probe._replace(propeller=other, thrust_stand=result, files=files))

@@ -14,8 +14,8 @@ ERRORS = ScaleErrors(reading_kg=0.005, gain=0.001, position_m=0.002)
 
 
 def test_moments_balance() -> None:
-    found = weighed([Support(0.1, (1.0,)), Support(0.5, (2.9, 3.1))], ERRORS)
-    assert (found.mass_kg, found.position_m) == pytest.approx((4.0, 0.4))
+    weight_and_balance = weighed([Support(0.1, (1.0,)), Support(0.5, (2.9, 3.1))], ERRORS)
+    assert (weight_and_balance.mass_kg, weight_and_balance.position_m) == pytest.approx((4.0, 0.4))
 
 
 def test_errors_are_those_of_repeated_weighings() -> None:
@@ -27,9 +27,9 @@ def test_errors_are_those_of_repeated_weighings() -> None:
         readings = (mass + 0.005 * rng.standard_normal(3)) * (1 + 0.001 * rng.standard_normal())
         at = x + 0.002 * rng.standard_normal(3)
         supports = [Support(p, (m,)) for p, m in zip(at.tolist(), readings.tolist(), strict=True)]
-        found = weighed(supports, ERRORS)
-        drawn.append([(found.mass_kg - 4.1) / found.mass_error_kg,
-                      (found.position_m - x @ mass / 4.1) / found.position_error_m])  # fmt: skip
+        balance = weighed(supports, ERRORS)
+        drawn.append([(balance.mass_kg - 4.1) / balance.mass_error_kg,
+                      (balance.position_m - x @ mass / 4.1) / balance.position_error_m])  # fmt: skip
     assert np.sqrt(np.mean(np.square(drawn), axis=0)) == pytest.approx([1.0, 1.0], abs=0.15)
 
 

@@ -84,10 +84,10 @@ def test_tubing_finds_the_diameter_that_the_lag_belongs_to(pops: Path, tmp_path:
 def test_too_few_bursts_for_five_per_cent_are_told_how_many_more(tmp_path: Path) -> None:
     outcome = run("tubing", popped(tmp_path / "slow.mcap", rate_Hz=25.0), "-o", tmp_path / "lines.toml")
     assert outcome.exit_code == 0, outcome.output
-    told = re.search(r"for 5 %: about (\d+) more bursts like these", outcome.output)
-    assert told is not None
+    match = re.search(r"for 5 %: about (\d+) more bursts like these", outcome.output)
+    assert match is not None
     # By the bound of Cramer and Rao 15.5 % for one burst: 1.96 x 15.5/5, squared, is 37 of them, 29 more than these 8.
-    assert 5 < int(told[1]) < 60
+    assert 5 < int(match[1]) < 60
 
 
 def refused(cause: str, *arguments: object) -> None:
@@ -107,8 +107,8 @@ def test_a_log_without_bursts_is_refused(tmp_path: Path) -> None:
 def test_a_lag_that_the_bursts_do_not_determine_is_not_written(tmp_path: Path) -> None:
     """One burst of a line whose lag is half a tick: 5.5 % for eight of them is 15.5 % for one, +-31 %; this one is less
     lucky."""
-    one = popped(tmp_path / "one.mcap", rate_Hz=25.0, steps=1, seed=4)
-    outcome = run("tubing", one, "-o", tmp_path / "new")
+    item = popped(tmp_path / "one.mcap", rate_Hz=25.0, steps=1, seed=4)
+    outcome = run("tubing", item, "-o", tmp_path / "new")
     assert outcome.exit_code == ExitCode.FAILURE and not (tmp_path / "new").exists()
     assert "the bursts found (1) do not determine the lag within 40 %" in outcome.output
     lag = Lag(lag_s=0.020, lo_s=0.013, hi_s=0.027, steps=3, noise=6.0, misfit=1.0)
@@ -192,9 +192,9 @@ def test_the_magnetometer_s_result_is_a_small_versioned_file(tmp_path: Path) -> 
     ]
     outcome = run("magnetometer", written(tmp_path / "turned.mcap", messages), "-o", tmp_path / "mag.json")
     assert outcome.exit_code == 0, outcome.output
-    found = json.loads((tmp_path / "mag.json").read_text())
-    assert found["format"] == "flightpower-magnetometer-1"
-    assert found["hard_iron_T"] == pytest.approx(hard.tolist(), abs=0.5e-6)
+    content = json.loads((tmp_path / "mag.json").read_text())
+    assert content["format"] == "flightpower-magnetometer-1"
+    assert content["hard_iron_T"] == pytest.approx(hard.tolist(), abs=0.5e-6)
 
 
 def test_the_probe_s_page_needs_no_network_and_shows_what_it_should(tmp_path: Path) -> None:

@@ -26,8 +26,8 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 @pytest.mark.parametrize(("scale", "side"), [(0.021, "high"), (-0.021, "low")])
 def test_the_airspeed_s_scale_and_the_wind(scale: float, side: str) -> None:
-    found = AirspeedCalibration(scale, 0.005, 4.26, 301.4, 0.2, ["of the scale"], "")
-    assert of_airspeed(found, ["of the log"]) == [
+    calibration = AirspeedCalibration(scale, 0.005, 4.26, 301.4, 0.2, ["of the scale"], "")
+    assert of_airspeed(calibration, ["of the log"]) == [
         f"airspeed reads 2.10 ± 0.98 % too {side} (95 % interval)",
         "wind 4.3 m/s from 301 deg, mean of the flight",
         "note: of the scale",
@@ -37,12 +37,12 @@ def test_the_airspeed_s_scale_and_the_wind(scale: float, side: str) -> None:
 
 @pytest.mark.parametrize(("directions", "noted"), [(0.24, True), (0.26, False)])
 def test_the_magnetometer_s_iron_in_microtesla(directions: float, noted: bool) -> None:
-    found = MagnetometerCalibration(
+    calibration = MagnetometerCalibration(
         source="", samples=100, hard_iron_T=(1.24e-6, -2.5e-6, 0.0), hard_iron_error_T=(1e-7, 2e-7, 3.1e-7),
         soft_iron=((1, 0, 0), (0, 1, 0), (0, 0, 1)), soft_iron_error=0.012, field_T=48.3e-6, residual_before_T=2.5e-6,
         residual_T=0.31e-6, directions=directions,
     )  # fmt: skip
-    lines = of_magnetometer(found)
+    lines = of_magnetometer(calibration)
     assert lines[:5] == [
         "hard iron x +1.2 ± 0.1 uT",
         "hard iron y -2.5 ± 0.2 uT",
@@ -56,12 +56,12 @@ def test_the_magnetometer_s_iron_in_microtesla(directions: float, noted: bool) -
 
 
 def test_the_weight_in_kilograms_and_its_place_in_millimeters() -> None:
-    found = WeightAndBalance(4.1, 0.005, 0.1234, 0.001, "")
-    assert of_weight(found) == [
+    weight_and_balance = WeightAndBalance(4.1, 0.005, 0.1234, 0.001, "")
+    assert of_weight(weight_and_balance) == [
         "weight 4.100 ± 0.010 kg (95 % interval)",
         "center of gravity 123.4 ± 2.0 mm aft of the datum",
     ]
-    assert "no position" in of_weight(found._replace(position_m=None))[1]
+    assert "no position" in of_weight(weight_and_balance._replace(position_m=None))[1]
 
 
 @pytest.mark.parametrize(
@@ -69,8 +69,8 @@ def test_the_weight_in_kilograms_and_its_place_in_millimeters() -> None:
     [("0.12 m: 1.25 1.26 kg", 0.12, (1.25, 1.26)), ("5 in: 900, 910 g", 0.127, (0.9, 0.91)), ("4 kg", None, (4.0,))],
 )
 def test_a_support_is_its_position_and_its_readings(text: str, position_m: float | None, masses_kg) -> None:
-    found = support(text)
-    assert found.position_m == pytest.approx(position_m) and tuple(found)[1] == pytest.approx(masses_kg)
+    result = support(text)
+    assert result.position_m == pytest.approx(position_m) and tuple(result)[1] == pytest.approx(masses_kg)
 
 
 @pytest.mark.parametrize("text", ["kg", "0.1 m: kg", ""])
@@ -82,11 +82,11 @@ def test_a_support_without_a_reading_is_refused(text: str) -> None:
 @pytest.mark.parametrize(("scale", "side"), [(0.0123, "high"), (-0.0123, "low")])
 def test_the_transducers_lines_and_what_they_do_to_the_airspeed(scale: float, side: str) -> None:
     line = TransducerLine(slope=1.021, slope_error=0.002, offset_Pa=-2.34, largest_residual_Pa=0.52, largest_Pa=400.0)
-    found = TransducerCalibration(
+    calibration = TransducerCalibration(
         source="", plateaus=8, reference_error=0.002, alpha=line, beta=line, airspeed=line, airspeed_scale=scale,
         airspeed_scale_error=0.001,
     )  # fmt: skip
-    lines = of_transducers(found)
+    lines = of_transducers(calibration)
     assert (
         lines[0] == "/probe/alpha: slope 1.0210 ± 0.0039 (95 % interval), offset -2.3 Pa, 0.5 Pa at most off the line"
     )
@@ -104,13 +104,13 @@ def test_pressures_are_those_of_a_unit_or_of_a_column_of_water_at_20_degC(text: 
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [("10 20", "their unit are needed"), ("10 x 20 mm", "'x' is no number"), ("10 kg", "'kg' is no unit"),
      ("20010 Pa", "not within 20000 Pa"), ("10 nan Pa", "'nan' is no number"),
      ("-20010 Pa", "not within"), ("mm", "their unit are needed")],
 )  # fmt: skip
-def test_pressures_that_are_none_are_refused(text: str, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_pressures_that_are_none_are_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         pressures_Pa(text)
 
 
@@ -136,10 +136,10 @@ def test_the_scale_s_error_under_an_autopilot_is_that_of_the_comparison_with_gps
         lambda _, W, S: loading.append(W / S) or flown,
     )
     monkeypatch.setattr("flightpower.analysis.methods.whole_flight.airspeed_gps.airspeed_errors", lambda _: errors)
-    found = autopilot_airspeed(tmp_path / "log.ulg", Autopilot.PX4)
-    assert (found.scale, found.scale_error, found.wind_mps) == (0.02, pytest.approx(0.003), 4.0)
-    assert found.one_way == pytest.approx(0.0, abs=1e-9) and loading == [60.0] and found.unsupported == ""
-    assert found.notes[0] == "of the flight"
+    calibration = autopilot_airspeed(tmp_path / "log.ulg", Autopilot.PX4)
+    assert (calibration.scale, calibration.scale_error, calibration.wind_mps) == (0.02, pytest.approx(0.003), 4.0)
+    assert calibration.one_way == pytest.approx(0.0, abs=1e-9) and loading == [60.0] and calibration.unsupported == ""
+    assert calibration.notes[0] == "of the flight"
     monkeypatch.setattr(
         "flightpower.analysis.methods.whole_flight.airspeed_gps.airspeed_errors",
         lambda _: errors._replace(wind_mps=None),

@@ -22,8 +22,8 @@ def refusal(monkeypatch, folder: Path, candidates: list[RejectedManeuver], optio
         raise NoCurve("flight.mcap: no run", Maneuvers([], candidates))
 
     path = folder / "flight.mcap"
-    one = entries_of([LogEntry(0, 0, Rpm())])
-    log = Log(path, {topic: one for topic in topics or TOPICS})
+    entries = entries_of([LogEntry(0, 0, Rpm())])
+    log = Log(path, {topic: entries for topic in topics or TOPICS})
     monkeypatch.setattr(one_log, "open_source", lambda *_: log)
     monkeypatch.setattr("flightpower.analysis.pipeline.runs.analyze_runs", none)
     with pytest.raises(InputError) as refused:
@@ -35,9 +35,9 @@ TOPICS = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")
 
 
 def test_candidates_are_written_where_there_are_some(monkeypatch, tmp_path: Path) -> None:
-    said = refusal(monkeypatch, tmp_path, [REJECTED], Options())
+    message = refusal(monkeypatch, tmp_path, [REJECTED], Options())
     written = tmp_path / "out" / "runs.toml"
-    assert f"--runs {written}" in said
+    assert f"--runs {written}" in message
     assert 'start = "12.00 s"' in written.read_text() and "keep = false" in written.read_text()
 
 

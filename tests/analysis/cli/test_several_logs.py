@@ -116,9 +116,9 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
     results("pool/removed", **flight(truth(rng), rng, "removed"))
     assert [folder.name for folder in flight_folders_of(tmp_path / "pool")] == ["a", "b", "removed"]
     (tmp_path / "pool" / "results.json").write_text(json.dumps({"flights": [{"log": "a"}, {"log": "b"}]}))
-    _, (found,) = of_one_kind(read_flights(flight_folders_of(tmp_path / "pool")))
-    (one,) = found.flights
-    assert one.log == "a" and one.pooling is not None and "electrical power only" in found.left_out[0]
+    _, (result,) = of_one_kind(read_flights(flight_folders_of(tmp_path / "pool")))
+    (this_flight,) = result.flights
+    assert this_flight.log == "a" and this_flight.pooling is not None and "electrical power only" in result.left_out[0]
     assert flight_folders_of(tmp_path / "pool" / "a") == [tmp_path / "pool" / "a"]
     (tmp_path / "pool" / "a" / "empty").mkdir()
     with pytest.raises(InputError, match=r"no results\.json"):
@@ -126,15 +126,17 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
 
 
 def test_the_last_line_gives_seconds_and_megabytes() -> None:
-    said = Console(file=StringIO(), width=100)
-    told = ProgressOnConsole(said, quiet=False)
-    told.planned(3, kept=2)
-    assert (told.bars.tasks[0].completed, told.bars.tasks[0].total) == (2, 5)
-    told.ended("a", Outcome("", seconds=12.34))
-    told.ended("b", Outcome("b: torn", seconds=0.1))
-    told.finished(Campaign(processor_seconds=61.7, peak_bytes=321_000_000))
-    assert "a: 12.3 s (1 of 3)" in said.file.getvalue()
-    assert "1 analyzed, 1 refused in 62 s of processor time, with at most 321 MB of memory each" in said.file.getvalue()
+    console = Console(file=StringIO(), width=100)
+    progress = ProgressOnConsole(console, quiet=False)
+    progress.planned(3, kept=2)
+    assert (progress.bars.tasks[0].completed, progress.bars.tasks[0].total) == (2, 5)
+    progress.ended("a", Outcome("", seconds=12.34))
+    progress.ended("b", Outcome("b: torn", seconds=0.1))
+    progress.finished(Campaign(processor_seconds=61.7, peak_bytes=321_000_000))
+    assert "a: 12.3 s (1 of 3)" in console.file.getvalue()
+    assert (
+        "1 analyzed, 1 refused in 62 s of processor time, with at most 321 MB of memory each" in console.file.getvalue()
+    )
 
 
 def test_a_comparison_does_not_replace_the_results_of_a_flight(tmp_path: Path) -> None:
@@ -149,7 +151,7 @@ def test_a_comparison_does_not_replace_the_results_of_a_flight(tmp_path: Path) -
 def test_attachments_are_those_of_the_log_and_none_of_a_torn_one(tmp_path: Path) -> None:
     log = log_of(tmp_path / "log.mcap", aircraft_toml="span", propeller_csv="rpm,J")
     with log.open("rb") as stream:
-        known = {one.name: one.data for one in SeekingReader(stream).iter_attachments()}
+        known = {item.name: item.data for item in SeekingReader(stream).iter_attachments()}
     assert _attachments(log) == known == {"aircraft.toml": b"span", "propeller.csv": b"rpm,J"}
     log.write_bytes(log.read_bytes()[:-40])
     assert _attachments(log) == {}

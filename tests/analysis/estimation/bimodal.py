@@ -57,9 +57,9 @@ class Bimodal(NamedTuple):
 
 def cases(seed: int) -> dict[str, Bimodal]:
     """With white noise and with colored noise, whose residuals are never white: the verdict alone does not tell."""
-    found = {}
+    bimodals = {}
     for kind, color in (("white", 0.0), ("colored", 0.8)):
-        found |= {
+        bimodals |= {
             f"Dutch roll, {kind} noise": Bimodal(
                 DUTCH_ROLL, _ringing(DUTCH_ROLL, DUTCH_ROLL_TRUTH, (0.001, 0.002), color, seed), DUTCH_ROLL_TRUTH,
                 (ProcessNoise(state="r", start=0.01),),
@@ -69,11 +69,11 @@ def cases(seed: int) -> dict[str, Bimodal]:
                 (ProcessNoise(state="v", start=0.01),),
             ),
         }  # fmt: skip
-    found["unstable, 7 s"] = Bimodal(
+    bimodals["unstable, 7 s"] = Bimodal(
         twins.UNSTABLE, _first(twins.unstable(seed), 140), twins.UNSTABLE_TRUTH, twins.UNSTABLE_NOISE,
         FitOptions(inputs="held"),
     )  # fmt: skip
-    return found
+    return bimodals
 
 
 def _ringing(model: Model, truth: dict[str, float], sigma: tuple[float, ...], color: float, seed: int) -> Segment:

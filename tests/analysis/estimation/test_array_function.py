@@ -23,9 +23,9 @@ EXPRESSIONS = [
 
 def by_casadi(function, n, *arguments):
     """Each result (n, rows, columns), one sample at a time."""
-    samples = [[np.array([np.broadcast_to(e, n)[k] for e in one]) for one in arguments] for k in range(n)]
-    found = [function.call([ca.DM(one) for one in sample]) for sample in samples]
-    return [np.array([np.array(results[i]) for results in found]) for i in range(function.n_out())]
+    samples = [[np.array([np.broadcast_to(e, n)[k] for e in argument]) for argument in arguments] for k in range(n)]
+    results = [function.call([ca.DM(item) for item in sample]) for sample in samples]
+    return [np.array([np.array(results[i]) for results in results]) for i in range(function.n_out())]
 
 
 def both(outputs, n=12):
@@ -46,17 +46,17 @@ def test_every_operation_gives_the_numbers_of_casadi():
 def test_a_sparse_jacobian_stands_in_the_right_rows_and_columns():
     outputs = ca.vertcat(A * B, ca.sin(B) * C, 3 * D, A**2 * D)
     ours, theirs = both([outputs, ca.jacobian(outputs, X), ca.jacobian(outputs, P)])
-    assert [one.shape for one in ours] == [(12, 4, 1), (12, 4, 2), (12, 4, 2)]
-    for one, expected in zip(ours, theirs, strict=True):
-        assert one == pytest.approx(expected, rel=1e-13)
+    assert [item.shape for item in ours] == [(12, 4, 1), (12, 4, 2), (12, 4, 2)]
+    for item, expected in zip(ours, theirs, strict=True):
+        assert item == pytest.approx(expected, rel=1e-13)
 
 
 def test_more_samples_than_are_computed_at_once_and_the_nonzeros_alone():
     n = SAMPLES + 3
     function = ArrayFunction(ca.Function("f", [X, P], [ca.vertcat(A * C, ca.SX(1, 1), B + D)]))
     a, b, d = np.linspace(0, 1, n), np.linspace(2, 5, n), np.linspace(-1, 1, n)
-    [found] = function(n, (a, b), (2.0, d))
-    assert found[:, :, 0] == pytest.approx(np.column_stack([2 * a, 0 * a, b + d]))
+    [result] = function(n, (a, b), (2.0, d))
+    assert result[:, :, 0] == pytest.approx(np.column_stack([2 * a, 0 * a, b + d]))
     [nonzeros] = function.nonzeros(n, (a, b), (2.0, d))
     assert function.places == [[(0, 0), (2, 0)]]
     assert nonzeros == pytest.approx(np.stack([2 * a, b + d]))

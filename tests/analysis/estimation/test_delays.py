@@ -61,8 +61,8 @@ def test_the_sensitivity_to_a_delay_is_that_of_differences(segment):
 
 
 def test_equation_error_estimates_it_too(segment):
-    found = fit_equation_error(LATE, segment, smoothing_s=0.1).parameters["tau"]
-    assert found.value == pytest.approx(DELAY_S, abs=0.05)
+    tau = fit_equation_error(LATE, segment, smoothing_s=0.1).parameters["tau"]
+    assert tau.value == pytest.approx(DELAY_S, abs=0.05)
 
 
 def test_filter_error_and_unknown_names_are_refused():
@@ -83,11 +83,11 @@ def test_the_implicit_rule_of_a_linear_model_is_its_closed_form():
         output_function=lambda x, u, p: (x.x,),
     )
     k, h = 1000.0, 0.04
-    found = build_simulator(model, ("k",), "trapezoidal").run(np.ones(1), np.zeros((5, 0)), np.array([k]), h)
+    result = build_simulator(model, ("k",), "trapezoidal").run(np.ones(1), np.zeros((5, 0)), np.array([k]), h)
     ratio = (1 - h * k / 2) / (1 + h * k / 2)
-    assert found.x[:, 0] == pytest.approx(ratio ** np.arange(5), rel=1e-12)
+    assert result.x[:, 0] == pytest.approx(ratio ** np.arange(5), rel=1e-12)
     slope = -h / (1 + h * k / 2) ** 2
-    assert found.S[2, 0, 0] == pytest.approx(2 * ratio * slope, rel=1e-9)
+    assert result.S[2, 0, 0] == pytest.approx(2 * ratio * slope, rel=1e-9)
     explicit = build_simulator(model, ("k",), "heun").run(np.ones(1), np.zeros((5, 0)), np.array([k]), h)
     assert np.abs(explicit.x[-1]) > 1e6
 
@@ -115,14 +115,14 @@ def test_two_late_inputs_have_each_its_own_delay():
     )  # fmt: skip
     U = np.stack([np.sin(T_S), np.cos(1.7 * T_S)], axis=1)
     simulator = build_simulator(model, ("ta", "tb"))
-    found = simulator.run(np.zeros(1), U, np.array([0.1, 0.2]), 0.04)
+    result = simulator.run(np.zeros(1), U, np.array([0.1, 0.2]), 0.04)
     expected = solve_ivp(
         lambda t, x: -x + np.sin(t - 0.1) + 2 * np.cos(1.7 * (t - 0.2)), (0, T_S[-1]), [0.0], t_eval=T_S, rtol=1e-8
     ).y[0]
-    assert found.y[25:, 0] - expected[25:] == pytest.approx(
-        (found.y[25, 0] - expected[25]) * np.exp(-(T_S[25:] - T_S[25])), abs=2e-3
+    assert result.y[25:, 0] - expected[25:] == pytest.approx(
+        (result.y[25, 0] - expected[25]) * np.exp(-(T_S[25:] - T_S[25])), abs=2e-3
     )
     for i, (ta, tb) in enumerate(((1e-5, 0.0), (0.0, 1e-5))):
         more, less = (simulator.run(np.zeros(1), U, np.array([0.1 + s * ta, 0.2 + s * tb]), 0.04).y for s in (1, -1))
         by_difference = (more - less) / 2e-5
-        assert found.S[:, :, i] == pytest.approx(by_difference, abs=1e-3 * np.abs(by_difference).max())
+        assert result.S[:, :, i] == pytest.approx(by_difference, abs=1e-3 * np.abs(by_difference).max())

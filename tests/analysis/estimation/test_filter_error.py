@@ -58,8 +58,8 @@ def test_without_process_noise_it_is_output_error():
 def textbook_filter(p, ln_w, ln_v, x0, Z):
     """Minus ln L of the linear model by the matrix form of the filter; complex numbers pass (missing: NaN)."""
     A = np.array([[p[1], 1.0], [p[4], p[5]]])
-    hA, one = STEP_S * A, np.eye(2)
-    Phi = one + hA @ (one + hA / 2 @ (one + hA / 3 @ (one + hA / 4)))
+    hA, item = STEP_S * A, np.eye(2)
+    Phi = item + hA @ (item + hA / 2 @ (item + hA / 3 @ (item + hA / 4)))
     Q = STEP_S * np.diag([np.exp(2 * ln_w), 0.0])
     R = np.diag(np.exp(2 * ln_v))
 
@@ -70,12 +70,12 @@ def textbook_filter(p, ln_w, ln_v, x0, Z):
     for k, z in enumerate(Z):
         there = np.isfinite(z)
         if there.any():
-            H = one[there]
+            H = item[there]
             e, s = z[there] - x[there], H @ P @ H.T + R[np.ix_(there, there)]
             determinant = s[0, 0] if len(e) == 1 else s[0, 0] * s[1, 1] - s[0, 1] * s[1, 0]
             cost = cost + e @ np.linalg.inv(s) @ e / 2 + np.log(determinant) / 2
             K = P @ H.T @ np.linalg.inv(s)
-            x, P = x + K @ e, (one - K @ H) @ P
+            x, P = x + K @ e, (item - K @ H) @ P
         if k < len(Z) - 1:
             u0, u1 = DE[k], DE[k + 1]
             middle = (u0 + u1) / 2
@@ -96,12 +96,12 @@ def test_likelihood_and_derivatives_equal_those_of_the_matrix_form_of_the_filter
     Z[50:55] = np.nan
     p, ln_w, ln_v = np.array(list(LINEAR_TRUTH.values())), np.log([0.015]), np.log(2 * SIGMA)
     traced = build_filter(LINEAR, tuple(LINEAR_TRUTH), ("alpha",))
-    found = traced.run(Record(X0, DE[:120, None], p, STEP_S), Z, NoiseLevels(ln_w, ln_v, np.zeros(1)))
+    result = traced.run(Record(X0, DE[:120, None], p, STEP_S), Z, NoiseLevels(ln_w, ln_v, np.zeros(1)))
     present = np.isfinite(Z)
-    e2 = (found.e**2 / np.exp(found.ln_s))[present]
-    assert (e2 + found.ln_s[present]).sum() / 2 == pytest.approx(textbook_filter(p, ln_w[0], ln_v, X0, Z), rel=1e-10)
-    slope = found.e / np.exp(found.ln_s)
-    gradient = (slope[present, None] * found.d_e[present] + (1 - e2)[:, None] * found.d_ln_s[present] / 2).sum(axis=0)
+    e2 = (result.e**2 / np.exp(result.ln_s))[present]
+    assert (e2 + result.ln_s[present]).sum() / 2 == pytest.approx(textbook_filter(p, ln_w[0], ln_v, X0, Z), rel=1e-10)
+    slope = result.e / np.exp(result.ln_s)
+    gradient = (slope[present, None] * result.d_e[present] + (1 - e2)[:, None] * result.d_ln_s[present] / 2).sum(axis=0)
     numbers = np.concatenate([p, ln_w, ln_v, X0])
     for i in range(len(numbers)):
         shifted = numbers.astype(complex)
@@ -123,12 +123,12 @@ def test_the_covariance_of_a_nonlinear_model_is_propagated_by_the_derivative_of_
         output_function=lambda x, u, p: (x.x,),
     )
     x0, step_s, before_s, w, v = 2.0, 0.05, 1e4, 1e-3, 1e-6
-    found = build_filter(model, (), ("x",)).run(
+    result = build_filter(model, (), ("x",)).run(
         Record(np.array([x0]), np.zeros((2, 1)), np.array([1.0]), step_s),
         np.full((2, 1), np.nan),
         NoiseLevels(np.log([w]), np.log([v]), np.array([before_s])),
     )
-    variance = np.exp(found.ln_s[:, 0]) - v**2
+    variance = np.exp(result.ln_s[:, 0]) - v**2
     assert variance[0] == pytest.approx(w**2 * before_s, rel=1e-9)
     assert np.sqrt(variance[1] / variance[0]) == pytest.approx((1 + x0 * step_s) ** -2, rel=2e-3)
 
@@ -145,12 +145,12 @@ def test_the_covariance_is_propagated_with_the_input_in_the_middle_of_the_step()
         output_function=lambda x, u, p: (x.x,),
     )
     step_s, before_s, w, v = 0.1, 1e4, 1e-3, 1e-6
-    found = build_filter(model, (), ("x",)).run(
+    result = build_filter(model, (), ("x",)).run(
         Record(np.array([1.0]), np.array([[1.0], [3.0]]), np.array([1.0]), step_s),
         np.full((2, 1), np.nan),
         NoiseLevels(np.log([w]), np.log([v]), np.array([before_s])),
     )
-    variance = np.exp(found.ln_s[:, 0]) - v**2
+    variance = np.exp(result.ln_s[:, 0]) - v**2
     assert np.sqrt(variance[1] / variance[0]) == pytest.approx(np.exp(-step_s * 2.0), rel=1e-4)
 
 
@@ -245,14 +245,14 @@ def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_s
 
 def test_in_still_air_process_noise_is_not_significant():
     """A test at the 5 % level on 40 records without process noise: 2 +- 1.4 find some, and the verdict says so."""
-    found = 0
+    result = 0
     for seed in range(40):
         fit = fit_filter_error(LINEAR, linear_record(seed, strength=0.0), LINEAR_NOISE)
         assert fit.verdict.ok
         significant = fit.process_noise["alpha"].significant
         assert significant != (Finding.PROCESS_NOISE_NOT_SIGNIFICANT in fit.verdict.findings)
-        found += significant
-    assert found <= 7
+        result += significant
+    assert result <= 7
 
 
 def test_turbulence_that_is_there_is_significant():
@@ -264,12 +264,12 @@ def test_turbulence_that_is_there_is_significant():
 
 
 def test_segments_add_and_missing_samples_cost_information_and_nothing_else():
-    one, two = linear_record(4, name="one"), linear_record(5, name="two")
-    both = fit_filter_error(LINEAR, [one, two], LINEAR_NOISE, test_significance=False)
-    z = {name: values.copy() for name, values in one.z.items()}
+    record, two = linear_record(4, name="one"), linear_record(5, name="two")
+    both = fit_filter_error(LINEAR, [record, two], LINEAR_NOISE, test_significance=False)
+    z = {name: values.copy() for name, values in record.z.items()}
     z["alpha"][40:120] = np.nan
     z["q"][::7] = np.nan
-    gappy = Segment(name="one", t_s=T_S, u=one.u, z=z)
+    gappy = Segment(name="one", t_s=T_S, u=record.u, z=z)
     less = fit_filter_error(LINEAR, [gappy, two], LINEAR_NOISE, test_significance=False)
     assert both.verdict.ok and less.verdict.ok
     assert np.isnan(less.residuals["one"][40:120, 0]).all()

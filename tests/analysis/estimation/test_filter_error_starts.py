@@ -76,13 +76,13 @@ def test_an_unstable_aircraft_keeps_the_least_noise_of_the_state_with_the_highes
 def test_noise_starts_near_the_truth():
     """From predictions with the true parameters; the rates' own noise is small beside that of turbulence."""
     segment = twins.in_turbulence(4)
-    found = noise_from_predictions(
+    predictions = noise_from_predictions(
         twins.TURBULENCE, [segment], twins.TURBULENCE_NOISE, twins.TURBULENCE_TRUTH, "linear"
     )
     for state, intensity in twins.TURBULENCE_INTENSITY.items():
-        assert np.exp(found[intensity_key(state)]) == pytest.approx(intensity, rel=0.25)
+        assert np.exp(predictions[intensity_key(state)]) == pytest.approx(intensity, rel=0.25)
     for output, sigma in twins.TURBULENCE_SIGMA.items():
-        assert 0.5 < np.exp(found[noise_key(output)]) / sigma < 2
+        assert 0.5 < np.exp(predictions[noise_key(output)]) / sigma < 2
 
 
 def test_innovations_that_are_not_white_are_named():

@@ -60,8 +60,10 @@ def test_the_whole_band_gives_what_time_gives():
 
 def test_equation_error_in_a_band_is_near_the_truth():
     """Two biases stay: noise in the regressors within the band, and the leakage of the derivative's noise."""
-    found = [fit_equation_error_in_band(SHORT_PERIOD, noisy(seed), band_Hz=BAND_HZ) for seed in range(10)]
-    mean = np.mean([[fit.parameters[name].value for name in TRUTH] for fit in found], axis=0)
+    equation_error_in_bands = [
+        fit_equation_error_in_band(SHORT_PERIOD, noisy(seed), band_Hz=BAND_HZ) for seed in range(10)
+    ]
+    mean = np.mean([[fit.parameters[name].value for name in TRUTH] for fit in equation_error_in_bands], axis=0)
     assert mean == pytest.approx([*TRUTH.values()], rel=0.15)
 
 

@@ -52,14 +52,14 @@ def correlated(lag_one: float, n: int = N) -> np.ndarray:
     return x
 
 
-@pytest.mark.parametrize(("lag_one", "told"), [(0.13, False), (0.2, True), (-0.13, False), (-0.2, True)])
-def test_residuals_are_called_colored_from_3_3_standard_deviations_on(lag_one: float, told: bool) -> None:
+@pytest.mark.parametrize(("lag_one", "is_reported"), [(0.13, False), (0.2, True), (-0.13, False), (-0.2, True)])
+def test_residuals_are_called_colored_from_3_3_standard_deviations_on(lag_one: float, is_reported: bool) -> None:
     """1/sqrt(400) of white noise is 0.05: 0.165."""
     fit = fit_of(correlated(lag_one))
     hints = hints_of(fit)
-    assert [hint.finding for hint in hints] == [Finding.NOT_WHITE] * told
+    assert [hint.finding for hint in hints] == [Finding.NOT_WHITE] * is_reported
     assert all(f"lag-one correlation up to {abs(lag_one):.2f}" in hint.text for hint in hints)
-    assert (len(innovation_hints(fit)) == 1) is told
+    assert (len(innovation_hints(fit)) == 1) is is_reported
 
 
 def test_pairs_with_a_missing_value_do_not_count() -> None:
@@ -69,18 +69,20 @@ def test_pairs_with_a_missing_value_do_not_count() -> None:
     assert hints_of(fit_of(correlated(0.35), present=present)) != ()
 
 
-@pytest.mark.parametrize(("largest", "told"), [(5.9, False), (6.1, True), (-6.1, True)])
-def test_a_value_beyond_six_standard_deviations_is_an_outlier_unless_the_noise_has_tails(largest, told) -> None:
+@pytest.mark.parametrize(("largest", "expected"), [(5.9, False), (6.1, True), (-6.1, True)])
+def test_a_value_beyond_six_standard_deviations_is_an_outlier_unless_the_noise_has_tails(largest, expected) -> None:
     white = correlated(0.0)
     white[[3, 200]] = largest
     hints = hints_of(fit_of(correlated(0.0), white=white))
-    assert [hint.finding for hint in hints] == [Finding.OUTLIERS] * told
+    assert [hint.finding for hint in hints] == [Finding.OUTLIERS] * expected
     assert all("2 of z beyond 6 standard deviations" in hint.text for hint in hints)
     assert hints_of(fit_of(correlated(0.0), white=white, weight=0.9)) == ()
 
 
-@pytest.mark.parametrize(("growth", "told"), [(0.65, False), (0.72, True), (-0.72, False)])
-def test_an_error_that_grows_a_thousandfold_is_told_where_the_fit_is_not_convincing(growth: float, told: bool) -> None:
+@pytest.mark.parametrize(("growth", "is_reported"), [(0.65, False), (0.72, True), (-0.72, False)])
+def test_an_error_that_grows_a_thousandfold_is_told_where_the_fit_is_not_convincing(
+    growth: float, is_reported: bool
+) -> None:
     """ln 1000 over 10 s: 0.69 1/s."""
     fit = fit_of(correlated(0.0), growth=growth, status=FitStatus.NOT_CONVERGED)
     ln_growth, eigenvalue, name = unstable_growth(fit, fit.segment_fits[0])
@@ -90,6 +92,6 @@ def test_an_error_that_grows_a_thousandfold_is_told_where_the_fit_is_not_convinc
         "run 1",
     )
     hints = hints_of(fit)
-    assert [hint.finding for hint in hints] == [Finding.UNSTABLE] * told
+    assert [hint.finding for hint in hints] == [Finding.UNSTABLE] * is_reported
     assert all("+0.72 1/s an error grows by 1e+03 within segment run 1" in hint.text for hint in hints)
     assert hints_of(fit_of(correlated(0.0), growth=growth)) == ()

@@ -34,8 +34,8 @@ def test_it_gives_the_numbers_of_a_loop(lengths):
 
 
 def test_the_last_step_of_a_record_does_not_reach_the_next():
-    lengths, one = [RECURSION_BLOCK, 4], np.ones((RECURSION_BLOCK + 4, 1, 1))
-    A, B = one.copy(), one.copy()
+    lengths, item = [RECURSION_BLOCK, 4], np.ones((RECURSION_BLOCK + 4, 1, 1))
+    A, B = item.copy(), item.copy()
     A[RECURSION_BLOCK - 1] = B[RECURSION_BLOCK - 1] = np.inf
     assert linear_recursion(A, B, np.zeros((2, 1, 1)), lengths)[:, 0, 0].tolist() == [
         *range(RECURSION_BLOCK),

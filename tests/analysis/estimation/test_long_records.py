@@ -16,10 +16,10 @@ from flightpower.analysis.estimation.simulation import build_simulator
 
 @pytest.fixture
 def segments():
-    one, two = (linear_record(seed, strength=0.0, name=f"run {seed}") for seed in (0, 1))
-    z = {name: values.copy() for name, values in one.z.items()}
+    item, two = (linear_record(seed, strength=0.0, name=f"run {seed}") for seed in (0, 1))
+    z = {name: values.copy() for name, values in item.z.items()}
     z["alpha"][40:50], z["q"][::7] = np.nan, np.nan
-    return [Segment(name="gaps", t_s=one.t_s, u=one.u, z=z), two]
+    return [Segment(name="gaps", t_s=item.t_s, u=item.u, z=z), two]
 
 
 def test_a_fit_in_blocks_is_that_of_the_whole_record(segments, monkeypatch):

@@ -27,10 +27,10 @@ def test_a_prior_pulls_the_estimate():
 
 def test_the_interval_of_an_intensity_is_that_of_its_logarithm():
     fit = fit_filter_error(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
-    found, ln_w = fit.process_noise["alpha"], fit.parameters[str(intensity_key("alpha"))]
+    alpha, ln_w = fit.process_noise["alpha"], fit.parameters[str(intensity_key("alpha"))]
     factor = np.exp(1.96 * ln_w.standard_error)
-    assert (found.lo, found.hi) == pytest.approx((found.value / factor, found.value * factor), rel=1e-4)
-    assert found.lo < INTENSITY < found.hi
+    assert (alpha.lo, alpha.hi) == pytest.approx((alpha.value / factor, alpha.value * factor), rel=1e-4)
+    assert alpha.lo < INTENSITY < alpha.hi
 
 
 def test_the_search_for_measurement_noise_starts_at_the_noise_of_the_record():

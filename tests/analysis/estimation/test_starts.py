@@ -51,8 +51,8 @@ def test_one_optimum_is_reached_from_everywhere():
 
 def test_equation_error_gives_starting_values_near_the_truth():
     """Noise in the regressors biases them by some 10 %, no more."""
-    found = starting_values_by_equation_error(SHORT_PERIOD, noisy(0), smoothing_s=0.1)
-    assert found == pytest.approx(TRUTH, rel=0.4)
+    error = starting_values_by_equation_error(SHORT_PERIOD, noisy(0), smoothing_s=0.1)
+    assert error == pytest.approx(TRUTH, rel=0.4)
 
 
 def test_when_no_start_gives_a_response_the_reason_is_told():
@@ -65,6 +65,6 @@ def test_starts_without_a_fit_are_counted():
     """The third of four starts does not converge: it is no optimum, and is not compared."""
     fit, ends = fit_output_error(SHORT_PERIOD, noisy(0)), iter(["good", "good", "lost", "good"])
     lost = fit.verdict._replace(status=FitStatus.NOT_CONVERGED)
-    found = {"good": fit, "lost": replace(fit, verdict=lost, negative_log_likelihood=-1e9)}
-    best = best_of_starts(lambda start: found[next(ends)], SHORT_PERIOD, starts=4)
+    results = {"good": fit, "lost": replace(fit, verdict=lost, negative_log_likelihood=-1e9)}
+    best = best_of_starts(lambda start: results[next(ends)], SHORT_PERIOD, starts=4)
     assert best.verdict.text.endswith("reached from 3 of 4 starts; 1 did not converge")

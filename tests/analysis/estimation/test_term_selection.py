@@ -53,11 +53,11 @@ def test_the_true_terms_are_found_in_95_of_100_flights():
 def test_coefficients_are_those_of_the_regression(method):
     """Within four standard errors; and the standard errors are those of least squares, about 0.02/sqrt(400)/rms."""
     candidates, z = flight(7)
-    found = method(candidates, z)
-    for name, value, error in zip(found.names, found.coefficients, found.standard_errors, strict=True):
+    result = method(candidates, z)
+    for name, value, error in zip(result.names, result.coefficients, result.standard_errors, strict=True):
         assert value == pytest.approx(TRUE[name], abs=4 * error)
-    assert found.constant == pytest.approx(-0.3, abs=4 * found.constant_error)
-    assert np.std(z - found.predict(candidates)) == pytest.approx(0.02, rel=0.1)
+    assert result.constant == pytest.approx(-0.3, abs=4 * result.constant_error)
+    assert np.std(z - result.predict(candidates)) == pytest.approx(0.02, rel=0.1)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -71,18 +71,18 @@ def test_noise_alone_needs_no_terms(method):
 def test_without_knowledge_of_the_noise_small_terms_are_left_out():
     """Barron's bound takes all of z for noise: a term must explain 1/400 of its variance."""
     candidates, z = flight(7)
-    found = orthogonal_functions(candidates, z)
-    assert found.names[0] == "alpha" and found.R2 > 0.98
-    assert len(found.names) < len(TRUE)
+    functions = orthogonal_functions(candidates, z)
+    assert functions.names[0] == "alpha" and functions.R2 > 0.98
+    assert len(functions.names) < len(TRUE)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_candidate_that_is_a_combination_of_others_is_taken_once(method):
     candidates, z = flight(3)
     twice = candidates | {"alpha in degrees": np.degrees(candidates["alpha"])}
-    found = method(twice, z)
-    assert len({"alpha", "alpha in degrees"} & set(found.names)) == 1
-    assert np.all(np.isfinite(found.standard_errors))
+    result = method(twice, z)
+    assert len({"alpha", "alpha in degrees"} & set(result.names)) == 1
+    assert np.all(np.isfinite(result.standard_errors))
 
 
 def test_a_replaced_term_leaves_again():
@@ -90,8 +90,8 @@ def test_a_replaced_term_leaves_again():
     rng = np.random.default_rng(2)
     a, b = rng.standard_normal((2, 300))
     stand_in = a + b + 0.3 * rng.standard_normal(300)
-    found = stepwise({"stand-in": stand_in, "a": a, "b": b}, a + b + 0.1 * rng.standard_normal(300))
-    assert set(found.names) == {"a", "b"}
+    result = stepwise({"stand-in": stand_in, "a": a, "b": b}, a + b + 0.1 * rng.standard_normal(300))
+    assert set(result.names) == {"a", "b"}
 
 
 def test_wrong_arrays_are_named():
@@ -133,8 +133,8 @@ def test_the_partial_F_is_that_of_nested_regressions_whatever_is_added_to_a_cand
         return float(np.sum((z - A @ np.linalg.lstsq(A, z, rcond=None)[0]) ** 2))
 
     expected = [(rss([1]) - rss([1, i])) / (rss([1, i]) / (n - 3)) for i in (0, 2)]
-    found = _partial_F(X, z, chosen)
-    assert found[[0, 2]] == pytest.approx(expected, rel=1e-9) and found[1] == found[3] == 0
+    partial_F = _partial_F(X, z, chosen)
+    assert partial_F[[0, 2]] == pytest.approx(expected, rel=1e-9) and partial_F[1] == partial_F[3] == 0
     shifted = X + 1e5
     assert _partial_F(shifted, z, chosen)[[0, 2]] == pytest.approx(expected, rel=1e-4)
 
@@ -144,23 +144,23 @@ def test_a_fit_gives_the_standard_errors_of_least_squares():
     rng = np.random.default_rng(1)
     x = 3.0 + rng.standard_normal(40)
     z = 1.0 + 2.0 * x + 0.5 * rng.standard_normal(40)
-    found = _fitted(("x",), x[:, None], z, [0])
+    result = _fitted(("x",), x[:, None], z, [0])
     slope, intercept = np.polyfit(x, z, 1)
     square = float(np.sum((z - intercept - slope * x) ** 2))
     Sxx, sigma = np.sum((x - x.mean()) ** 2), np.sqrt(square / 38)
-    assert found[1:5] == pytest.approx(
+    assert result[1:5] == pytest.approx(
         (slope, sigma / np.sqrt(Sxx), intercept, sigma * np.sqrt(1 / 40 + x.mean() ** 2 / Sxx))
     )
-    assert found[5] == pytest.approx(np.corrcoef(x, z)[0, 1] ** 2)
-    assert found[6] == pytest.approx(square / 40 + 2 * sigma**2 / 40)
+    assert result[5] == pytest.approx(np.corrcoef(x, z)[0, 1] ** 2)
+    assert result[6] == pytest.approx(square / 40 + 2 * sigma**2 / 40)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_constant_added_to_a_candidate_changes_nothing_but_the_constant(method):
     """Also one ten thousand times as large as what varies: it is no dependence on the constant."""
     candidates, z = flight(7)
-    found = method(candidates, z)
+    result = method(candidates, z)
     moved = {name: values + 2e4 * np.std(values) for name, values in candidates.items()}
     again = method(moved, z)
-    assert again.names == found.names
-    assert again.coefficients == pytest.approx(found.coefficients, rel=1e-4)
+    assert again.names == result.names
+    assert again.coefficients == pytest.approx(result.coefficients, rel=1e-4)

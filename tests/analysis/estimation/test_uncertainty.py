@@ -65,7 +65,7 @@ def fit_noisy(noise, **options):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "color",
-    [*(pytest.param(one, marks=pytest.mark.thorough) for one in (first_order, moving_average)), shared_with_a_lag],
+    [*(pytest.param(item, marks=pytest.mark.thorough) for item in (first_order, moving_average)), shared_with_a_lag],
 )
 def test_with_colored_noise_corrected_intervals_cover_and_those_of_the_bound_do_not(color):
     """100 seeds, 6 numbers: coverage is known to sqrt(0.95 0.05 / 100) = 2 % at most, the numbers being correlated."""
@@ -157,13 +157,13 @@ def test_a_parameter_that_does_nothing_is_significant_in_one_case_of_twenty():
         dynamics=lambda x, u, p: (p.Zal * x.alpha + x.q + p.Zde * u.de, p.Mal * x.alpha + p.Mq * x.q + p.Mde * u.de),
         output_function=SHORT_PERIOD.output_function,
     )
-    found = 0
+    significant = 0
     for seed in range(200):
         segment = fit_noisy_segment(np.random.default_rng(seed).standard_normal((N, 2)))
         tests = uncertainty.t_tests(uncertainty.cramer_rao(fit_output_error(model, segment)))
         assert tests["Mde"].significant
-        found += tests["Zde"].significant
-    assert 2 <= found <= 22  # 10 +- 4 sigma of a binomial
+        significant += tests["Zde"].significant
+    assert 2 <= significant <= 22  # 10 +- 4 sigma of a binomial
 
 
 def fit_noisy_segment(noise):
@@ -219,9 +219,9 @@ def test_whiteness_is_the_test_of_ljung_and_box():
     n, lags = len(e), 5
     r = np.array([e[k:] @ e[: n - k] for k in range(1, lags + 1)]) / (e @ e)
     Q = n * (n + 2) * (r**2 / (n - np.arange(1, lags + 1))).sum()
-    found = uncertainty.whiteness(fit, lags)["z"]
-    assert found.lag_one == pytest.approx(r[0])
-    assert found.p_value == pytest.approx(chi2.sf(Q, lags))
+    result = uncertainty.whiteness(fit, lags)["z"]
+    assert result.lag_one == pytest.approx(r[0])
+    assert result.p_value == pytest.approx(chi2.sf(Q, lags))
 
 
 def test_what_the_variances_of_residuals_tell_is_white_and_adds_to_the_score():
@@ -229,5 +229,5 @@ def test_what_the_variances_of_residuals_tell_is_white_and_adds_to_the_score():
     fit = fit_noisy(first_order(np.random.default_rng(0)))
     more = replace(fit, variance_information=0.5 * fit.information)
     bound = uncertainty.cramer_rao(fit).covariance
-    for method in (uncertainty.morelli_klein, lambda one: uncertainty.block_bootstrap(one, block_s=1.0, draws=50)):
+    for method in (uncertainty.morelli_klein, lambda item: uncertainty.block_bootstrap(item, block_s=1.0, draws=50)):
         assert method(more).covariance - method(fit).covariance == pytest.approx(0.5 * bound, rel=1e-6)

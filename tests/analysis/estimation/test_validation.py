@@ -42,12 +42,12 @@ def other_maneuver(seed=5, x0=(0.05, -0.1)):
 
 def test_the_right_model_predicts_other_data_to_its_noise():
     """The rms of 150 samples scatters by 1/sqrt(300) = 6 %; errors of parameters and initial state add 3 % or so."""
-    found = predict(FIT, other_maneuver())
+    prediction = predict(FIT, other_maneuver())
     for name, sigma in SIGMA.items():
-        assert found.agreement[name].rms == pytest.approx(sigma, rel=0.2)
-        assert found.agreement[name].R2 > 0.8
-        assert found.agreement[name].theil < 0.2
-        assert found.agreement[name].covariance > 0.9
+        assert prediction.agreement[name].rms == pytest.approx(sigma, rel=0.2)
+        assert prediction.agreement[name].R2 > 0.8
+        assert prediction.agreement[name].theil < 0.2
+        assert prediction.agreement[name].covariance > 0.9
 
 
 def test_a_wrong_model_is_seen_on_other_data():
@@ -79,9 +79,9 @@ def test_cross_validation_leaves_each_maneuver_out_once():
         fitted_to.append([segment.name for segment in rest])
         return fit_output_error(SHORT_PERIOD, rest)
 
-    found = cross_validate(segments, estimate)
+    validation = cross_validate(segments, estimate)
     assert fitted_to == [["run 1", "run 2"], ["run 0", "run 2"], ["run 0", "run 1"]]
-    assert [found[f"run {i}"].agreement["q"].rms for i in range(3)] == pytest.approx([SIGMA["q"]] * 3, rel=0.2)
+    assert [validation[f"run {i}"].agreement["q"].rms for i in range(3)] == pytest.approx([SIGMA["q"]] * 3, rel=0.2)
     with pytest.raises(InputError, match="at least two segments"):
         cross_validate(segments[:1], estimate)
 
@@ -104,10 +104,10 @@ def test_two_inputs_that_are_alike_are_named():
 def test_the_condition_index_of_two_correlated_unknowns():
     """Correlation r of the columns: eigenvalues 1 + r and 1 - r (Belsley)."""
     r = 0.9999
-    (found,) = collinearities(("a", "b", "c"), np.array([[4.0, 2 * r, 0], [2 * r, 1, 0], [0, 0, 9]]))
-    assert found.names == ("a", "b")
-    assert found.condition_index == pytest.approx(np.sqrt((1 + r) / (1 - r)))
-    assert found.proportions == pytest.approx(((1 + r) / 2, (1 + r) / 2))
+    (collinearity,) = collinearities(("a", "b", "c"), np.array([[4.0, 2 * r, 0], [2 * r, 1, 0], [0, 0, 9]]))
+    assert collinearity.names == ("a", "b")
+    assert collinearity.condition_index == pytest.approx(np.sqrt((1 + r) / (1 - r)))
+    assert collinearity.proportions == pytest.approx(((1 + r) / 2, (1 + r) / 2))
 
 
 def test_a_fit_is_printed_on_a_screen_and_kept(tmp_path):

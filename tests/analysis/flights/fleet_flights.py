@@ -40,14 +40,14 @@ def flights_of(
     x = like.truth(rng, polar) if like else truth(rng, polar)
     shared = like.shared_errors(rng) if like else None
     more_drag, more_thrust = np.broadcast_to(drag, count), np.broadcast_to(thrust, count)
-    found = []
+    flights = []
     for i in range(count):
         now = x.copy()
         now[:3] *= 1 + more_drag[i]
         now[POOLED.index("thrust_scale")] += more_thrust[i]
         start = FIRST_UNIX_S + i * every_days * DAY_S
-        one = flight(now, rng, f"{airframe}-{i:03d}", noise, aircraft=airframe, start_unix_s=start)
+        this_flight = flight(now, rng, f"{airframe}-{i:03d}", noise, aircraft=airframe, start_unix_s=start)
         if like and shared is not None:
-            one["pooling"] |= like.pooling(now, shared, rng)
-        found.append(one)
-    return found
+            this_flight["pooling"] |= like.pooling(now, shared, rng)
+        flights.append(this_flight)
+    return flights

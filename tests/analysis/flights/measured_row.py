@@ -38,17 +38,23 @@ class MeasuredRow(NamedTuple):
 def mean_row(flights: Sequence[FlightStatistics]) -> MeasuredRow:
     """Raises ValueError where the flights have two priors, which no mean describes."""
     first = flights[0]
-    if any((one.prior_matrix != first.prior_matrix).any() for one in flights):
+    if any((statistics.prior_matrix != first.prior_matrix).any() for statistics in flights):
         raise ValueError("flights of two priors")
     with np.errstate(divide="ignore"):
         sigma = first.prior_information**-0.5
     return MeasuredRow(
-        np.mean([one.parameters.own for one in flights], axis=0),
-        np.mean([one.weighting_covariance for one in flights], axis=0),
+        np.mean([statistics.parameters.own for statistics in flights], axis=0),
+        np.mean([statistics.weighting_covariance for statistics in flights], axis=0),
         sigma,
         first.prior_mean,
-        {name: np.mean([one.parameters.shared[name] for one in flights], axis=0) for name in first.parameters.shared},
-        (float(np.mean([one.flown_CL[0] for one in flights])), float(np.mean([one.flown_CL[1] for one in flights]))),
+        {
+            name: np.mean([statistics.parameters.shared[name] for statistics in flights], axis=0)
+            for name in first.parameters.shared
+        },
+        (
+            float(np.mean([statistics.flown_CL[0] for statistics in flights])),
+            float(np.mean([statistics.flown_CL[1] for statistics in flights])),
+        ),
     )
 
 
@@ -61,8 +67,8 @@ def written(row: MeasuredRow, command: str) -> str:
     content = {
         "command": command,
         "names": list(POOLED),
-        "covariance": [numbers(one[: i + 1]) for i, one in enumerate(row.covariance)],
-        "weighting_covariance": [numbers(one[: i + 1]) for i, one in enumerate(row.weighting_covariance)],
+        "covariance": [numbers(item[: i + 1]) for i, item in enumerate(row.covariance)],
+        "weighting_covariance": [numbers(item[: i + 1]) for i, item in enumerate(row.weighting_covariance)],
         "prior_sigma": numbers(row.prior_sigma),
         "prior_mean": numbers(row.prior_mean),
         "changes": {name: numbers(change) for name, change in row.changes.items()},
@@ -107,7 +113,7 @@ class RowModel:
         second = _positive(np.linalg.inv(D) - self.P[r, r])
         scatter = _positive(np.linalg.solve(D, np.linalg.solve(D, S[r, r] - slope @ S[s, r]).T) - self.P[r, r])
         self.first, self.second, scatter, self.by_errors = (
-            one / noise**2 for one in (first, second, scatter, by_errors)
+            item / noise**2 for item in (first, second, scatter, by_errors)
         )
         self.first_root, self.scatter_root = _root(self.first), _root(scatter)
         self.C_first = np.linalg.inv(self.first + self.P[s, s])
@@ -134,10 +140,10 @@ class RowModel:
         """What replaces the fields of `pooling` of a flight's results. shared: of `shared_errors`"""
         s, r = slice(R, M), slice(R)
         vector = self.P @ self.row.prior_mean
-        told = self.first @ x[s] + self.first_root @ rng.standard_normal(M - R)
-        errors = self.C_first @ (told + vector[s])
-        told = self.second @ x[r] + self.by_errors @ (errors - x[s]) + self.scatter_root @ rng.standard_normal(R)
-        values = np.concatenate([self.D @ (told + vector[r]), errors]) + shared
+        first_root = self.first @ x[s] + self.first_root @ rng.standard_normal(M - R)
+        errors = self.C_first @ (first_root + vector[s])
+        first_root = self.second @ x[r] + self.by_errors @ (errors - x[s]) + self.scatter_root @ rng.standard_normal(R)
+        values = np.concatenate([self.D @ (first_root + vector[r]), errors]) + shared
         for name, change in self.row.changes.items():
             if name in OWN_CHANGES:
                 values = values + rng.standard_normal() * change
@@ -150,7 +156,7 @@ class RowModel:
             "covariance": [row[: i + 1] for i, row in enumerate(self.S.tolist())],
             "weighting_covariance": [row[: i + 1] for i, row in enumerate(self.D.tolist())],
             "prior_mean": self.row.prior_mean.tolist(),
-            "prior_sigma": [one if np.isfinite(one) else None for one in self.row.prior_sigma.tolist()],
+            "prior_sigma": [item if np.isfinite(item) else None for item in self.row.prior_sigma.tolist()],
             "changes": {name: change.tolist() for name, change in self.row.changes.items()},
             "polar_covariance": total.tolist(),
             "flown_CL": list(self.row.flown_CL),

@@ -49,9 +49,9 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
     sigma = facts.get("prior_sigma", PRIOR_SIGMA)
     P = np.diag(sigma**-2.0)
     vector, measured = P @ PRIOR_MEAN, [facts["stand"]] if "stand" in facts else []
-    for one in measured:
-        h = np.array([one["coefficients"].get(key, 0.0) for key in POOLED]) / one["sigma"]
-        P, vector = P + np.outer(h, h), vector + h * one["value"] / one["sigma"]
+    for stand in measured:
+        h = np.array([stand["coefficients"].get(key, 0.0) for key in POOLED]) / stand["sigma"]
+        P, vector = P + np.outer(h, h), vector + h * stand["value"] / stand["sigma"]
     color = facts.get("color", 1.0)
     first, second = slice(6, M), slice(0, 6)
     error = noise * NOISE * rng.standard_normal(M)

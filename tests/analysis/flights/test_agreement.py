@@ -76,33 +76,33 @@ def spoiled(name: str, change: float) -> JointPool:
 
 
 def test_an_outlier_is_named_and_the_scatter_between_flights_exceeds_what_is_expected() -> None:
-    found = spoiled("A0", 0.002)
-    assert [outlier.log for outlier in found.results().outliers] == ["2.mcap"]
-    assert likely_cause(found.outliers[2]) is None
-    assert found.homogeneity is not None and found.homogeneity.p < 1e-3
-    assert found.results().between_flights[-1].excess_percent > 1
-    differing = [one.log for one in found.evidence if one.kind is EvidenceKind.FLIGHTS_DIFFER]
-    assert differing == ["", "2.mcap"] and found.agreement is Agreement.NOT_THE_CURVES
+    pool = spoiled("A0", 0.002)
+    assert [outlier.log for outlier in pool.results().outliers] == ["2.mcap"]
+    assert likely_cause(pool.outliers[2]) is None
+    assert pool.homogeneity is not None and pool.homogeneity.p < 1e-3
+    assert pool.results().between_flights[-1].excess_percent > 1
+    differing = [evidence.log for evidence in pool.evidence if evidence.kind is EvidenceKind.FLIGHTS_DIFFER]
+    assert differing == ["", "2.mcap"] and pool.agreement is Agreement.NOT_THE_CURVES
 
 
 def test_a_probe_that_was_moved_in_one_flight_is_named() -> None:
-    found = spoiled("alpha_bias", 0.02)
-    cause = likely_cause(found.outliers[2])
+    pool = spoiled("alpha_bias", 0.02)
+    cause = likely_cause(pool.outliers[2])
     assert cause is not None and cause.parameter == "alpha_bias" and cause.difference > 0.015
     assert "offset of angle of attack differs by +1." in cause_text(cause)
-    assert found.installation_homogeneity is not None and found.installation_homogeneity.p < 1e-3
-    assert found.homogeneity is not None and found.homogeneity.p > 1e-3
-    assert {(one.kind, one.log) for one in found.evidence} == {
+    assert pool.installation_homogeneity is not None and pool.installation_homogeneity.p < 1e-3
+    assert pool.homogeneity is not None and pool.homogeneity.p > 1e-3
+    assert {(evidence.kind, evidence.log) for evidence in pool.evidence} == {
         (EvidenceKind.INSTALLATIONS_DIFFER, ""), (EvidenceKind.INSTALLATIONS_DIFFER, "2.mcap")
     }  # fmt: skip
-    assert found.agreement is Agreement.NOT_THE_INSTALLATION
+    assert pool.agreement is Agreement.NOT_THE_INSTALLATION
 
 
 def test_flights_that_agree_have_no_outlier() -> None:
-    found = spoiled("A0", 0.0)
-    assert not found.outliers
-    assert not found.notes
-    assert found.homogeneity is not None and not found.homogeneity.differs
+    pool = spoiled("A0", 0.0)
+    assert not pool.outliers
+    assert not pool.notes
+    assert pool.homogeneity is not None and not pool.homogeneity.differs
 
 
 @pytest.mark.parametrize(
@@ -117,13 +117,13 @@ def test_what_is_said_of_a_pool_has_the_level_of_its_verdict(pools: int, expecte
     for seed in range(pools):
         rng = np.random.default_rng(seed)
         x = truth(rng)
-        found = joint_pool([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0, 1.0, 1.0))])
-        said = found.results()
-        doubtful += said.trust is Trust.DOUBTFUL
-        if said.trust is Trust.TRUSTED:
-            assert (said.agreement, said.outliers) == (Agreement.YES, [])
-            assert found.homogeneity is not None and found.installation_homogeneity is not None
-            unlikely += min(found.homogeneity.p, found.installation_homogeneity.p) < 0.05
+        pool = joint_pool([flight(x, rng, f"{i}", noise) for i, noise in enumerate((0.5, 1.0, 1.0, 3.0, 1.0, 1.0))])
+        message = pool.results()
+        doubtful += message.trust is Trust.DOUBTFUL
+        if message.trust is Trust.TRUSTED:
+            assert (message.agreement, message.outliers) == (Agreement.YES, [])
+            assert pool.homogeneity is not None and pool.installation_homogeneity is not None
+            unlikely += min(pool.homogeneity.p, pool.installation_homogeneity.p) < 0.05
     assert unlikely >= expected and doubtful <= 1
 
 
@@ -134,8 +134,8 @@ def test_at_most_half_of_the_flights_are_named() -> None:
     others = [x.copy() for _ in range(5)]
     for i, other in enumerate(others):
         other[POOLED.index("A0")] += 0.004 * 2**i
-    found = joint_pool([flight(other, rng, f"{i}", 0.1) for i, other in enumerate(others)])
-    assert len(found.outliers) == 2
+    pool = joint_pool([flight(other, rng, f"{i}", 0.1) for i, other in enumerate(others)])
+    assert len(pool.outliers) == 2
 
 
 def test_the_largest_of_errors_has_the_probability_with_which_it_is_drawn() -> None:
@@ -194,7 +194,7 @@ def test_homogeneity_is_that_of_the_covariance_of_all_flights_together(part: sli
         covariance += np.outer(change[:, part], change[:, part])
     scale = np.sqrt(np.diag(covariance))
     factor = np.linalg.cholesky(covariance / np.outer(scale, scale))
-    z, X = (np.linalg.solve(factor, (one.T / scale).T) for one in (values.ravel(), np.tile(np.eye(k), (n, 1))))
+    z, X = (np.linalg.solve(factor, (item.T / scale).T) for item in (values.ravel(), np.tile(np.eye(k), (n, 1))))
     residual = z - X @ np.linalg.lstsq(X, z, rcond=None)[0]
     assert stack.changes
     assert homogeneity(stack, pooled.prior, part).chi_square == pytest.approx(residual @ residual, rel=1e-8)
@@ -218,11 +218,11 @@ def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
         )
         for day, T in zip(days, (280.0, None, 290.0, 295.0), strict=True)
     ]
-    (found,) = trends(flights, 3.0 + 0.5 * days, own_errors(0.04, 4))  # type: ignore[arg-type]
-    assert (found.quantity, found.lowest, found.highest, found.flights) == (TrendQuantity.DATE, 0.0, 5.0, 4)
-    assert found.change_percent == pytest.approx(5 * 0.5)
-    assert found.standard_error_percent == pytest.approx(5 * 0.2 / np.sqrt(np.sum((days - 2.0) ** 2)))
-    assert found.p == pytest.approx(2 * norm.sf(2.5 / found.standard_error_percent))
+    (trend,) = trends(flights, 3.0 + 0.5 * days, own_errors(0.04, 4))  # type: ignore[arg-type]
+    assert (trend.quantity, trend.lowest, trend.highest, trend.flights) == (TrendQuantity.DATE, 0.0, 5.0, 4)
+    assert trend.change_percent == pytest.approx(5 * 0.5)
+    assert trend.standard_error_percent == pytest.approx(5 * 0.2 / np.sqrt(np.sum((days - 2.0) ** 2)))
+    assert trend.p == pytest.approx(2 * norm.sf(2.5 / trend.standard_error_percent))
 
 
 def test_a_trend_is_told_over_the_range_flown_alone() -> None:
@@ -235,9 +235,9 @@ def test_a_trend_is_told_over_the_range_flown_alone() -> None:
         )
         for i in range(5)
     ]
-    (found,) = trends(flights, np.array([0.3, -0.2, 0.1, 0.4, -0.1]), own_errors(0.09, 5))  # type: ignore[arg-type]
-    assert found.highest - found.lowest == pytest.approx(0.1)
-    assert abs(found.change_percent) < 0.5 and found.standard_error_percent < 0.5
+    (trend,) = trends(flights, np.array([0.3, -0.2, 0.1, 0.4, -0.1]), own_errors(0.09, 5))  # type: ignore[arg-type]
+    assert trend.highest - trend.lowest == pytest.approx(0.1)
+    assert abs(trend.change_percent) < 0.5 and trend.standard_error_percent < 0.5
 
 
 def test_thrust_is_known_where_a_flight_that_was_there_had_it_within_the_table() -> None:

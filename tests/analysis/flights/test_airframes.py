@@ -59,7 +59,7 @@ def test_a_changed_airframe_is_pooled_since_its_change_and_told_on_the_page(tmp_
     dataset = fleet_of(tmp_path, 3, noise=0.3)
     dataset.add(flights_of("worn", 9, 30, thrust=-0.06 * (np.arange(30) >= 20), noise=0.3))
     results = fleet_results(airframes(dataset, 1.0, []), [])
-    worn = next(one for one in results.airframes if one.name == "worn")
+    worn = next(airframe for airframe in results.airframes if airframe.name == "worn")
     (change,) = worn.changes
     assert change.what is What.PROPULSION and change.since_log == "worn-020.mcap"
     assert (worn.flights, worn.pooled_flights) == (30, 10)
@@ -80,17 +80,17 @@ def test_a_change_is_told_of_flights_with_dates_alone(tmp_path: Path, undated: r
     dataset = Dataset(str(tmp_path / "fleet"))
     dataset.add(flights)
     results = fleet_results(airframes(dataset, 1.0, []), [])
-    (one,) = results.airframes
+    (airframe,) = results.airframes
     if len(undated) == 10:
-        assert not one.changes and one.pooled_flights == 10 and one.first_unix_s is None
-        assert one.trust is not Trust.TRUSTED, "that the flights differ is told all the same"
+        assert not airframe.changes and airframe.pooled_flights == 10 and airframe.first_unix_s is None
+        assert airframe.trust is not Trust.TRUSTED, "that the flights differ is told all the same"
     else:
-        (change,) = one.changes
-        assert change.since_log == "one-006.mcap" and one.pooled_flights == 4
+        (change,) = airframe.changes
+        assert change.since_log == "one-006.mcap" and airframe.pooled_flights == 4
         assert change.drag_percent == pytest.approx(30, abs=6)
-        assert one.last_unix_s == flights[-1]["pooling"]["start_unix_s"]
-    said = [f"one: {len(undated)} of 10 flights have no date"] if undated else []
-    assert [note.split(" (")[0] for note in results.notes] == said
+        assert airframe.last_unix_s == flights[-1]["pooling"]["start_unix_s"]
+    message = [f"one: {len(undated)} of 10 flights have no date"] if undated else []
+    assert [note.split(" (")[0] for note in results.notes] == message
     assert all(note in html.unescape(render_fleet(results)) for note in results.notes)
 
 
@@ -100,13 +100,13 @@ def test_flights_that_differ_make_the_curve_of_their_airframe_doubtful(tmp_path:
     dataset.add(flights_of("one", 3, 6, drag=-0.2 * (np.arange(6) == 2), noise=0.3))
     dataset.add(flights_of("two", 4, 6, noise=0.3))
     results = fleet_results(airframes(dataset, 1.0, []), [])
-    one, two = results.airframes
-    assert one.trust is not Trust.TRUSTED and two.trust is Trust.TRUSTED
+    item, two = results.airframes
+    assert item.trust is not Trust.TRUSTED and two.trust is Trust.TRUSTED
     assert any("one-002" in text for text in doubts(results))
 
 
 @pytest.mark.parametrize(
-    ("installations", "spans", "told"),
+    ("installations", "spans", "expected"),
     [
         ("aabb", (2, 2, 2, 2), []),
         ("abab", (2, 2, 2, 2), [(Contradiction.INSTALLATION, "one-002.mcap", "one-000.mcap")]),
@@ -114,16 +114,18 @@ def test_flights_that_differ_make_the_curve_of_their_airframe_doubtful(tmp_path:
     ],
 )
 def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_told(
-    tmp_path: Path, installations, spans, told
+    tmp_path: Path, installations, spans, expected
 ) -> None:
     dataset = Dataset(str(tmp_path / "fleet"))
     flights = flights_of("one", 3, 4, noise=0.3)
-    for one, installation, span_m in zip(flights, installations, spans, strict=True):
-        one["pooling"]["installation"], one["aircraft"]["span_m"] = installation, float(span_m)
+    for flight, installation, span_m in zip(flights, installations, spans, strict=True):
+        flight["pooling"]["installation"], flight["aircraft"]["span_m"] = installation, float(span_m)
     dataset.add(flights)
     results = fleet_results(airframes(dataset, 1.0, []), [])
-    assert [(one.kind, one.log, one.earlier_log) for one in results.contradictions] == told
-    assert len(doubts(results)) >= len(told)
+    assert [
+        (contradiction.kind, contradiction.log, contradiction.earlier_log) for contradiction in results.contradictions
+    ] == expected
+    assert len(doubts(results)) >= len(expected)
 
 
 def test_one_flight_under_the_names_of_two_airframes_is_told(tmp_path: Path) -> None:
@@ -131,8 +133,12 @@ def test_one_flight_under_the_names_of_two_airframes_is_told(tmp_path: Path) -> 
     dataset = Dataset(str(tmp_path / "fleet"))
     flights = flights_of("one", 3, 4, noise=0.3)
     dataset.add(flights)
-    moved = [{**one, "aircraft": {**one["aircraft"], "name": "two"}} for one in flights[1:3]]
+    moved = [{**flight, "aircraft": {**flight["aircraft"], "name": "two"}} for flight in flights[1:3]]
     dataset.add([*moved, *flights_of("two", 4, 2, noise=0.3)])
-    (told,) = fleet_results(airframes(dataset, 1.0, []), []).contradictions
-    assert (told.kind, told.airframe, told.earlier_log) == (Contradiction.FLIGHT, "two", "one-001.mcap")
-    assert "and 1 more are flights of one" in told.text
+    (contradiction,) = fleet_results(airframes(dataset, 1.0, []), []).contradictions
+    assert (contradiction.kind, contradiction.airframe, contradiction.earlier_log) == (
+        Contradiction.FLIGHT,
+        "two",
+        "one-001.mcap",
+    )
+    assert "and 1 more are flights of one" in contradiction.text

@@ -27,26 +27,26 @@ def test_an_airframe_that_does_not_change_raises_one_alarm_in_as_many_flights_as
     """Seeds on which nothing was chosen; the number of alarms in 4,000 flights is one of Poisson's."""
     own = np.tile(np.diag([0.02, 0.006]) ** 2, (flights, 1, 1))
     shared = np.tile(np.diag([0.01, 0.01])[:, :1], (flights, 1, 1))
-    times, sequences, told = np.arange(flights, dtype=float), 4000 // flights, 0
+    times, sequences, message = np.arange(flights, dtype=float), 4000 // flights, 0
     for seed in range(1000, 1000 + sequences):
         noise = np.random.default_rng(seed).standard_normal((flights, 2)) * [0.02, 0.006]
         of_flights = Series(noise, np.tile(np.eye(2), (flights, 1, 1)), ErrorParts(own, shared))
-        told += len(find_changes(of_flights, times, flights))
-    assert told == pytest.approx(sequences, abs=4 * np.sqrt(sequences))
-    assert told > 0.2 * sequences
+        message += len(find_changes(of_flights, times, flights))
+    assert message == pytest.approx(sequences, abs=4 * np.sqrt(sequences))
+    assert message > 0.2 * sequences
 
 
 def test_a_worn_propeller_is_told_as_propulsion_within_a_few_flights() -> None:
     (change,) = changes_of(thrust=-0.05 * after(60))
     assert (change.what, change.shape, change.since) == (What.PROPULSION, Shape.STEP, 60)
-    assert change.found <= 63
+    assert change.detected <= 63
     assert change.thrust == pytest.approx(-0.05, abs=3 * change.errors[1])
     assert abs(change.drag) < 3 * change.errors[0]
 
 
 def test_a_dented_wing_is_told_as_drag() -> None:
     (change,) = changes_of(drag=0.05 * after(60), noise=0.3)
-    assert change.what is What.DRAG and change.since == pytest.approx(60, abs=3) and change.found <= 66
+    assert change.what is What.DRAG and change.since == pytest.approx(60, abs=3) and change.detected <= 66
     assert change.drag == pytest.approx(0.05, abs=3 * change.errors[0])
     assert change.errors[0] < 0.005
 
@@ -82,19 +82,21 @@ def test_a_flight_that_does_not_tell_drag_from_thrust_is_left_out() -> None:
 def test_dirt_that_grows_is_told_as_a_drift_until_the_last_flight() -> None:
     """Drag grows by 10 % over the last 60 of 100 flights."""
     grown = 0.1 * np.clip((np.arange(100) - 40) / 60, 0, None)
-    found = changes_of(drag=grown, noise=0.3)
-    assert What.PROPULSION not in {one.what for one in found} and Shape.DRIFT in {one.shape for one in found}
-    assert found[0].since == pytest.approx(48, abs=10) and found[0].found < 70
-    assert sum(one.drag for one in found) == pytest.approx(0.1, abs=0.02)
-    assert abs(sum(one.thrust for one in found)) < 0.01
+    changes = changes_of(drag=grown, noise=0.3)
+    assert What.PROPULSION not in {change.what for change in changes} and Shape.DRIFT in {
+        change.shape for change in changes
+    }
+    assert changes[0].since == pytest.approx(48, abs=10) and changes[0].detected < 70
+    assert sum(change.drag for change in changes) == pytest.approx(0.1, abs=0.02)
+    assert abs(sum(change.thrust for change in changes)) < 0.01
 
 
 def test_the_change_has_the_error_stated() -> None:
     """Thrust over 12 airframes, whose alarms all come at once."""
     ratios = []
     for seed in range(1100, 1112):
-        found = changes_of(60, seed, thrust=0.05 * after(30, 60))
-        at = min(found, key=lambda one: abs(one.since - 30))
+        changes = changes_of(60, seed, thrust=0.05 * after(30, 60))
+        at = min(changes, key=lambda change: abs(change.since - 30))
         ratios.append((at.thrust - 0.05) / at.errors[1])
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.45)
 
@@ -109,7 +111,7 @@ def test_one_odd_flight_is_no_change(odd: int) -> None:
     """With a fifth less drag than the flights before and after it."""
     assert changes_of(20, drag=-0.2 * (np.arange(20) == odd), noise=0.3) == []
     later = changes_of(40, drag=-0.2 * (np.arange(40) == odd), thrust=-0.05 * after(30, 40), noise=0.3)
-    assert [(one.what, one.since) for one in later] == [(What.PROPULSION, 30)]
+    assert [(change.what, change.since) for change in later] == [(What.PROPULSION, 30)]
 
 
 @pytest.mark.parametrize("slowly", [False, True])
@@ -123,7 +125,7 @@ def test_without_noise_a_change_is_told_where_theory_has_it(slowly: bool) -> Non
     late = np.arange(n) - benchmark.BEFORE
     grown = np.clip(late / 80, 0, None) if slowly else (late >= 0).astype(float)
     of_flights = Series(grown[:, None] * (by_truth[0] @ change), by_truth, ErrorParts(own, shared))
-    (found, *_) = find_changes(of_flights, np.arange(float(n)), A_YEAR)
+    (result, *_) = find_changes(of_flights, np.arange(float(n)), A_YEAR)
     expected = benchmark.expected_delay(of_flights, grown, (0.02, -0.003))
     assert expected is not None and expected > 20
-    assert 0 <= found.found - benchmark.BEFORE + 1 - expected <= 0.3 * expected
+    assert 0 <= result.detected - benchmark.BEFORE + 1 - expected <= 0.3 * expected

@@ -21,7 +21,7 @@ def test_flights_read_back_give_the_same_pool(dataset: Dataset) -> None:
     results = flights_of("one", 1, 6)
     assert dataset.add(results) == Added(6, 0)
     ((flights),) = dataset.flights("one").values()
-    assert [one.name for one in flights] == [one["log"] for one in results]
+    assert [flight.name for flight in flights] == [flight["log"] for flight in results]
     ours, direct = pool(flights), joint_pool(results)
     assert (ours.polar.A == direct.polar.A).all() and (ours.polar.covariance == direct.polar.covariance).all()
 
@@ -30,17 +30,17 @@ def test_order_and_repetition_change_nothing(dataset: Dataset, tmp_path: Path) -
     results = flights_of("one", 1, 6)
     other = Dataset(str(tmp_path / "other"))
     dataset.add(results)
-    for one in reversed(results):
-        assert other.add([one]) == Added(1, 0)
+    for flight in reversed(results):
+        assert other.add([flight]) == Added(1, 0)
     assert other.add(results) == Added(0, 6)
     ((here),), ((there),) = dataset.flights("one").values(), other.flights("one").values()
-    assert [one.name for one in here] == [one.name for one in there]
+    assert [item.name for item in here] == [item.name for item in there]
 
 
 def test_airframes_and_configurations_are_kept_apart(dataset: Dataset) -> None:
     moved = flights_of("two", 3, 2)
-    for one in moved:
-        one["pooling"]["installation"] = "new boom"
+    for flight in moved:
+        flight["pooling"]["installation"] = "new boom"
     dataset.add([*flights_of("one/a", 1, 2), *flights_of("two", 2, 2), *moved])
     assert dataset.airframes == ["one/a", "two"]
     assert sorted(len(flights) for flights in dataset.flights("two").values()) == [2, 2]
@@ -73,7 +73,7 @@ def test_a_dataset_in_a_bucket_is_read_back(monkeypatch: pytest.MonkeyPatch) -> 
         assert dataset.add([*first, *later]) == Added(2, 3)
         assert {name: store.objects[name] for name in written} == written
         (flights,) = Dataset("s3://bucket/fleet").flights("one/a").values()
-        assert sorted(one.name for one in flights) == sorted(one["log"] for one in [*first, *later])
+        assert sorted(flight.name for flight in flights) == sorted(flight["log"] for flight in [*first, *later])
 
 
 def test_results_without_statistics_are_refused_and_nothing_is_written(tmp_path: Path) -> None:

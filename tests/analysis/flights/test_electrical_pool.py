@@ -94,8 +94,8 @@ def test_one_flight_is_its_own_pool() -> None:
     pool = electrical_pool([flight(error=0.1)])
     assert pool.curve.power_W.value == pytest.approx(1.1 * power_of(pool.curve.V_mps), rel=1e-4)
     assert half_shares([flight()]) == pytest.approx(np.hypot(OWN, SHARED), rel=1e-3)
-    found = pool.results()
-    assert found.homogeneity is None and found.flights[0].p is None and not found.flights[0].outlier
+    result = pool.results()
+    assert result.homogeneity is None and result.flights[0].p is None and not result.flights[0].outlier
 
 
 def test_a_flight_with_runs_is_pooled_by_its_electrical_power_with_an_autopilot_s() -> None:
@@ -107,18 +107,18 @@ def test_a_flight_with_runs_is_pooled_by_its_electrical_power_with_an_autopilot_
     )
     mixed, alike = electrical_pool([autopilot, with_runs]), electrical_pool([autopilot, other])
     np.testing.assert_array_equal(mixed.curve.power_W.value, alike.curve.power_W.value)
-    assert mixed.kind is Kind.ELECTRICAL and [one.name for one in mixed.flights] == ["a", "b"]
+    assert mixed.kind is Kind.ELECTRICAL and [flight.name for flight in mixed.flights] == ["a", "b"]
     no_battery = msgspec.structs.replace(with_runs, curves={Kind.POWER_REQUIRED: electrical})
     with pytest.raises(InputError, match=r"a gives electrical power only, and b drag only, .* no battery: leave"):
         pool_results([autopilot, no_battery])
 
 
-def with_drag(one: Results, *, battery: bool = True) -> Results:
+def with_drag(results: Results, *, battery: bool = True) -> Results:
     """The flight with statistics of drag, as one of our tray; without a battery it has drag alone."""
     rng = np.random.default_rng(5)
-    by_runs = read_results(synthetic_flight(truth(rng), rng, one.log))
-    curves = {**by_runs.curves, **(one.curves if battery else {})}
-    return msgspec.structs.replace(by_runs, curves=curves, aircraft=one.aircraft, log=one.log)
+    by_runs = read_results(synthetic_flight(truth(rng), rng, results.log))
+    curves = {**by_runs.curves, **(results.curves if battery else {})}
+    return msgspec.structs.replace(by_runs, curves=curves, aircraft=results.aircraft, log=results.log)
 
 
 def test_flights_of_both_kinds_are_pooled_by_the_kind_that_leaves_fewer_out() -> None:
@@ -136,7 +136,7 @@ def test_flights_of_both_kinds_are_pooled_by_the_kind_that_leaves_fewer_out() ->
 def test_sides_are_compared_by_a_kind_that_both_have_though_another_leaves_fewer_out() -> None:
     drag_alone = [with_drag(flight(name), battery=False) for name in "cde"]
     kind, (a, b) = of_one_kind([with_drag(flight("b")), *drag_alone], [flight("a", 0.02)])
-    assert kind is Kind.ELECTRICAL and [len(one.flights) for one in (a, b)] == [1, 1] and len(a.left_out) == 3
+    assert kind is Kind.ELECTRICAL and [len(item.flights) for item in (a, b)] == [1, 1] and len(a.left_out) == 3
     assert pool_results(a.flights, kind).kind is pool_results(b.flights, kind).kind is Kind.ELECTRICAL
 
 
@@ -144,18 +144,21 @@ def test_the_commands_pool_and_compare_flights_of_both_kinds(tmp_path: Path, cap
     """Power of B is 10 % above that of A, whose flight has drag, too."""
     sides = {"a": [with_drag(flight("tray"))], "b": [flight("autopilot", 0.1)]}
     for side, flights in sides.items():
-        for one in flights:
-            (tmp_path / side / one.log).mkdir(parents=True)
-            (tmp_path / side / one.log / "results.json").write_bytes(msgspec.json.encode(one))
+        for this_flight in flights:
+            (tmp_path / side / this_flight.log).mkdir(parents=True)
+            (tmp_path / side / this_flight.log / "results.json").write_bytes(msgspec.json.encode(this_flight))
     mixed = [tmp_path / "a" / "tray", tmp_path / "b" / "autopilot"]
     assert _pool(Campaign(folders=mixed), tmp_path, quiet=True) is ExitCode.DONE
     pooled = json.loads((tmp_path / "results.json").read_text())
-    assert pooled["kind"] == Kind.ELECTRICAL and [one["log"] for one in pooled["flights"]] == ["tray", "autopilot"]
+    assert pooled["kind"] == Kind.ELECTRICAL and [flight["log"] for flight in pooled["flights"]] == [
+        "tray",
+        "autopilot",
+    ]
     assert "pooled by electrical power" in capsys.readouterr().err
     words = [str(tmp_path / "a"), str(tmp_path / "b"), "-o", str(tmp_path / "c")]
     assert CliRunner().invoke(compare_command, words).exit_code == ExitCode.DONE
-    found = json.loads((tmp_path / "c" / "results.json").read_text())
-    percent = [one["difference_percent"] for one in found["differences"]]
+    content = json.loads((tmp_path / "c" / "results.json").read_text())
+    percent = [difference["difference_percent"] for difference in content["differences"]]
     assert percent and percent == pytest.approx([10.0] * len(percent), rel=0.01)
 
 
@@ -220,22 +223,24 @@ def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:
     assert np.mean(seen) > 0.9 and np.mean(false) < 0.1 and 0.91 < np.mean(inside) <= 1.0
     assert changed.a.name == "old" and changed.same_installation
     another = msgspec.structs.replace(flight().aircraft, title="B")
-    other = compared(a, [msgspec.structs.replace(one, aircraft=another) for one in c]).results()
-    widths = [[row.hi_percent - row.lo_percent for row in found.differences] for found in (changed, other)]
+    other = compared(a, [msgspec.structs.replace(item, aircraft=another) for item in c]).results()
+    widths = [[row.hi_percent - row.lo_percent for row in result.differences] for result in (changed, other)]
     assert not other.same_installation and (np.array(widths[1]) > 1.2 * np.array(widths[0])).all()
     assert widths[1] == pytest.approx([2 * row.independent_half_width_percent for row in changed.differences])
 
 
 def test_a_flight_that_differs_is_an_outlier() -> None:
     flights = [flight(str(i), 1e-6 * i) for i in range(4)] + [flight("wrong", 0.2)]
-    found = electrical_pool(flights).results(["z: left out"], ["y: torn"])
-    assert [one.log for one in found.flights if one.outlier] == ["wrong"]
-    assert found.homogeneity is not None and found.homogeneity.p < 1e-3
-    assert found.trust is Trust.DOUBTFUL and {one.kind for one in found.evidence} == {EvidenceKind.FLIGHTS_DIFFER}
+    result = electrical_pool(flights).results(["z: left out"], ["y: torn"])
+    assert [flight.log for flight in result.flights if flight.outlier] == ["wrong"]
+    assert result.homogeneity is not None and result.homogeneity.p < 1e-3
+    assert result.trust is Trust.DOUBTFUL and {evidence.kind for evidence in result.evidence} == {
+        EvidenceKind.FLIGHTS_DIFFER
+    }
     assert compared(flights, [flight("b", 1e-5)]).results().trust is Trust.DOUBTFUL
-    assert found.left_out == ["z: left out"] and found.failures == ["y: torn"]
+    assert result.left_out == ["z: left out"] and result.failures == ["y: torn"]
     pair = electrical_pool(flights[-2:]).results()
-    assert not any(one.outlier for one in pair.flights), "of two it is not known which"
+    assert not any(flight.outlier for flight in pair.flights), "of two it is not known which"
 
 
 def test_the_commands_pool_and_compare_as_those_of_drag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -243,10 +248,10 @@ def test_the_commands_pool_and_compare_as_those_of_drag(tmp_path: Path, capsys: 
     rng = np.random.default_rng(3)
     folders = {name: [] for name in ("old", "new")}
     for name, drag in (("old", 1.0), ("new", 1.3)):
-        for one in drawn(rng, 3, 0.0, drag=drag):
-            folder = tmp_path / name / one.log
+        for item in drawn(rng, 3, 0.0, drag=drag):
+            folder = tmp_path / name / item.log
             folder.mkdir(parents=True)
-            (folder / "results.json").write_bytes(msgspec.json.encode(one))
+            (folder / "results.json").write_bytes(msgspec.json.encode(item))
             folders[name].append(folder)
         campaign = Campaign(folders=folders[name], failures=["x.ulg: torn"])
         assert _pool(campaign, tmp_path / name, quiet=False) == ExitCode.DONE
@@ -256,8 +261,8 @@ def test_the_commands_pool_and_compare_as_those_of_drag(tmp_path: Path, capsys: 
         assert (tmp_path / name / "report.html").stat().st_size > 1000
     words = [str(tmp_path / "old"), str(tmp_path / "new"), "-o", str(tmp_path / "difference")]
     assert CliRunner().invoke(compare_command, words).exit_code == ExitCode.DONE
-    found = json.loads((tmp_path / "difference" / "results.json").read_text("utf-8"))
-    assert found["differs"] and found["a"]["logs"] == ["0", "1", "2"]
+    content = json.loads((tmp_path / "difference" / "results.json").read_text("utf-8"))
+    assert content["differs"] and content["a"]["logs"] == ["0", "1", "2"]
 
 
 def test_what_is_not_pooled_is_said() -> None:
@@ -273,7 +278,7 @@ def test_what_is_not_pooled_is_said() -> None:
 
 
 @pytest.mark.parametrize(
-    ("vehicles", "names", "told"),
+    ("vehicles", "names", "messages"),
     [
         (("", "", "1"), "AAA", []),
         (("1", "1", ""), "AAA", []),
@@ -285,29 +290,29 @@ def test_what_is_not_pooled_is_said() -> None:
         ),
     ],
 )
-def test_flights_of_two_autopilots_are_told_and_pooled(vehicles, names: str, told: list[str]) -> None:
+def test_flights_of_two_autopilots_are_told_and_pooled(vehicles, names: str, messages: list[str]) -> None:
     flights = [
         flight(str(i), 1e-3 * i, vehicle=vehicle, name=name)
         for i, (vehicle, name) in enumerate(zip(vehicles, names, strict=True))
     ]
-    found = electrical_pool(flights).results()
-    assert len(found.notes) == len(told)
-    assert all(note.startswith(text) for note, text in zip(found.notes, told, strict=True))
-    assert [one.vehicle for one in found.flights] == list(vehicles) and found.trust is Trust.TRUSTED
-    page = render_pooled(found)
-    assert all(text in page for text in told) and "<th>autopilot</th>" in page
+    result = electrical_pool(flights).results()
+    assert len(result.notes) == len(messages)
+    assert all(note.startswith(text) for note, text in zip(result.notes, messages, strict=True))
+    assert [flight.vehicle for flight in result.flights] == list(vehicles) and result.trust is Trust.TRUSTED
+    page = render_pooled(result)
+    assert all(text in page for text in messages) and "<th>autopilot</th>" in page
 
 
 @pytest.mark.parametrize(
-    ("of_a", "of_b", "one"), [("1", "1", True), ("", "1", True), ("1", "2", False), ("11", "12", False)]
+    ("of_a", "of_b", "item"), [("1", "1", True), ("", "1", True), ("1", "2", False), ("11", "12", False)]
 )
-def test_errors_cancel_between_flights_that_one_autopilot_logged(of_a: str, of_b: str, one: bool) -> None:
+def test_errors_cancel_between_flights_that_one_autopilot_logged(of_a: str, of_b: str, item: bool) -> None:
     a, b = (
         [flight(f"{side}{i}", 1e-3 * (i + 10 * at), vehicle=v) for i, v in enumerate(vehicles or [""])]
         for at, (side, vehicles) in enumerate((("a", of_a), ("b", of_b)))
     )
-    found = compared(a, b).results()
-    widths = [row.hi_percent - row.lo_percent for row in found.differences]
-    apart = [2 * row.independent_half_width_percent for row in found.differences]
-    assert found.same_installation is one and (NOT_ONE_VEHICLE in found.notes) is not one
-    assert (widths == pytest.approx(apart)) is not one
+    result = compared(a, b).results()
+    widths = [row.hi_percent - row.lo_percent for row in result.differences]
+    apart = [2 * row.independent_half_width_percent for row in result.differences]
+    assert result.same_installation is item and (NOT_ONE_VEHICLE in result.notes) is not item
+    assert (widths == pytest.approx(apart)) is not item

@@ -11,12 +11,12 @@ from flightpower.analysis.records.flight import Kind, PowerStatistics, Results
 from flightpower.analysis.results.settings import TRUST
 
 
-def less_certain(one: Results, factor: float) -> Results:
+def less_certain(results: Results, factor: float) -> Results:
     """The flight with own errors larger by a factor."""
-    statistics = one.curves[Kind.ELECTRICAL].statistics
+    statistics = results.curves[Kind.ELECTRICAL].statistics
     assert isinstance(statistics, PowerStatistics)
     own = (factor**2 * np.array(statistics.own_covariance)).tolist()
-    return one.with_curve(Kind.ELECTRICAL, statistics=msgspec.structs.replace(statistics, own_covariance=own))
+    return results.with_curve(Kind.ELECTRICAL, statistics=msgspec.structs.replace(statistics, own_covariance=own))
 
 
 def correlation(at: np.ndarray) -> np.ndarray:
@@ -33,10 +33,10 @@ def p_of_one_share(share: float, at: np.ndarray) -> float:
 
 @pytest.mark.parametrize("share", [0.03, 0.08, 0.15])
 def test_a_difference_has_the_probability_and_the_width_of_two_flights(share: float) -> None:
-    found = compared([flight("a")], [flight("b", share)]).results()
-    at = np.array([row.speed_mps for row in found.differences])
-    assert found.p == pytest.approx(p_of_one_share(share, at), rel=0.05)
-    for row in found.differences:
+    result = compared([flight("a")], [flight("b", share)]).results()
+    at = np.array([row.speed_mps for row in result.differences])
+    assert result.p == pytest.approx(p_of_one_share(share, at), rel=0.05)
+    for row in result.differences:
         half = (row.hi_percent - row.lo_percent) / 2
         assert half == pytest.approx(100 * NORMAL_95 * np.sqrt(2) * OWN, rel=0.01), "the same watts of both cancel"
         assert row.difference_percent == pytest.approx(100 * share, rel=1e-3)
@@ -57,8 +57,8 @@ def test_an_outlier_is_one_among_as_many_tests_as_flights() -> None:
     """Between the limit of one test and that of five a flight is none."""
     between = 0
     for error in np.linspace(0.06, 0.09, 7):
-        found = electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", error)]).results()
-        odd = found.flights[-1]
+        result = electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", error)]).results()
+        odd = result.flights[-1]
         assert odd.p is not None and odd.outlier is bool(odd.p < TRUST.false_alarm_rate / 5)
         between += TRUST.false_alarm_rate / 5 < odd.p < TRUST.false_alarm_rate
     assert between > 1, "the difference of both limits was tried"
@@ -66,10 +66,10 @@ def test_an_outlier_is_one_among_as_many_tests_as_flights() -> None:
 
 def test_a_flight_differs_from_the_pool_by_its_share_and_their_errors() -> None:
     """One of five that is 10 % higher raises the pool by 2 %, and is above it by 8 of 102; what all share cancels."""
-    found = electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", 0.1)]).results()
-    for row in found.flights[-1].against_pool:
+    result = electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", 0.1)]).results()
+    for row in result.flights[-1].against_pool:
         assert row.difference_percent == pytest.approx(100 * 0.08 / 1.02, rel=0.01)
         assert row.limit_percent == pytest.approx(100 * NORMAL_95 * OWN * np.sqrt(1 - 1 / 5) / 1.02, rel=0.02)
-    assert found.flights[-1].half_width_percent == pytest.approx(
-        [100 * NORMAL_95 * np.hypot(OWN, SHARED) / 1.02] * len(found.flights[-1].half_width_percent), rel=0.01
+    assert result.flights[-1].half_width_percent == pytest.approx(
+        [100 * NORMAL_95 * np.hypot(OWN, SHARED) / 1.02] * len(result.flights[-1].half_width_percent), rel=0.01
     )

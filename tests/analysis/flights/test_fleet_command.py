@@ -43,9 +43,11 @@ def test_flights_are_added_once_and_shown(flights: Path, tmp_path: Path) -> None
     assert "0 flights added, 38" in called("add", flights, "--to", dataset)
     called("show", dataset, "-o", page)
     shown = json.loads((page / "fleet.json").read_text())
-    assert [len(one["changes"]) for one in shown["airframes"]] == [0, 0, 1]
+    assert [len(airframe["changes"]) for airframe in shown["airframes"]] == [0, 0, 1]
     history = shown["airframes"][2]["history"]
-    assert len(history) == 30 and np.mean([one["thrust_percent"] for one in history[20:]]) == pytest.approx(-6, abs=1.5)
+    assert len(history) == 30 and np.mean([item["thrust_percent"] for item in history[20:]]) == pytest.approx(
+        -6, abs=1.5
+    )
     text = (page / "fleet.html").read_text()
     assert text.startswith("<!doctype html>") and text.count("<details open>") == 1
     assert text.index("worn, changed") < text.index("<summary>hawk-1")
@@ -74,14 +76,14 @@ def test_a_spreadsheet_has_a_row_for_each_flight_and_each_point(flights: Path, t
     called("add", flights, "--to", tmp_path / "fleet")
     called("show", tmp_path / "fleet", "-o", tmp_path / "today")
     rows = list(csv.DictReader((tmp_path / "today" / "flights.csv").open(encoding="utf-8")))
-    assert len(rows) == 38 and {one["airframe"] for one in rows} == {"hawk-1", "hawk-2", "worn"}
-    late = [float(one["thrust_percent"]) for one in rows if one["airframe"] == "worn"][20:]
+    assert len(rows) == 38 and {row["airframe"] for row in rows} == {"hawk-1", "hawk-2", "worn"}
+    late = [float(row["thrust_percent"]) for row in rows if row["airframe"] == "worn"][20:]
     assert np.mean(late) == pytest.approx(-6, abs=1.5)
     points = list(csv.DictReader((tmp_path / "today" / "curves.csv").open(encoding="utf-8")))
     shown = json.loads((tmp_path / "today" / "fleet.json").read_text())
     first = shown["airframes"][0]["power_required"][0]
     assert float(points[0]["power_W"]) == pytest.approx(first["power_W"], rel=1e-5)
-    assert sum(one["curve"] == "worn" for one in points) == len(shown["airframes"][2]["power_required"])
+    assert sum(point["curve"] == "worn" for point in points) == len(shown["airframes"][2]["power_required"])
 
 
 @pytest.mark.parametrize(("last", "texts"), [(9.9, ["2 Jan", "4 Jan", "6 Jan", "8 Jan", "10 Jan"]), (0.6, ["2 Jan"])])
@@ -113,10 +115,10 @@ def test_an_airframe_that_changed_is_beside_the_mean_where_three_others_are_left
 
 
 def _write(to: Path, results: list[dict[str, Any]]) -> None:
-    for one in results:
-        folder = to / one["log"].removesuffix(".mcap")
+    for item in results:
+        folder = to / item["log"].removesuffix(".mcap")
         folder.mkdir(parents=True)
-        (folder / "results.json").write_text(json.dumps(one))
+        (folder / "results.json").write_text(json.dumps(item))
 
 
 def test_a_page_that_is_there_is_not_replaced_unasked(flights: Path, tmp_path: Path) -> None:
@@ -146,14 +148,14 @@ def test_flights_of_electrical_power_are_a_fleet_by_aircraft_and_autopilot(tmp_p
     """Two boards of one name are two rows, each with the pool of its own flights; a flight added twice is one."""
     rng = np.random.default_rng(5)
     for i, vehicle in enumerate(("1", "1", "2")):
-        (one,) = drawn(rng, 1, 0.0, vehicle=vehicle)
+        (item,) = drawn(rng, 1, 0.0, vehicle=vehicle)
         folder = tmp_path / "flights" / f"0000000{i}"
         folder.mkdir(parents=True)
-        (folder / "results.json").write_bytes(msgspec.json.encode(one))
+        (folder / "results.json").write_bytes(msgspec.json.encode(item))
     assert "3 flights added, 0 were there" in called("add", tmp_path / "flights", "--to", tmp_path / "fleet")
     assert "0 flights added, 3 were there" in called("add", tmp_path / "flights", "--to", tmp_path / "fleet")
     called("show", tmp_path / "fleet", "-o", tmp_path / "shown")
-    found = json.loads((tmp_path / "shown" / "fleet.json").read_text("utf-8"))["airframes"]
-    assert sorted(one["pooled_flights"] for one in found) == [1, 2]
-    assert all(one["kind"] == "electrical_power" and one["power_required"] for one in found)
+    airframes = json.loads((tmp_path / "shown" / "fleet.json").read_text("utf-8"))["airframes"]
+    assert sorted(airframe["pooled_flights"] for airframe in airframes) == [1, 2]
+    assert all(airframe["kind"] == "electrical_power" and airframe["power_required"] for airframe in airframes)
     assert "electrical power" in (tmp_path / "shown" / "fleet.html").read_text("utf-8")

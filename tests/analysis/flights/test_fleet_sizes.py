@@ -16,8 +16,8 @@ from flightpower.analysis.flights.flight_statistics import read_statistics
 def test_the_scatter_of_a_few_airframes_known_exactly_is_that_of_their_sample(count: int) -> None:
     """Restricted likelihood: over n - 1, not n, which would make three airframes a third more alike."""
     values = np.random.default_rng(count).normal(2.0, 3.0, (count, 1))
-    found = random_effects(values, np.full((count, 1, 1), 1e-6))
-    assert found[0, 0] == pytest.approx(np.var(values, ddof=1), rel=1e-3)
+    effects = random_effects(values, np.full((count, 1, 1), 1e-6))
+    assert effects[0, 0] == pytest.approx(np.var(values, ddof=1), rel=1e-3)
 
 
 def test_another_airframe_is_as_uncertain_as_the_mean_and_the_scatter_together() -> None:
@@ -35,7 +35,7 @@ def test_the_mean_of_a_fleet_is_known_as_well_as_its_airframes_allow(tmp_path: P
         dataset.add(flights_of(f"airframe-{i}", i, 3 + i, polar=POLAR * (1 + 0.05 * rng.standard_normal()), noise=0.3))
     fleet = airframes(dataset, 1.0, [])
     curve = fleet_curve(fleet)
-    information = sum(np.linalg.inv(one.pool.polar.covariance + curve.among_airframes) for one in fleet)
+    information = sum(np.linalg.inv(airframe.pool.polar.covariance + curve.among_airframes) for airframe in fleet)
     assert curve.mean.covariance == pytest.approx(np.linalg.inv(information), rel=1e-6)
 
 
@@ -45,19 +45,19 @@ def test_flights_with_another_propeller_installation_or_calibration_are_another_
 ) -> None:
     """An error that two flights do not share must not be estimated as one."""
     flights = flights_of("mine", 5, 5, noise=0.3)
-    for one in flights[3:]:
-        one["pooling"][key] = "another"
+    for flight in flights[3:]:
+        flight["pooling"][key] = "another"
     dataset = Dataset(str(tmp_path / "fleet"))
     dataset.add(flights)
     assert sorted(len(of_one) for of_one in dataset.flights("mine").values()) == [2, 3]
-    assert sorted(len(one.flights) for one in airframes(dataset, 1.0, [])) == [2, 3]
+    assert sorted(len(airframe.flights) for airframe in airframes(dataset, 1.0, [])) == [2, 3]
 
 
 def test_who_accepts_more_false_alarms_is_told_of_smaller_changes() -> None:
     """Steps of drag of 0 to 6 %: with ten a year whatever is told with one in a thousand years, and more."""
-    told: dict[float, int] = {0.001: 0, 10.0: 0}
+    message: dict[float, int] = {0.001: 0, 10.0: 0}
     for step in np.linspace(0.0, 0.06, 13):
-        flights = [read_statistics(one) for one in flights_of("mine", 3, 10, drag=step * (np.arange(10) >= 5))]
-        for alarms in told:
-            told[alarms] += bool(airframe("mine", "", flights, alarms).changes)
-    assert told[0.001] < told[10.0] <= 13
+        flights = [read_statistics(flight) for flight in flights_of("mine", 3, 10, drag=step * (np.arange(10) >= 5))]
+        for alarms in message:
+            message[alarms] += bool(airframe("mine", "", flights, alarms).changes)
+    assert message[0.001] < message[10.0] <= 13

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm
 from synthetic_flights import flight, truth
 
-from flightpower.analysis.flights.agreement import ErrorParts, mounted_anew, trends
+from flightpower.analysis.flights.agreement import ErrorParts, remounted_flights, trends
 from flightpower.analysis.flights.changes import Change
 from flightpower.analysis.flights.flight_statistics import POOLED
 from flightpower.analysis.flights.pool import Pool, pool_results
@@ -42,12 +42,12 @@ def test_a_flight_is_an_outlier_by_the_limit_of_two_tests_of_each_flight() -> No
     limit, between = TRUST.false_alarm_rate / (2 * 5), 0
     for drag in np.linspace(0.0, 0.02, 41):
         pooled = campaign(drag)
-        p = [min(one.p, one.p_installation) for one in pooled.differences]
+        p = [min(difference.p, difference.p_installation) for difference in pooled.differences]
         assert bool(pooled.outliers) is bool(min(p) < limit)
-        assert bool(pooled.outlying_curves) is any(one.p < limit for one in pooled.outliers.values())
+        assert bool(pooled.outlying_curves) is any(outlier.p < limit for outlier in pooled.outliers.values())
         between += limit < min(p) < TRUST.false_alarm_rate
-        for one in pooled.evidence:
-            assert one.limit == pytest.approx(limit if one.log else TRUST.false_alarm_rate)
+        for evidence in pooled.evidence:
+            assert evidence.limit == pytest.approx(limit if evidence.log else TRUST.false_alarm_rate)
     assert between > 1, "the difference of both limits was tried"
 
 
@@ -55,7 +55,7 @@ def test_a_flight_whose_probe_moved_is_named_by_the_same_rule() -> None:
     """Its polar agrees: it is an outlier, and not of the curves. It alone is taken to be mounted anew."""
     pooled = campaign(0.0, alpha=0.03)
     assert list(pooled.outliers) == [4] and pooled.outliers[4].p_installation < TRUST.false_alarm_rate / 10
-    assert mounted_anew(pooled.as_stated, pooled.prior) == {4} == pooled.anew
+    assert remounted_flights(pooled.as_stated, pooled.prior) == {4} == pooled.remounted
     assert pooled.outlying_curves == [] or pooled.outliers[4].p < TRUST.false_alarm_rate / 10
 
 
@@ -78,9 +78,9 @@ def test_a_trend_is_the_change_over_the_range_with_the_error_of_a_straight_line(
     temperatures = np.array([280.0, 284.0, 290.0, 291.0, 296.0, 300.0])
     pooled = pool_results([flight(x, rng, f"{i}", temperature_K=T) for i, T in enumerate(temperatures.tolist())])
     errors = ErrorParts(np.full((6, 1, 1), 1.0), np.zeros((6, 1, 1)))
-    (found,) = trends(pooled.flights, 0.2 * (temperatures - 290.0), errors)
+    (trend,) = trends(pooled.flights, 0.2 * (temperatures - 290.0), errors)
     error = 20 / np.sqrt(np.sum((temperatures - temperatures.mean()) ** 2))
-    assert found.quantity is TrendQuantity.TEMPERATURE and found.flights == 6
-    assert (found.lowest, found.highest) == (280.0, 300.0)
-    assert (found.change_percent, found.standard_error_percent) == pytest.approx((4.0, error))
-    assert found.p == pytest.approx(2 * norm.sf(4.0 / error))
+    assert trend.quantity is TrendQuantity.TEMPERATURE and trend.flights == 6
+    assert (trend.lowest, trend.highest) == (280.0, 300.0)
+    assert (trend.change_percent, trend.standard_error_percent) == pytest.approx((4.0, error))
+    assert trend.p == pytest.approx(2 * norm.sf(4.0 / error))

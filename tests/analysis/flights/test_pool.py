@@ -88,11 +88,11 @@ def test_an_estimate_less_certain_than_its_prior_keeps_its_covariance() -> None:
 def test_flights_that_say_nothing_of_a_parameter_do_not_make_a_pool_worse() -> None:
     """Colored residuals: thrust beyond the table is less certain than its prior. Such a flight alone is as analyzed;
     over 40 campaigns the errors of pools of 1, 5 and 20 flights are those stated, and both shrink with the number."""
-    one = campaign(3, 1, color=3.0)[0]
+    item = campaign(3, 1, color=3.0)[0]
     beyond = POOLED.index("thrust_beyond")
-    assert one["pooling"]["covariance"][beyond][beyond] > PRIOR_SIGMA[beyond] ** 2
+    assert item["pooling"]["covariance"][beyond][beyond] > PRIOR_SIGMA[beyond] ** 2
     np.testing.assert_allclose(
-        joint_pool([one]).estimate.parameters.value, one["pooling"]["values"], rtol=1e-7, atol=1e-10
+        joint_pool([item]).estimate.parameters.value, item["pooling"]["values"], rtol=1e-7, atol=1e-10
     )
     flown = [campaign(seed, 20, color=3.0) for seed in range(40)]
     stated, actual = [], []
@@ -207,15 +207,15 @@ def test_the_common_part_of_mountings_is_known_no_better_than_their_scatter_allo
 
 
 @pytest.mark.parametrize(
-    ("facts", "said"),
+    ("facts", "message"),
     [
         ({"aircraft": "yours"}, "two aircraft"),
         ({"propeller": "apc-10x5"}, "two propellers"),
         ({"installation": "nose"}, "two installations"),
     ],
 )
-def test_flights_that_share_no_errors_are_refused(facts: dict[str, str], said: str) -> None:
-    with pytest.raises(InputError, match=said) as error:
+def test_flights_that_share_no_errors_are_refused(facts: dict[str, str], message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
         joint_pool([*campaign(4, 1), *campaign(5, 1, **facts)])
     assert "4-0.mcap" in str(error.value)
     assert "5-0.mcap" in str(error.value)
@@ -229,14 +229,14 @@ def test_a_flight_given_twice_and_results_without_statistics_are_refused(tmp_pat
     with pytest.raises(InputError, match="no flights"):
         pool_results([])
     path = tmp_path / "results.json"
-    for content, said in (
+    for content, message in (
         ({**results, "pooling": None}, "no statistics"),
         ({**results, "pooling": {**results["pooling"], "format": "flightpower-pooling-0"}}, "no statistics"),
         ({**results, "pooling": {**results["pooling"], "values": [1.0]}}, "malformed"),
         ([], "not a JSON object"),
     ):
         path.write_text(json.dumps(content), "utf-8")
-        with pytest.raises(InputError, match=said) as error:
+        with pytest.raises(InputError, match=message) as error:
             joint_pool([path])
         assert str(path) in str(error.value)
 
@@ -244,8 +244,8 @@ def test_a_flight_given_twice_and_results_without_statistics_are_refused(tmp_pat
 def test_the_pool_of_files_equals_that_of_their_content(tmp_path: Path) -> None:
     results = campaign(7, 3)
     paths = [tmp_path / f"{i}.json" for i in range(3)]
-    for path, one in zip(paths, results, strict=True):
-        path.write_text(json.dumps(one), "utf-8")
+    for path, item in zip(paths, results, strict=True):
+        path.write_text(json.dumps(item), "utf-8")
     assert joint_pool(paths).results() == joint_pool(results).results()
 
 
@@ -257,31 +257,31 @@ def test_a_pool_and_a_comparison_are_as_bad_as_their_worst_flight_and_name_it() 
     good, bad, other = campaign(10, 3)
     for level in (Trust.DOUBTFUL, Trust.NOT_TO_BE_TRUSTED):
         pools = joint_pool([good, {**bad, "evidence": [evidence(level)], "trust": level}]), joint_pool([other])
-        (one,) = pools[0].evidence
-        assert (one.log, one.level, one.kind) == ("10-1.mcap", level, EvidenceKind.MOTOR_SPEED)
+        (piece,) = pools[0].evidence
+        assert (piece.log, piece.level, piece.kind) == ("10-1.mcap", level, EvidenceKind.MOTOR_SPEED)
         pooled, (alone, with_bad) = pools[0].results(), (compare(*order).results("old", "new") for order in (
             pools, pools[::-1]))  # fmt: skip
         assert {pooled.trust, alone.trust, with_bad.trust} == {level}
         assert [flight.trust for flight in pooled.flights] == [Trust.TRUSTED, level]
-        assert [found.evidence[0].log for found in (alone, with_bad)] == ["old/10-1.mcap", "new/10-1.mcap"]
+        assert [result.evidence[0].log for result in (alone, with_bad)] == ["old/10-1.mcap", "new/10-1.mcap"]
     assert joint_pool([good, other]).results().trust is Trust.TRUSTED
 
 
 def test_a_flight_of_an_earlier_version_has_no_verdict() -> None:
     good, old = campaign(10, 2)
-    (one,) = joint_pool([good, {name: value for name, value in old.items() if name != "evidence"}]).evidence
-    assert (one.log, one.kind, one.level) == ("10-1.mcap", EvidenceKind.NO_VERDICT, Trust.DOUBTFUL)
+    (evidence,) = joint_pool([good, {name: value for name, value in old.items() if name != "evidence"}]).evidence
+    assert (evidence.log, evidence.kind, evidence.level) == ("10-1.mcap", EvidenceKind.NO_VERDICT, Trust.DOUBTFUL)
 
 
 def test_a_calm_flight_contributes_most_and_another_like_it_is_offered() -> None:
     rng = np.random.default_rng(8)
     x = truth(rng)
     results = [flight(x, rng, f"windy {i}", noise=3.0) for i in range(3)] + [flight(x, rng, "calm")]
-    found = joint_pool(results).results()
-    shares = [one.share_of_information for one in found.flights]
+    result = joint_pool(results).results()
+    shares = [flight.share_of_information for flight in result.flights]
     assert shares.index(max(shares)) == 3
     assert sum(shares) == pytest.approx(1)
-    more = found.one_more
+    more = result.one_more
     assert more.like == "calm.mcap"
     assert np.all(np.array(more.half_width_then_percent) < more.half_width_percent)
 
@@ -302,15 +302,15 @@ def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
     assert date.quantity == "date"
 
 
-@pytest.mark.parametrize(("dated", "trends", "said"), [(8, 1, 0), (5, 1, 1), (0, 0, 1)])
-def test_flights_without_a_date_are_left_out_of_its_trend_which_is_said(dated: int, trends: int, said: int) -> None:
+@pytest.mark.parametrize(("dated", "trends", "expected"), [(8, 1, 0), (5, 1, 1), (0, 0, 1)])
+def test_flights_without_a_date_are_left_out_of_its_trend_which_is_said(dated: int, trends: int, expected: int) -> None:
     rng = np.random.default_rng(9)
     x = truth(rng)
     starts = [1.7e9 + 1e6 * i if i < dated else None for i in range(8)]
     results = joint_pool([flight(x, rng, str(i), 0.3, start_unix_s=start) for i, start in enumerate(starts)]).results()
     over_date = [trend.flights for trend in results.trends if trend.quantity == "date"]
     assert over_date == [dated] * trends
-    assert sum(f"{8 - dated} of 8 flights have no date" in note for note in results.notes) == said
+    assert sum(f"{8 - dated} of 8 flights have no date" in note for note in results.notes) == expected
 
 
 def test_half_widths_are_of_power_in_per_cent() -> None:

@@ -39,9 +39,9 @@ def compared(seed: int, factor: float, **facts: str) -> Comparison:
 
 def test_alarms_without_a_difference_are_rare_and_the_interval_covers() -> None:
     for facts in ({}, {"installation": "nose"}):
-        found = [compared(seed, 1.0, **facts) for seed in range(50)]
-        assert np.mean([one.differs for one in found]) < 0.15
-        inside = [np.abs(one.difference_percent) < one.half_width_percent for one in found]
+        results = [compared(seed, 1.0, **facts) for seed in range(50)]
+        assert np.mean([item.differs for item in results]) < 0.15
+        inside = [np.abs(item.difference_percent) < item.half_width_percent for item in results]
         assert np.mean(inside) == pytest.approx(0.95, abs=0.05)
 
 
@@ -51,20 +51,20 @@ def test_each_flight_has_its_own_error_of_the_density() -> None:
     change = density * np.r_[-POLAR[0], 0.0, POLAR[2], -1.0, np.zeros(5), -0.5, 0.0]
 
     def measured(x: np.ndarray, rng: np.random.Generator, name: str, stated: bool) -> dict[str, Any]:
-        found = flight(x, rng, name, noise=0.1)["pooling"]
-        values = np.array(found["values"]) + rng.standard_normal() * change
-        changes = found["changes"] | ({DENSITY: change.tolist()} if stated else {})
-        found = found | {"values": values.tolist(), "changes": changes}
-        return flight(x, rng, name) | {"pooling": found}
+        result = flight(x, rng, name, noise=0.1)["pooling"]
+        values = np.array(result["values"]) + rng.standard_normal() * change
+        changes = result["changes"] | ({DENSITY: change.tolist()} if stated else {})
+        result = result | {"values": values.tolist(), "changes": changes}
+        return flight(x, rng, name) | {"pooling": result}
 
     def alarms(stated: bool) -> float:
-        found = []
+        results = []
         for seed in range(50):
             rng = np.random.default_rng(seed)
             x = truth(rng)
             a, b = (joint_pool([measured(x, rng, f"{n}{i}", stated) for i in range(2)]) for n in "ab")
-            found.append(compare(a, b).differs)
-        return float(np.mean(found))
+            results.append(compare(a, b).differs)
+        return float(np.mean(results))
 
     assert alarms(stated=True) < 0.15 and alarms(stated=False) > 0.5
 
@@ -73,8 +73,8 @@ def test_two_measurements_of_thrust_at_rest_are_two_propellers() -> None:
     """With one table it is unknown whether the propeller is the same, so its errors do not cancel."""
     stand = {"name": "stand", "coefficients": {"thrust_scale": 1.0, "thrust_slope": -0.5}, "value": 0.0, "sigma": 0.03}
     assert compared(1, 1.0).same_propeller
-    found = compared(1, 1.0, stand=stand)  # type: ignore[arg-type]
-    assert not found.same_propeller and np.all(found.half_width_percent > compared(1, 1.0).half_width_percent)
+    result = compared(1, 1.0, stand=stand)  # type: ignore[arg-type]
+    assert not result.same_propeller and np.all(result.half_width_percent > compared(1, 1.0).half_width_percent)
 
 
 def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
@@ -102,22 +102,26 @@ def days(seed: int, thrust: float, flights: int = 2) -> Comparison:
 
 def test_thrust_that_differs_between_the_days_is_told_and_does_not_cancel() -> None:
     """Believed to be one, thrust of 6 % less on one day would be a difference of drag."""
-    found = [days(seed, -0.06) for seed in range(20)]
-    told = [one.relation.thrust_contradicted is not None for one in found]
-    assert np.mean(told) > 0.9
-    covered = [np.abs(one.difference_percent) < one.half_width_percent for one in found]
+    comparison = [days(seed, -0.06) for seed in range(20)]
+    messages = [comparison.relation.thrust_contradicted is not None for comparison in comparison]
+    assert np.mean(messages) > 0.9
+    covered = [np.abs(comparison.difference_percent) < comparison.half_width_percent for comparison in comparison]
     assert np.mean(covered) > 0.85
-    one = found[told.index(True)]
-    assert one.shared_errors is SharedErrors.NOT_THRUST and one.same_installation and not one.same_propeller
-    results = one.results("old", "new")
-    said = [evidence.text for evidence in results.evidence if evidence.kind is EvidenceKind.THRUST_TABLE]
-    assert any("differs between A and B" in text for text in [*said, *results.notes])
+    this_days = comparison[messages.index(True)]
+    assert (
+        this_days.shared_errors is SharedErrors.NOT_THRUST
+        and this_days.same_installation
+        and not this_days.same_propeller
+    )
+    results = this_days.results("old", "new")
+    texts = [evidence.text for evidence in results.evidence if evidence.kind is EvidenceKind.THRUST_TABLE]
+    assert any("differs between A and B" in text for text in [*texts, *results.notes])
 
 
 def test_thrust_that_is_the_same_is_seldom_denied() -> None:
-    found = [days(seed, 0.0) for seed in range(60)]
-    assert np.mean([one.relation.thrust_contradicted is not None for one in found]) < 0.1
-    assert all(one.same_installation for one in found if one.relation.contradicted is None)
+    comparison = [days(seed, 0.0) for seed in range(60)]
+    assert np.mean([comparison.relation.thrust_contradicted is not None for comparison in comparison]) < 0.1
+    assert all(comparison.same_installation for comparison in comparison if comparison.relation.contradicted is None)
 
 
 def test_from_one_day_to_another_a_part_of_thrust_is_not_shared() -> None:
@@ -142,21 +146,21 @@ def test_without_a_named_installation_only_the_common_part_cancels() -> None:
     rng = np.random.default_rng(6)
     x = truth(rng)
     a, b = (joint_pool([flight(x, rng, f"{name}{i}", 0.3, installation="") for i in range(4)]) for name in ("a", "b"))
-    found = compare(a, b)
-    assert found.same_installation
-    assert found.shared_errors is SharedErrors.COMMON_PART
+    comparison = compare(a, b)
+    assert comparison.same_installation
+    assert comparison.shared_errors is SharedErrors.COMMON_PART
 
 
 def test_where_nothing_is_shared_nothing_cancels() -> None:
-    found = compared(7, 1.0, installation="nose", propeller="apc-10x5")
-    np.testing.assert_allclose(found.half_width_percent, found.independent_half_width_percent, rtol=1e-3)
-    assert found.shared_errors is SharedErrors.NONE
+    result = compared(7, 1.0, installation="nose", propeller="apc-10x5")
+    np.testing.assert_allclose(result.half_width_percent, result.independent_half_width_percent, rtol=1e-3)
+    assert result.shared_errors is SharedErrors.NONE
 
 
 def test_errors_that_no_residual_shows_cancel_too_in_one_installation() -> None:
-    found = compare(*pools(8, 1.0, noise=0.01))
-    assert np.all(found.half_width_percent < 0.1)
-    assert np.all(found.independent_half_width_percent > 0.5)
+    comparison = compare(*pools(8, 1.0, noise=0.01))
+    assert np.all(comparison.half_width_percent < 0.1)
+    assert np.all(comparison.independent_half_width_percent > 0.5)
 
 
 def with_doubt(results: dict[str, Any], about: str, sign: float) -> dict[str, Any]:
@@ -199,20 +203,20 @@ def test_b_differs_only_where_an_interval_says_so() -> None:
     side: as curves the two differ by far, and at no speed."""
     rng = np.random.default_rng(0)
     x = truth(rng)
-    said, apart = [], []
+    message, apart = [], []
     for seed in range(40):
         of_seed = np.random.default_rng(seed)
         turned = np.r_[[0.984, 1.0, 1.016] * POLAR, x[3:]]
         a, b = (joint_pool([flight(of, of_seed, name, 0.3)]) for of, name in ((x, "a"), (turned, "b")))
-        found = compare(a, b)
-        said.append(found.differs)
-        apart.append(np.abs(found.difference_percent) > found.half_width_percent)
-        assert not found.differs or apart[-1][found.test.at]
+        comparison = compare(a, b)
+        message.append(comparison.differs)
+        apart.append(np.abs(comparison.difference_percent) > comparison.half_width_percent)
+        assert not comparison.differs or apart[-1][comparison.test.at]
         if seed < 8:
-            text = found.results().text
-            assert text.startswith("B differs from A" if found.differs else "No difference is seen")
-            assert ("of 100 comparisons" in text) == (bool(apart[-1].any()) and not found.differs)
-    assert 0 < np.mean(said) < 1
+            text = comparison.results().text
+            assert text.startswith("B differs from A" if comparison.differs else "No difference is seen")
+            assert ("of 100 comparisons" in text) == (bool(apart[-1].any()) and not comparison.differs)
+    assert 0 < np.mean(message) < 1
 
 
 def test_comparison_is_symmetric() -> None:
@@ -250,7 +254,7 @@ def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_th
     flights: int, seeds: int
 ) -> None:
     """Flights of two installations that name the same. If it were believed, 22 to 35 % of the truths were covered."""
-    believed, found, of_one = [], [], []
+    believed, comparisons, of_one = [], [], []
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         x, other = truth(rng), truth(rng)
@@ -259,38 +263,45 @@ def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_th
             joint_pool([flight(z, rng, f"{name}{i}", 0.5) for i in range(flights)])
             for z, name in ((x, "a"), (y, "b"), (x, "c"))
         )
-        found.append(compare(a, b))
+        comparisons.append(compare(a, b))
         of_one.append(compare(a, c))
-        believed.append(np.abs(found[-1].difference_percent) < of_one[-1].half_width_percent)
+        believed.append(np.abs(comparisons[-1].difference_percent) < of_one[-1].half_width_percent)
 
     def covered(comparisons: list[Comparison]) -> float:
-        return float(np.mean([np.abs(one.difference_percent) < one.half_width_percent for one in comparisons]))
+        return float(
+            np.mean(
+                [np.abs(comparison.difference_percent) < comparison.half_width_percent for comparison in comparisons]
+            )
+        )
 
-    assert np.mean([one.relation.contradicted is not None for one in found]) > 0.9 and covered(found) > 0.88
-    assert np.mean([one.relation.contradicted is not None for one in of_one]) < 0.12 and covered(of_one) > 0.92
+    assert (
+        np.mean([comparison.relation.contradicted is not None for comparison in comparisons]) > 0.9
+        and covered(comparisons) > 0.88
+    )
+    assert np.mean([item.relation.contradicted is not None for item in of_one]) < 0.12 and covered(of_one) > 0.92
     assert np.mean(believed) < 0.5
-    for one in found + of_one:
-        assert one.same_installation == (one.relation.contradicted is None)
-        results = one.results("old", "new")
-        told = [evidence.kind for evidence in results.evidence if not evidence.log]
-        assert one.relation.contradicted is None or told == [EvidenceKind.INSTALLATIONS_DIFFER] or results.notes
+    for comparison in comparisons + of_one:
+        assert comparison.same_installation == (comparison.relation.contradicted is None)
+        results = comparison.results("old", "new")
+        kinds = [evidence.kind for evidence in results.evidence if not evidence.log]
+        assert comparison.relation.contradicted is None or kinds == [EvidenceKind.INSTALLATIONS_DIFFER] or results.notes
 
 
 @pytest.mark.parametrize("seeds", [25, pytest.param(60, marks=pytest.mark.thorough)])
 def test_two_flights_that_deny_their_installation_are_both_mounted_anew(seeds: int) -> None:
     """Six flights, of which one denies it: that one alone."""
-    covered, denied, V = [], [], np.array([12.0, 16.0, 20.0])
+    covered, contradicted, V = [], [], np.array([12.0, 16.0, 20.0])
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         x, other = truth(rng), truth(rng)
-        found = joint_pool([flight(x, rng, "a", 0.5), flight(np.r_[x[:6], other[6:]], rng, "b", 0.5)])
-        denied.append(found.anew == {0, 1} and all(one.mounted_anew for one in found.results().flights))
-        assert denied[-1] or not found.anew
-        power, error = found.power(V)
-        right, _ = power_required(V, Polar(POLAR, np.zeros((3, 3))), found.condition)
+        pool = joint_pool([flight(x, rng, "a", 0.5), flight(np.r_[x[:6], other[6:]], rng, "b", 0.5)])
+        contradicted.append(pool.remounted == {0, 1} and all(flight.mounted_anew for flight in pool.results().flights))
+        assert contradicted[-1] or not pool.remounted
+        power, error = pool.power(V)
+        right, _ = power_required(V, Polar(POLAR, np.zeros((3, 3))), pool.condition)
         covered.append(np.abs(power - right) < NORMAL_95 * error)
-    assert np.mean(denied) > 0.9 and np.mean(covered) > 0.88
+    assert np.mean(contradicted) > 0.9 and np.mean(covered) > 0.88
     rng = np.random.default_rng(1)
     x, other = truth(rng), truth(rng)
     six = [flight(np.r_[x[:6], other[6:]] if i == 2 else x, rng, f"{i}", 0.1) for i in range(6)]
-    assert joint_pool(six).anew == {2}
+    assert joint_pool(six).remounted == {2}

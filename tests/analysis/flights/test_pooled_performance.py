@@ -36,5 +36,5 @@ def test_a_pool_without_full_throttle_says_what_it_lacks(nexstar: Aircraft, prop
     )
     pooled = pooled_use(cast(DragPool, pool))
     assert pooled is not None
-    found = pooled_performance(pool, pooled, AirFound(temperature_K=288.0, pressure_Pa=98_000.0))
-    assert found is not None and "two seconds of settled full throttle" in found.available.reason
+    performance = pooled_performance(pool, pooled, AirFound(temperature_K=288.0, pressure_Pa=98_000.0))
+    assert performance is not None and "two seconds of settled full throttle" in performance.available.reason

@@ -35,6 +35,6 @@ def test_the_installation_is_named_by_the_aircraft_file_or_else_by_the_tray_file
 def test_a_name_in_the_tray_file_leaves_what_else_the_aircraft_file_says_of_the_installation(probe) -> None:
     log = Log(Path("flight.mcap"), attachments={"tray.toml": NAMED.encode()})
     text = AIRCRAFT + '[installation]\naccelerometer_vibration = ["0.1 m/s^2", "0 m/s^2", "-0.2 m/s^2"]\n'
-    found = contents(log, Replacements(parse_aircraft(text, "mine.toml"), load_propeller("apc-12x8e"), probe))
-    assert found.aircraft.installation.name == "boom, May"
-    assert found.aircraft.installation.accelerometer_vibration_mps2 == (0.1, 0.0, -0.2)
+    log_contents = contents(log, Replacements(parse_aircraft(text, "mine.toml"), load_propeller("apc-12x8e"), probe))
+    assert log_contents.aircraft.installation.name == "boom, May"
+    assert log_contents.aircraft.installation.accelerometer_vibration_mps2 == (0.1, 0.0, -0.2)

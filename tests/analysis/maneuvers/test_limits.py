@@ -71,7 +71,9 @@ def test_a_gap_costs_the_seconds_that_it_takes() -> None:
     """Thrust is missing for 2 s near the end of an acceleration of 12 s: the part before is a run."""
     runs, rejected = find_runs(flight(up_and_down(), thrust_N=slice(400, 450)))
     assert [run.kind for run in runs] == ["acceleration", "deceleration"]
-    assert 15.0 < runs[0].end_s < 16.1 and not [one for one in rejected if one.rejection.reason is RunRejected.TOO_LONG]
+    assert 15.0 < runs[0].end_s < 16.1 and not [
+        item for item in rejected if item.rejection.reason is RunRejected.TOO_LONG
+    ]
 
 
 def test_a_run_over_a_hill_is_rejected() -> None:
@@ -80,7 +82,7 @@ def test_a_run_over_a_hill_is_rejected() -> None:
     height = 50 + 25 * (1 - np.abs(np.clip(seconds(len(speed)) - 23.0, -15.0, 15.0)) / 15.0)
     runs, rejected = find_runs(flight(speed, height=height))
     assert [run.kind for run in runs] == ["deceleration"]
-    (hill,) = (one.rejection for one in rejected if one.rejection.reason is RunRejected.HEIGHT_VARIED)
+    (hill,) = (item.rejection for item in rejected if item.rejection.reason is RunRejected.HEIGHT_VARIED)
     assert hill.measured == pytest.approx(25.0, abs=4.0)
 
 
@@ -120,16 +122,16 @@ def elevator(holds_s) -> pd.DataFrame:
 
 @pytest.mark.parametrize("unit_s", [0.4, 0.8])
 def test_a_3211_is_known_by_its_proportions(unit_s: float) -> None:
-    (found,), rejected = find_3211(elevator(unit_s * np.array([3.0, 2.0, 1.0, 1.0])))
+    (result,), rejected = find_3211(elevator(unit_s * np.array([3.0, 2.0, 1.0, 1.0])))
     assert not rejected
-    assert found.start_s == pytest.approx(10.0, abs=0.15)
-    (note,) = found.notes
+    assert result.start_s == pytest.approx(10.0, abs=0.15)
+    (note,) = result.notes
     assert float(note.split()[1]) == pytest.approx(unit_s, abs=0.02)  # half a sample
 
 
 def test_four_equal_steps_are_no_3211() -> None:
-    found, (rejected,) = find_3211(elevator([1.0, 1.0, 1.0, 1.0]))
-    assert not found and rejected.rejection.reason is Unsuitable.NO_3211
+    result, (rejected,) = find_3211(elevator([1.0, 1.0, 1.0, 1.0]))
+    assert not result and rejected.rejection.reason is Unsuitable.NO_3211
     assert rejected.reason == "steps held for 1.0, 1.0, 1.0, 1.0 s are not a 3-2-1-1"
 
 
@@ -159,9 +161,9 @@ def test_a_note_is_written_beyond_its_limit(change: dict[str, float], note: str)
         thrust_N=np.where(np.arange(n) < change.get("lost", 0.0) * n, np.nan, 5.0),
     )
     bank = np.full(n, np.radians(change.get("bank_deg", 0.0)))
-    found = notes(data, bank)
-    assert len(found) == (1 if note else 0)
-    assert not note or note in found[0]
+    result = notes(data, bank)
+    assert len(result) == (1 if note else 0)
+    assert not note or note in result[0]
 
 
 @pytest.mark.parametrize(("lost", "missing"), [(0.01, False), (0.05, True)])

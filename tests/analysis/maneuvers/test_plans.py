@@ -39,11 +39,11 @@ def maneuvers(probe):
 
 
 def test_the_maneuvers_of_the_literature_are_found_once_each_where_they_were_flown(maneuvers) -> None:
-    found = find(maneuvers.table, maneuvers.still)
+    all_maneuvers = find(maneuvers.table, maneuvers.still)
     segments = maneuvers.segments
     for kind in ("roller-coaster", "wind-up-turn", "3-2-1-1"):
         start, end = segments.loc[segments["kind"] == kind, ["start_s", "end_s"]].iloc[0]
-        (run,) = found.of(FOUND_AS[kind])
+        (run,) = all_maneuvers.of(FOUND_AS[kind])
         # Each begins when its load factor or its elevator has moved, and its segment ends with some recovery.
         assert start - 0.5 < run.start_s < start + 3
         assert run.end_s < end + 0.5
@@ -56,9 +56,9 @@ def test_a_gap_in_the_imu_does_not_make_a_wind_up_turn_vanish_without_a_word(man
     middle = (whole.start_s + whole.end_s) / 2
     table.loc[middle : middle + 0.6, ["ax_mps2", "ay_mps2", "az_mps2"]] = np.nan
     table["bank_rad"] = bank_angle(table)
-    found = find(table, maneuvers.still)
-    said = [*found.of("wind-up turn"), *(r for r in found.rejected if r.kind == "wind-up turn")]
-    assert any(one.start_s < middle < one.end_s + 0.1 for one in said)
+    all_maneuvers = find(table, maneuvers.still)
+    messages = [*all_maneuvers.of("wind-up turn"), *(r for r in all_maneuvers.rejected if r.kind == "wind-up turn")]
+    assert any(message.start_s < middle < message.end_s + 0.1 for message in messages)
 
 
 def test_porpoising_is_found_as_such_and_is_neither_a_roller_coaster_nor_a_3211(probe, tmp_path: Path) -> None:
@@ -66,14 +66,14 @@ def test_porpoising_is_found_as_such_and_is_neither_a_roller_coaster_nor_a_3211(
     text = (Path("sim/plans/maneuvers.toml")).read_text("utf-8")
     plan.write_text(text.replace('"roller-coaster"', '"porpoise"\nduration = "30 s"'), "utf-8")
     flight = flown(probe, str(plan))
-    found, segments = find(flight.table, flight.still), flight.segments
+    maneuvers, segments = find(flight.table, flight.still), flight.segments
     start, end = segments.loc[segments["kind"] == "porpoise", ["start_s", "end_s"]].iloc[0]
-    (run,) = found.of("porpoising")
+    (run,) = maneuvers.of("porpoising")
     assert (run.start_s, run.end_s) == (pytest.approx(start, abs=2), pytest.approx(end, abs=2))
-    assert not found.of("roller coaster") and len(found.of("3-2-1-1")) == 1
-    assert not [stretch for stretch in found.rejected if start < stretch.start_s < end]
-    others = found.of("acceleration", "deceleration", "steady")
-    assert others and not [one for one in others if one.start_s < run.end_s and run.start_s < one.end_s]
+    assert not maneuvers.of("roller coaster") and len(maneuvers.of("3-2-1-1")) == 1
+    assert not [stretch for stretch in maneuvers.rejected if start < stretch.start_s < end]
+    others = maneuvers.of("acceleration", "deceleration", "steady")
+    assert others and not [item for item in others if item.start_s < run.end_s and run.start_s < item.end_s]
 
 
 def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> None:
@@ -92,14 +92,14 @@ def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> N
 def test_each_acceleration_and_deceleration_flown_is_found_as_one(probe, turbulence_kt: float) -> None:
     """In gusts, too, that change the sign of what speed does every few seconds."""
     flight = flown(probe, "full-test-flight", turbulence_kt)
-    found = find(flight.table, flight.still).of("acceleration", "deceleration")
+    result = find(flight.table, flight.still).of("acceleration", "deceleration")
     segments = flight.segments[flight.segments["kind"] == "run"]
     assert len(segments) == 11
     shares = []
     for i, (_, segment) in enumerate(segments.iterrows()):
         kind = "deceleration" if i % 2 else "acceleration"
         (run,) = (
-            r for r in found if r.kind == kind and r.end_s > segment.start_s + 2 and r.start_s < segment.end_s - 2
+            r for r in result if r.kind == kind and r.end_s > segment.start_s + 2 and r.start_s < segment.end_s - 2
         )
         V = flight.table["V_mps"].loc[segment.start_s : segment.end_s].rolling(25, center=True, min_periods=1).mean()
         done = (V - V.iloc[0]) / (V.iloc[-1] - V.iloc[0])
@@ -111,12 +111,12 @@ def test_each_acceleration_and_deceleration_flown_is_found_as_one(probe, turbule
 
 
 def test_standing_and_flying_are_what_the_aircraft_did(maneuvers) -> None:
-    found, segments = find(maneuvers.table, maneuvers.still), maneuvers.segments
-    (flying,) = found.of("flying")
+    all_maneuvers, segments = find(maneuvers.table, maneuvers.still), maneuvers.segments
+    (flying,) = all_maneuvers.of("flying")
     take_off, land = (segments[segments["kind"] == kind].iloc[0] for kind in ("take-off", "land"))
     assert take_off["start_s"] < flying.start_s < take_off["end_s"]
     assert land["start_s"] - 5 < flying.end_s < land["end_s"]
-    first = found.of("standing")[0]
+    first = all_maneuvers.of("standing")[0]
     assert first.end_s == pytest.approx(take_off["start_s"], abs=2)
 
 
@@ -137,10 +137,12 @@ def test_a_throttle_step_is_noted_and_a_ramp_is_not(probe) -> None:
 
 
 def test_a_file_of_runs_taken_back_unchanged_gives_the_same_runs(maneuvers, tmp_path: Path) -> None:
-    found = find(maneuvers.table, maneuvers.still)
-    again = taken_back(runs_file.to_toml(found, "log.mcap"), maneuvers.table, tmp_path)
-    assert [(run.kind, run.rows) for run in again.maneuvers] == [(run.kind, run.rows) for run in found.maneuvers]
-    assert len(again.rejected) == len(found.rejected)
+    all_maneuvers = find(maneuvers.table, maneuvers.still)
+    again = taken_back(runs_file.to_toml(all_maneuvers, "log.mcap"), maneuvers.table, tmp_path)
+    assert [(run.kind, run.rows) for run in again.maneuvers] == [
+        (run.kind, run.rows) for run in all_maneuvers.maneuvers
+    ]
+    assert len(again.rejected) == len(all_maneuvers.rejected)
 
 
 def test_runs_can_be_dropped_kept_and_shifted(maneuvers, tmp_path: Path) -> None:
@@ -207,23 +209,25 @@ def test_elevator_steps_that_are_no_3211_are_rejected_with_their_times(maneuvers
     t = table.index.to_numpy() - start
     doublet = np.radians(3) * (((t > 0) & (t < 1)).astype(float) - ((t >= 1) & (t < 2)))
     table.loc[(t > -1) & (t < 8), "elevator_rad"] = doublet[(t > -1) & (t < 8)]
-    found = find(table, maneuvers.still)
-    assert not found.of("3-2-1-1")
-    assert [s.kind for s in found.rejected if s.rejection.reason is Unsuitable.NO_3211] == ["3-2-1-1"]
+    all_maneuvers = find(table, maneuvers.still)
+    assert not all_maneuvers.of("3-2-1-1")
+    assert [s.kind for s in all_maneuvers.rejected if s.rejection.reason is Unsuitable.NO_3211] == ["3-2-1-1"]
 
 
 def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_reason(maneuvers, tmp_path: Path) -> None:
     """Not even where the motor stood for a twentieth of the flight, which no run but the whole flight contains."""
     table = maneuvers.table.copy()
-    found = find(table, maneuvers.still)
-    (whole,) = found.of("flying")
-    used = [run for run in found.maneuvers if run.kind not in ("flying", "standing", "porpoising")]
+    all_maneuvers = find(table, maneuvers.still)
+    (whole,) = all_maneuvers.of("flying")
+    used = [run for run in all_maneuvers.maneuvers if run.kind not in ("flying", "standing", "porpoising")]
     free = np.ones(len(table), dtype=bool)
     for run in used:
         free[run.rows] = False
     table.loc[free & (table.index.to_numpy() > whole.start_s), "thrust_N"] = np.nan
     assert table["thrust_N"].iloc[whole.rows].isna().mean() > 0.05
-    (tmp_path / "runs.toml").write_text(runs_file.to_toml(found, "log.mcap"), "utf-8")
-    back = runs_file.apply(runs_file.load(tmp_path / "runs.toml"), table, found.rejected, "runs.toml")
-    assert [(run.kind, run.rows) for run in back.maneuvers] == [(run.kind, run.rows) for run in found.maneuvers]
-    assert found.rejected and [s.rejection for s in back.rejected] == [s.rejection for s in found.rejected]
+    (tmp_path / "runs.toml").write_text(runs_file.to_toml(all_maneuvers, "log.mcap"), "utf-8")
+    back = runs_file.apply(runs_file.load(tmp_path / "runs.toml"), table, all_maneuvers.rejected, "runs.toml")
+    assert [(run.kind, run.rows) for run in back.maneuvers] == [(run.kind, run.rows) for run in all_maneuvers.maneuvers]
+    assert all_maneuvers.rejected and [s.rejection for s in back.rejected] == [
+        s.rejection for s in all_maneuvers.rejected
+    ]

@@ -51,7 +51,7 @@ def test_a_short_gentle_run_counts_for_a_light_aircraft_and_is_told_for_another(
     runs, rejected = find_runs(scaled(slow))
     assert [run.kind for run in runs] == ["acceleration", "deceleration"] and not rejected
     runs, rejected = find_runs(slow, noise_mps=0.3)
-    assert not runs and [one.rejection.reason for one in rejected] == [RunRejected.TOO_GENTLE] * 2
+    assert not runs and [item.rejection.reason for item in rejected] == [RunRejected.TOO_GENTLE] * 2
     assert rejected[0].rejection.limit == 0.5
     brief = flight(up_and_down(low=7.0, high=14.0, seconds=2.2))
     assert len(find_runs(scaled(brief))[0]) == 2 and not find_runs(brief)[0]
@@ -62,7 +62,7 @@ def test_the_approach_of_a_light_aircraft_is_no_run() -> None:
     speed = up_and_down(low=7.0, high=9.2, seconds=6.0)
     sinking = flight(speed, height=100.0 - 0.9 * np.arange(len(speed)) / RATE_HZ).assign(V_mps=speed)
     runs, rejected = find_runs(scaled(sinking))
-    assert not runs and [one.rejection.reason for one in rejected] == [RunRejected.CLIMBED] * 2
+    assert not runs and [item.rejection.reason for item in rejected] == [RunRejected.CLIMBED] * 2
     faster = flight(up_and_down(), height=100.0 - 0.9 * np.arange(len(up_and_down())) / RATE_HZ)
     assert [run.kind for run in find_runs(faster)[0]] == ["acceleration", "deceleration"]
 
@@ -86,15 +86,15 @@ def oscillating(amplitude: float, irregular: bool = False) -> pd.DataFrame:
 
 
 def test_a_porpoise_too_gentle_to_count_is_told_and_gusts_are_not() -> None:
-    found, rejected = find_loads(oscillating(0.2))
+    result, rejected = find_loads(oscillating(0.2))
     (gentle,) = rejected
     assert (
-        not found and gentle.kind == "porpoising" and gentle.reason.startswith("too gentle to count: load factor 0.8")
+        not result and gentle.kind == "porpoising" and gentle.reason.startswith("too gentle to count: load factor 0.8")
     )
     assert gentle.start_s == pytest.approx(5.0, abs=2.0) and gentle.end_s == pytest.approx(35.0, abs=2.0)
     assert find_loads(oscillating(0.2, irregular=True))[1] == []
     enough, rejected = find_loads(oscillating(0.6))
-    assert [one.kind for one in enough] == ["porpoising"] and rejected == []
+    assert [item.kind for item in enough] == ["porpoising"] and rejected == []
 
 
 @pytest.mark.parametrize(("amplitude", "steady"), [(0.0, True), (0.3, True), (0.42, False)])
@@ -103,9 +103,9 @@ def test_steady_flight_has_a_steady_load_factor(amplitude: float, steady: bool) 
     t = np.arange(round(40 * RATE_HZ)) / RATE_HZ
     wave = np.sin(2 * np.pi * t / 2.0)
     data = flight(np.full(len(t), 15.0)).assign(n_revps=90.0, az_mps2=-GRAVITY_MPS2 * (1 + amplitude * wave))
-    found, rejected = find_steady(data)
-    assert bool(found) == steady
-    assert [one.rejection.reason for one in rejected] == ([] if steady else [Unsuitable.LOAD_VARIED])
+    result, rejected = find_steady(data)
+    assert bool(result) == steady
+    assert [item.rejection.reason for item in rejected] == ([] if steady else [Unsuitable.LOAD_VARIED])
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.5])
@@ -115,10 +115,10 @@ def test_no_run_is_part_of_a_porpoise(amplitude: float) -> None:
     data = flight(np.interp(t, [10.0, 20.0], [12.0, 16.5])).assign(
         n_revps=90.0, az_mps2=-GRAVITY_MPS2 * (1 + amplitude * np.sin(2 * np.pi * t / 1.5))
     )
-    found = find(data, [])
-    assert bool(found.of("porpoising")) == (amplitude > 0)
-    assert [run.kind for run in found.level_runs] == ([] if amplitude else ["acceleration"])
-    assert bool(found.of("steady")) == (amplitude == 0)
+    maneuvers = find(data, [])
+    assert bool(maneuvers.of("porpoising")) == (amplitude > 0)
+    assert [run.kind for run in maneuvers.level_runs] == ([] if amplitude else ["acceleration"])
+    assert bool(maneuvers.of("steady")) == (amplitude == 0)
 
 
 def test_noise_of_speed_does_not_make_the_slowest_speed_of_a_light_aircraft_lower() -> None:
@@ -142,12 +142,12 @@ def pull_and_push(most: float, least: float, seconds: float = 8.0) -> np.ndarray
 
 
 def test_a_roller_coaster_pulls_and_pushes_beyond_a_quarter() -> None:
-    (found,), rejected = find_loads(loaded(pull_and_push(1.5, 0.5)))
-    assert found.kind == "roller coaster" and not rejected
-    assert found.notes[0].startswith("load factor 0.5 to 1.5")
+    (result,), rejected = find_loads(loaded(pull_and_push(1.5, 0.5)))
+    assert result.kind == "roller coaster" and not rejected
+    assert result.notes[0].startswith("load factor 0.5 to 1.5")
     # It lasts while the load factor differs from 1 by more than 0.15: a tenth of either end is not of it.
-    assert found.start_s == pytest.approx(10.0 + 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
-    assert found.end_s == pytest.approx(18.0 - 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
+    assert result.start_s == pytest.approx(10.0 + 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
+    assert result.end_s == pytest.approx(18.0 - 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
     for most, least in ((1.22, 0.5), (1.5, 0.78), (1.0, 0.5), (1.5, 1.0)):
         assert find_loads(loaded(pull_and_push(most, least))) == ([], []), (most, least)
     assert find_loads(loaded(pull_and_push(1.3, 0.7, 5.0)))[0]
@@ -156,8 +156,8 @@ def test_a_roller_coaster_pulls_and_pushes_beyond_a_quarter() -> None:
 def test_pulls_alone_are_no_swings_of_a_porpoise() -> None:
     """Nine pulls to 1.5 and one push: what goes from pushed to pulled and back eight times is a porpoise."""
     pull = 1 + 0.5 * np.sin(np.linspace(0, np.pi, round(1.2 * RATE_HZ)))
-    (found,), _ = find_loads(loaded(np.concatenate([pull] * 5 + [2 - pull] + [pull] * 4)))
-    assert found.kind == "roller coaster"
+    (result,), _ = find_loads(loaded(np.concatenate([pull] * 5 + [2 - pull] + [pull] * 4)))
+    assert result.kind == "roller coaster"
     (porpoise,), _ = find_loads(loaded(np.concatenate([pull, 2 - pull] * 5)))
     assert porpoise.kind == "porpoising"
 
@@ -167,16 +167,16 @@ def test_pulls_alone_are_no_swings_of_a_porpoise() -> None:
 )
 def test_a_roller_coaster_lasts_from_2_5_to_40_seconds(seconds: float, reason: RunRejected | None) -> None:
     half = np.full(round(seconds / 2 * RATE_HZ), 0.5)
-    found, rejected = find_loads(loaded(np.concatenate([1 + half, 1 - half])))
+    result, rejected = find_loads(loaded(np.concatenate([1 + half, 1 - half])))
     if reason:
-        assert not found and rejected[0].rejection.reason is reason
+        assert not result and rejected[0].rejection.reason is reason
     else:
-        assert found and not rejected
+        assert result and not rejected
 
 
 def test_a_pause_of_more_than_a_second_divides_a_roller_coaster() -> None:
     # At either end of one, 0.39 s are within 0.15 of 1.
     for pause_s, parts in ((0.1, 1), (0.5, 2)):
         pause = np.ones(round(pause_s * RATE_HZ))
-        found, _ = find_loads(loaded(np.concatenate([pull_and_push(1.5, 0.5), pause, pull_and_push(1.5, 0.5)])))
-        assert len(found) == parts
+        result, _ = find_loads(loaded(np.concatenate([pull_and_push(1.5, 0.5), pause, pull_and_push(1.5, 0.5)])))
+        assert len(result) == parts

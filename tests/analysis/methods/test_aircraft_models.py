@@ -300,9 +300,9 @@ def test_a_gyro_bias_is_what_the_gyro_shows_of_no_rotation(name):
     biased[[q.name for q in model.parameters].index("q_bias")] += 0.02
     faster[model.inputs.index("q")] += 0.02
     same = (model.evaluate_dynamics(x, u, p), model.evaluate_outputs(x, u, p))
-    found = (model.evaluate_dynamics(x, faster, biased), model.evaluate_outputs(x, faster, biased))
-    for one, other in zip(same, found, strict=True):
-        assert [float(v) for v in other] == pytest.approx([float(v) for v in one], rel=1e-12)
+    result = (model.evaluate_dynamics(x, faster, biased), model.evaluate_outputs(x, faster, biased))
+    for item, other in zip(same, result, strict=True):
+        assert [float(v) for v in other] == pytest.approx([float(v) for v in item], rel=1e-12)
     unbiased = model.evaluate_outputs(x, faster, p)
     assert [float(v) for v in unbiased] != pytest.approx([float(v) for v in same[1]], rel=1e-6)
 

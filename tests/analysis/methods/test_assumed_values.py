@@ -70,20 +70,20 @@ def test_without_missing_keys_nothing_is_added(nexstar, propeller):
 
 
 def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(propeller):
-    found = assumption_uncertainty(Rerun(), parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
-    assert found is not None
+    uncertainty = assumption_uncertainty(Rerun(), parse_aircraft(FOUR_KEYS, "mine.toml"), propeller, AT, FLOWN_CL)
+    assert uncertainty is not None
     wanted = np.zeros((5, 5))
     wanted[0, 0] = (0.01 * PRIORS.probe_ahead_m) ** 2
     wanted[2, 2] = (0.1 * PRIORS.upwash_rad) ** 2
     wanted[1, 1] = (0.02 * COVARIANCE.imu_position_m) ** 2
-    assert found.covariance == pytest.approx(wanted, abs=1e-15)
+    assert uncertainty.covariance == pytest.approx(wanted, abs=1e-15)
 
 
 def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_interval(propeller):
     mine = parse_aircraft(FOUR_KEYS + '[probe]\nupwash_per_CL = "1 deg"\n', "mine.toml")
-    found = assumption_uncertainty(Rerun(), mine, propeller, AT, FLOWN_CL)
-    assert found is not None
-    (probe,) = (note for note in found.notes if "probe.position" in note)
+    uncertainty = assumption_uncertainty(Rerun(), mine, propeller, AT, FLOWN_CL)
+    assert uncertainty is not None
+    (probe,) = (note for note in uncertainty.notes if "probe.position" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
     widths = []
     for key in ("", '[probe]\nposition = ["0.3 m", "0 m", "0 m"]\nupwash_per_CL = "1 deg"\n'):
@@ -92,7 +92,7 @@ def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_i
         widened = with_assumption_uncertainty(estimate(np.array([*A, 0.0, 0.0])), added)
         widths.append(power_required(V, widened.polar, AT)[1][0])
     assert f"{100 * (1 - widths[1] / widths[0]):.0f} % narrower" in probe
-    assert not any("upwash" in note for note in found.notes)
+    assert not any("upwash" in note for note in uncertainty.notes)
 
 
 def test_widening_adds_to_the_systematic_part_alone():
@@ -128,23 +128,23 @@ def test_the_slope_by_unknown_upwash_is_upwash_times_the_lift_slope_of_the_wing(
 def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propeller):
     """`Rerun` has the covariance OWN (1 + sigma): without upwash's sigma OWN is left, and its change of A2 is gone."""
     mine = parse_aircraft(FOUR_KEYS, "mine.toml")
-    found = assumption_uncertainty(Rerun(), mine, propeller, AT, FLOWN_CL)
-    assert found is not None
-    (note,) = (note for note in found.notes if "probe.upwash_per_CL" in note)
+    uncertainty = assumption_uncertainty(Rerun(), mine, propeller, AT, FLOWN_CL)
+    assert uncertainty is not None
+    (note,) = (note for note in uncertainty.notes if "probe.upwash_per_CL" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
 
     def standard_error(covariance):
         return power_required(V, Polar(A, covariance[:3, :3]), AT)[1][0]
 
-    without = standard_error(OWN * (1 + upwash_slope_sigma(mine)) + found.covariance)
+    without = standard_error(OWN * (1 + upwash_slope_sigma(mine)) + uncertainty.covariance)
     part = np.zeros((5, 5))
     part[2, 2] = (0.1 * PRIORS.upwash_rad) ** 2
-    known = standard_error(OWN + found.covariance - part)
+    known = standard_error(OWN + uncertainty.covariance - part)
     assert f"{100 * (1 - known / without):.0f} % narrower" in note
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.004, False), (-0.03, True), (0.03, True)])
-def test_what_folding_would_change_is_told_with_its_sign(share, told):
+@pytest.mark.parametrize(("share", "expected"), [(0.004, False), (-0.03, True), (0.03, True)])
+def test_what_folding_would_change_is_told_with_its_sign(share, expected):
     notes = _folding_note(share, 12.3)
-    assert bool(notes) == told
-    assert not told or notes[0].endswith(f"power at 12.3 m/s changes by {'-' if share < 0 else '+'}3 %.")
+    assert bool(notes) == expected
+    assert not expected or notes[0].endswith(f"power at 12.3 m/s changes by {'-' if share < 0 else '+'}3 %.")

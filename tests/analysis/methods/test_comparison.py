@@ -51,19 +51,21 @@ def analyzed_flight(
     ],
 )
 def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, cause: str) -> None:
-    found = analyzed_flight(probe, seed, **wrong).disagreements
-    assert pair in {one.methods for one in found}
-    assert {one.culprit for one in found} == {cause}
-    for one in found:
-        assert abs(one.difference_W) > one.allowed_W
-        assert abs(one.shares_W["unexplained"]) < one.allowed_W, "the estimated error explains it"
+    disagreements = analyzed_flight(probe, seed, **wrong).disagreements
+    assert pair in {disagreement.methods for disagreement in disagreements}
+    assert {disagreement.culprit for disagreement in disagreements} == {cause}
+    for disagreement in disagreements:
+        assert abs(disagreement.difference_W) > disagreement.allowed_W
+        assert abs(disagreement.shares_W["unexplained"]) < disagreement.allowed_W, "the estimated error explains it"
 
 
 def between_accelerations_and_decelerations(probe, seed: int, **wrong) -> str:
     """The cause of their difference in 3 kt."""
-    found = analyzed_flight(probe, seed, W20_kt=3.0, **wrong).disagreements
-    (one,) = (one for one in found if one.methods == ("decelerations", "accelerations"))
-    return one.culprit
+    disagreements = analyzed_flight(probe, seed, W20_kt=3.0, **wrong).disagreements
+    (item,) = (
+        disagreement for disagreement in disagreements if disagreement.methods == ("decelerations", "accelerations")
+    )
+    return item.culprit
 
 
 def test_a_wrong_propeller_table_is_named_in_gusts_of_3_kt(probe) -> None:
@@ -88,8 +90,8 @@ def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
     rows = np.zeros(len(flight_forces.t_s), dtype=bool)
     for run in find(flown.table, flown.still).of("acceleration", "deceleration"):
         rows |= (flight_forces.t_s >= run.start_s) & (flight_forces.t_s <= run.end_s)
-    found = estimate_errors(flight_forces, trajectory, rows)
-    lag, thrust = found["lag"], found["thrust_scale"]
+    result = estimate_errors(flight_forces, trajectory, rows)
+    lag, thrust = result["lag"], result["thrust_scale"]
     assert abs(lag.value - errors.values.lag_s) < 3 * lag.standard_error
     assert abs(thrust.value - errors.values.thrust_scale) < 3 * thrust.standard_error
 
@@ -102,15 +104,17 @@ def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, 
     states = trajectory.states.assign(theta=trajectory.states["theta"] + np.radians(tilt_deg))
     tilted = dataclasses.replace(trajectory, states=states)
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)
-    found = find(flown.table, flown.still)
-    level = found.of("acceleration", "deceleration")
+    maneuvers = find(flown.table, flown.still)
+    level = maneuvers.of("acceleration", "deceleration")
     estimate = estimate_polar(tilted, level, AIRCRAFT, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
     at, flown_CL = flown_condition(rows, AIRCRAFT), flown_lift(rows, AIRCRAFT)
-    said = every_method(tilted, level, AIRCRAFT, propeller, at, dynamic=estimate, dynamic_CL=flown_CL).disagreements
-    (one,) = (one for one in said if one.methods[1] == "energy")
-    assert one.culprit == "pitch attitude"
-    words = re.search(r"pitch attitude is ([\d.]+) deg too (high|low)", one.text)
+    disagreements = every_method(
+        tilted, level, AIRCRAFT, propeller, at, dynamic=estimate, dynamic_CL=flown_CL
+    ).disagreements
+    (item,) = (disagreement for disagreement in disagreements if disagreement.methods[1] == "energy")
+    assert item.culprit == "pitch attitude"
+    words = re.search(r"pitch attitude is ([\d.]+) deg too (high|low)", item.text)
     assert words and words[2] == side
     assert float(words[1]) == pytest.approx(abs(tilt_deg), rel=0.3)
 
@@ -143,8 +147,8 @@ def test_a_wrong_propeller_table_is_named_by_every_pair_that_disagrees(probe, tm
     """Two runs and four steady points with a table 8 % off. The dynamic curve's interval has the whole correction."""
     plan = tmp_path / "both.toml"
     plan.write_text(with_steady_points(), "utf-8")
-    found = analyzed_flight(probe, 40, str(plan), thrust_scale=-0.08).disagreements
-    assert {one.culprit for one in found} == {"propeller table"}
+    disagreements = analyzed_flight(probe, 40, str(plan), thrust_scale=-0.08).disagreements
+    assert {disagreement.culprit for disagreement in disagreements} == {"propeller table"}
 
 
 def with_steady_points() -> str:
@@ -165,10 +169,10 @@ def test_a_flight_of_maneuvers_alone_has_a_curve_and_one_of_a_single_speed_has_n
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)
     rho = float(flown.truth["density_kgpm3"].iloc[0])
     at = Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
-    found = find(flown.table, flown.still)
+    maneuvers = find(flown.table, flown.still)
 
     def estimates(*kinds: str) -> list[MethodEstimate]:
-        return every_method(trajectory, found.of(*kinds), AIRCRAFT, propeller, at).by_method
+        return every_method(trajectory, maneuvers.of(*kinds), AIRCRAFT, propeller, at).by_method
 
     estimate, flown_CL, _ = fallback(
         estimates("steady", "roller coaster", "wind-up turn"), trajectory, AIRCRAFT, "flight.mcap"

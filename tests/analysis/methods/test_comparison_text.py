@@ -12,17 +12,19 @@ AT = Condition(40.0, 1.2, 0.6)
 TITLES = ("the dynamic method", "direct method")
 
 
-def said(cause: str, share_W: float | None = 3.0, *, difference_W: float = 5.0, unexplained_W: float = 2.0, **errors):
-    found = {name: ErrorEstimate(*error) for name, error in errors.items()}
+def text_of(
+    cause: str, share_W: float | None = 3.0, *, difference_W: float = 5.0, unexplained_W: float = 2.0, **errors
+):
+    results = {name: ErrorEstimate(*error) for name, error in errors.items()}
     at = Difference(15.0, 100.0, difference_W, Cause(cause), share_W, unexplained_W)
-    return sentences(TITLES, at, found, AT)
+    return sentences(TITLES, at, results, AT)
 
 
 def test_the_difference_is_a_share_of_the_first_power_and_its_side_is_named() -> None:
-    assert said(Cause.UNEXPLAINED).startswith(
+    assert text_of(Cause.UNEXPLAINED).startswith(
         "Direct method: 5 % (5.0 W) above the dynamic method at 15.0 m/s. No estimated"
     )
-    assert said(Cause.UNEXPLAINED, difference_W=-7.0).startswith(
+    assert text_of(Cause.UNEXPLAINED, difference_W=-7.0).startswith(
         "Direct method: 7 % (7.0 W) below the dynamic method at"
     )
 
@@ -31,7 +33,7 @@ def test_the_difference_is_a_share_of_the_first_power_and_its_side_is_named() ->
 def test_a_cause_by_exclusion_is_a_tilt_that_turns_lift_into_drag(tilt_deg: float, side: str) -> None:
     """The dynamic method's power is higher by W V tilt: the other one's lies below."""
     unexplained_W = -40.0 * 15.0 * np.radians(tilt_deg)
-    text = said("pitch attitude", None, unexplained_W=unexplained_W)
+    text = text_of("pitch attitude", None, unexplained_W=unexplained_W)
     assert text.endswith(f"do not explain it: the trajectory's pitch attitude is 0.25 deg too {side}.")
 
 
@@ -53,6 +55,6 @@ def test_a_cause_by_exclusion_is_a_tilt_that_turns_lift_into_drag(tilt_deg: floa
     ],
 )  # fmt: skip
 def test_errors_of_a_cause_have_their_sizes_sides_and_intervals(cause: str, errors: dict, text: str) -> None:
-    found = said(cause, -3.0, unexplained_W=-2.0, **errors)
-    assert text in found
-    assert found.endswith("This explains 3.0 W of the difference; 2.0 W remain unexplained.")
+    result = text_of(cause, -3.0, unexplained_W=-2.0, **errors)
+    assert text in result
+    assert result.endswith("This explains 3.0 W of the difference; 2.0 W remain unexplained.")

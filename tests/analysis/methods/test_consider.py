@@ -80,9 +80,9 @@ def test_thrust_that_departs_from_the_line_beyond_the_table_is_covered() -> None
     fit = fit_output_error(DRAG, [deceleration(straight_table(0.8), table_error=1.0)])
     covariance = cramer_rao(fit).covariance[:3, :3]
     V = np.array([14.0, 18.0, 22.0])
-    found, error = power_required(V, Polar(fit.values[:3], covariance), AT)
+    result, error = power_required(V, Polar(fit.values[:3], covariance), AT)
     true, _ = power_required(V, Polar(A, covariance), AT)
-    assert (np.abs(found - true) < 1.96 * error).all()
+    assert (np.abs(result - true) < 1.96 * error).all()
 
 
 def test_a_polar_at_another_weight_gives_the_same_power_at_each_speed() -> None:

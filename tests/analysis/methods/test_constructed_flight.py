@@ -160,10 +160,10 @@ def test_the_scale_of_airspeed_in_flow_angles_is_removed() -> None:
     mean = trajectory.block_means.means
     mean["alpha_rad"] *= 1 - 2 * 0.03
     mean["V_mps"] *= 1.03
-    found = inputs(trajectory)
-    assert found["alpha_measured"].to_numpy() == pytest.approx(f["alpha"].to_numpy(), abs=1e-6)
-    assert found["qS_over_m_lagged_mps2"].to_numpy() == pytest.approx(f["qS_over_m_mps2"].to_numpy(), rel=1e-6)
-    assert found["V_measured"].to_numpy() == pytest.approx(1.03 * f["V"].to_numpy(), rel=1e-6)
+    result = inputs(trajectory)
+    assert result["alpha_measured"].to_numpy() == pytest.approx(f["alpha"].to_numpy(), abs=1e-6)
+    assert result["qS_over_m_lagged_mps2"].to_numpy() == pytest.approx(f["qS_over_m_mps2"].to_numpy(), rel=1e-6)
+    assert result["V_measured"].to_numpy() == pytest.approx(1.03 * f["V"].to_numpy(), rel=1e-6)
 
 
 def test_a_biased_accelerometer_levels_a_steep_attitude_more() -> None:
@@ -176,11 +176,11 @@ def test_a_biased_accelerometer_levels_a_steep_attitude_more() -> None:
     forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     steep = forces.nominal.assign(theta=np.radians(50.0))
     for removed, left in (({}, 0.2), ({"pitch": 0.15 / g}, 0.05)):
-        found = input_table(forces, steep, trajectory.sensor_errors, removed, (STILL_AIR, STILL_AIR))
-        assert found["theta_measured"].to_numpy() == pytest.approx(
+        table = input_table(forces, steep, trajectory.sensor_errors, removed, (STILL_AIR, STILL_AIR))
+        assert table["theta_measured"].to_numpy() == pytest.approx(
             np.full(len(f), np.radians(50.0) + left / (g * np.cos(np.radians(50.0)))), rel=1e-9
         )
-        assert found["ax"].to_numpy() == pytest.approx(f["ax"].to_numpy(), rel=1e-9)
+        assert table["ax"].to_numpy() == pytest.approx(f["ax"].to_numpy(), rel=1e-9)
 
 
 def weighed_within(fraction: float) -> Aircraft:
@@ -208,7 +208,7 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
     same = MethodInputs(
         AIRCRAFT, runs, f, [f], dict.fromkeys(error_prior_sigma(AIRCRAFT.uncertainty), f), dict.fromkeys(CAUSES, f)
     )
-    for method in (one for one in ALL_METHODS if one.name in ("direct-speed", "energy")):
+    for method in (item for item in ALL_METHODS if item.name in ("direct-speed", "energy")):
         systematic = Polar(polar(), estimate_with(method, same).systematic)
         assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-9), method.name
 
@@ -229,17 +229,17 @@ def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
         alpha_by_upwash_rad=upwash * lift_slope(AIRCRAFT.aspect_ratio) * gust_rad,
         az_mps2=steady["az_mps2"] - by_gust,
     )
-    found = FlightForces(replace(trajectory, block_means=BlockMeans(table)), AIRCRAFT, PROPELLER).nominal
+    results = FlightForces(replace(trajectory, block_means=BlockMeans(table)), AIRCRAFT, PROPELLER).nominal
 
     qS = np.repeat(forces["qS_over_m_mps2"].to_numpy(), BLOCK)
     along_V = np.repeat(forces["thrust_along_V_over_m_mps2"].to_numpy(), BLOCK) / np.cos(steady["alpha_rad"])
     sample_CL, sample_CD = stability_axes((table["ax_mps2"] - along_V) / qS, table["az_mps2"] / qS, table["alpha_rad"])
-    assert found["CD"].to_numpy() == pytest.approx(np.asarray(sample_CD).reshape(-1, BLOCK).mean(axis=1), rel=2e-4)
-    assert np.all(found["CD"] - forces["CD"] > 3e-4)
+    assert results["CD"].to_numpy() == pytest.approx(np.asarray(sample_CD).reshape(-1, BLOCK).mean(axis=1), rel=2e-4)
+    assert np.all(results["CD"] - forces["CD"] > 3e-4)
     of_gusts = FlightForces(replace(trajectory, block_means=BlockMeans(table)), AIRCRAFT, PROPELLER)
     f = input_table(of_gusts, of_gusts.nominal, trajectory.sensor_errors, {}, (STILL_AIR, STILL_AIR))
     drag_over_m = (f["thrust_x_over_m_mps2"] - f["ax"]) * np.cos(f["alpha"]) - f["az"] * np.sin(f["alpha"])
-    assert drag_over_m.to_numpy() == pytest.approx((found["CD"] * found["qS_over_m_mps2"]).to_numpy(), rel=1e-6)
+    assert drag_over_m.to_numpy() == pytest.approx((results["CD"] * results["qS_over_m_mps2"]).to_numpy(), rel=1e-6)
 
     # A polar flown sample by sample is found again.
     A = polar()
@@ -257,10 +257,10 @@ def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
         alpha_by_upwash_rad=table["alpha_by_upwash_rad"] + by_vibration,
     )
     of_shaken = FlightForces(replace(trajectory, block_means=BlockMeans(shaken)), AIRCRAFT, PROPELLER).nominal
-    assert of_shaken["CD"].to_numpy() == pytest.approx(found["CD"].to_numpy(), rel=1e-9)
+    assert of_shaken["CD"].to_numpy() == pytest.approx(results["CD"].to_numpy(), rel=1e-9)
     of_square = np.asarray(sample_CL**2).reshape(-1, BLOCK).mean(axis=1)
-    assert found["CL_squared"].to_numpy() == pytest.approx(of_square, rel=1e-3)
-    assert np.all(found["CL_squared"] - found["CL"] ** 2 > 1e-3)
+    assert results["CL_squared"].to_numpy() == pytest.approx(of_square, rel=1e-3)
+    assert np.all(results["CL_squared"] - results["CL"] ** 2 > 1e-3)
 
 
 def test_drag_with_a_quartic_term_is_a_doubt_and_the_interval_covers_it() -> None:
@@ -276,10 +276,10 @@ def test_drag_with_a_quartic_term_is_a_doubt_and_the_interval_covers_it() -> Non
     result = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
     (warning,) = (warning for warning in result.warnings if "Drag is no parabola" in warning)
     assert float(warning.partition("a quartic term is ")[2].split(" times")[0]) > 3, "or it would be no doubt"
-    found, error = power_required(V, result.polar, AT)
+    results, error = power_required(V, result.polar, AT)
     CL = 2 * W / (AT.rho * V**2 * AT.wing_area_m2)
     true = power(polar()) + AT.rho * V**3 * AT.wing_area_m2 / 2 * 0.02 * CL**4
-    assert np.all(np.abs(found - true) < 1.96 * error + 0.003 * true)
+    assert np.all(np.abs(results - true) < 1.96 * error + 0.003 * true)
     assert np.all(error < 0.1 * true), "wider by what the term changes, which is less than all of it"
     assert not estimate_polar(measured(f), runs, AIRCRAFT, PROPELLER).warnings
 
@@ -338,7 +338,7 @@ def test_a_method_s_sensitivity_predicts_the_error_of_its_power(method: str, nam
     flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
     errors[name] = errors[name]._replace(value=value)
-    (chosen,) = (one for one in ALL_METHODS if one.name == method)
+    (chosen,) = (item for item in ALL_METHODS if item.name == method)
     result = estimate_with(chosen, method_inputs(flight_forces, trajectory, runs, errors))
     assert result.polar is not None
     (cause,) = (cause for cause, names in CAUSES.items() if name in names)
@@ -366,14 +366,14 @@ def test_a_method_s_interval_contains_the_errors_that_the_aircraft_file_states()
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     sizes = {key: factor * getattr(Uncertainty(), key) for key, (factor, _) in FACTORS.items()}
-    found = []
+    inputs = []
     for stated in (Uncertainty(), replace(Uncertainty(), **sizes)):
         flight_forces = FlightForces(trajectory, replace(AIRCRAFT, uncertainty=stated), PROPELLER)
         errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
-        found.append(method_inputs(flight_forces, trajectory, runs, errors))
+        inputs.append(method_inputs(flight_forces, trajectory, runs, errors))
     factors = {error: factor for factor, error in FACTORS.values()}
-    for method in (one for one in ALL_METHODS if one.name in ("direct", "direct-speed", "energy", "accelerations")):
-        default, stated = (estimate_with(method, inputs) for inputs in found)
+    for method in (item for item in ALL_METHODS if item.name in ("direct", "direct-speed", "energy", "accelerations")):
+        default, stated = (estimate_with(method, inputs) for inputs in inputs)
         parts = {
             error: factors[error] ** 2 * np.outer(s, s) * error_prior_sigma(Uncertainty())[error] ** 2
             for error, s in default.sensitivities.items()
@@ -389,12 +389,14 @@ def test_twice_the_stated_error_of_thrust_widens_the_interval(key: str, name: st
     f, runs = accelerations_and_decelerations()
     noise = 0.3 * np.random.default_rng(0).standard_normal(len(f))
     trajectory = measured(f.assign(ax=f["ax"] + noise))
-    found = []
+    polars = []
     for factor in (1.0, 2.0):
         stated = replace(Uncertainty(), **{key: factor * getattr(Uncertainty(), key)})
-        found.append(estimate_polar(trajectory, runs[1:2], replace(AIRCRAFT, uncertainty=stated), PROPELLER))
+        polars.append(estimate_polar(trajectory, runs[1:2], replace(AIRCRAFT, uncertainty=stated), PROPELLER))
     i = 3 + ("thrust_scale", "thrust_slope").index(name)
-    before, after = (np.sqrt((one.noise + one.systematic)[i, i]) for one in found)
+    before, after = (np.sqrt((polar.noise + polar.systematic)[i, i]) for polar in polars)
     assert after > 1.3 * before
-    assert [one.joint.prior_sigma[i] for one in found] == pytest.approx(getattr(Uncertainty(), key) * np.array([1, 2]))
-    assert np.all(power_required(V, found[1].polar, AT)[1] > power_required(V, found[0].polar, AT)[1])
+    assert [polar.joint.prior_sigma[i] for polar in polars] == pytest.approx(
+        getattr(Uncertainty(), key) * np.array([1, 2])
+    )
+    assert np.all(power_required(V, polars[1].polar, AT)[1] > power_required(V, polars[0].polar, AT)[1])

@@ -26,7 +26,7 @@ def flown(nexstar, probe):
     return fly
 
 
-def asked(flight, aircraft, propeller):
+def checked(flight, aircraft, propeller):
     """The cross-check, and how far its power is off in its own standard errors and in percent."""
     runs = find(flight.table, flight.still).of("acceleration", "deceleration")
     check = on_runs_alone(flight.table, runs, aircraft, propeller, gust_mps=0.0, zeroed=True)
@@ -40,7 +40,7 @@ def asked(flight, aircraft, propeller):
 @pytest.mark.parametrize("V_scale", [-0.04, 0.04])
 def test_an_airspeed_that_is_wrong_is_not_a_thrust_that_is(flown, nexstar, propeller, V_scale):
     """Twice the error of a usual probe. Thrust read from the table at 4 % too high a speed would be 9 to 12 % low."""
-    check, deviation, per_cent = asked(flown(1, 0.0, V_scale=V_scale, thrust_scale=0.0), nexstar, propeller)
+    check, deviation, per_cent = checked(flown(1, 0.0, V_scale=V_scale, thrust_scale=0.0), nexstar, propeller)
     assert check.converged
     assert np.abs(deviation).max() < 3
     assert np.abs(per_cent).max() < 6
@@ -63,7 +63,7 @@ def test_thrust_on_a_stand_is_a_prior_of_the_cross_check(flown, nexstar, propell
     """One that says 1.1 nearly exactly moves the power by some percent, since the slope takes most of it."""
     exact = replace(nexstar.uncertainty, static_thrust_ratio_fraction=1e-4, thrust_curvature_fraction=0.0)
     on_stand = replace(nexstar, propulsion=replace(nexstar.propulsion, static_thrust_ratio=1.1), uncertainty=exact)
-    (_, _, without), (_, _, with_stand) = (asked(flown(2, 0.0), one, propeller) for one in (nexstar, on_stand))
+    (_, _, without), (_, _, with_stand) = (checked(flown(2, 0.0), item, propeller) for item in (nexstar, on_stand))
     assert np.abs(with_stand - without).max() > 0.1
 
 
@@ -74,8 +74,8 @@ def test_it_differs_where_the_intervals_do_not_allow_it() -> None:
         return Polar(np.array([CD0, 0.0, 0.06]), np.diag([0.001, 0.0, 0.0]) ** 2)
 
     def compared(CD0: float, *, converged: bool = True) -> tuple[bool, int]:
-        found = disagreement(polar(0.04), CrossCheck(polar(CD0), "no minimum", converged), at, flown_CL)
-        return found.differs, len(found.warnings)
+        result = disagreement(polar(0.04), CrossCheck(polar(CD0), "no minimum", converged), at, flown_CL)
+        return result.differs, len(result.warnings)
 
     assert compared(0.0443) == (False, 0)  # the root of chi-square of 3 at 95 %, 2.80, times hypot(1, 1.2): 4.37
     assert compared(0.0445) == (True, 1)

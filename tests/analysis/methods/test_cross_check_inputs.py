@@ -18,6 +18,6 @@ def test_vibration_and_bending_that_the_flight_showed_are_taken_out() -> None:
         az_mps2=exact["az_mps2"] - 0.2 * shaken,
         alpha_rad=exact["alpha_rad"] + 0.02 * (load - 1),
     )
-    found = without_model_errors(wrong, trajectory)
+    table = without_model_errors(wrong, trajectory)
     for name, within in (("ax_mps2", 1e-9), ("az_mps2", 1e-9), ("alpha_rad", 1e-3)):
-        assert found[name].to_numpy() == pytest.approx(exact[name].to_numpy(), abs=within), name
+        assert table[name].to_numpy() == pytest.approx(exact[name].to_numpy(), abs=within), name

@@ -50,8 +50,8 @@ def test_methods_disagree_beyond_the_simultaneous_band_of_their_difference() -> 
     """Both have a standard error of 1e-4 of C_D, so that of the difference is sqrt(2) times as large."""
     limit = BAND * np.sqrt(2) * 1e-4
     assert compared(by(DIRECT, 0.99 * limit)) == []
-    (found,) = compared(by(DIRECT, 1.01 * limit))
-    assert abs(found.difference_W) == pytest.approx(1.01 * found.allowed_W, rel=1e-6)
+    (result,) = compared(by(DIRECT, 1.01 * limit))
+    assert abs(result.difference_W) == pytest.approx(1.01 * result.allowed_W, rel=1e-6)
 
 
 def test_what_a_careful_installation_leaves_is_allowed() -> None:
@@ -65,17 +65,17 @@ def test_an_error_that_both_methods_share_is_not_allowed_for() -> None:
     """With the same sensitivity to lag both methods err together, with opposite ones apart."""
     tolerance = COMPARISON.installation_sigma["lag"]
     for sign, count in ((1.0, 1), (-1.0, 0)):
-        one = by(DECELERATIONS, 0.0, sensitivities={"lag": effect(1.0)})
+        method_estimate = by(DECELERATIONS, 0.0, sensitivities={"lag": effect(1.0)})
         other = by(ACCELERATIONS, 4 * tolerance, sensitivities={"lag": effect(sign)})
-        assert len(disagreements(None, CL, [one, other], SURE, AT)) == count
+        assert len(disagreements(None, CL, [method_estimate, other], SURE, AT)) == count
 
 
 def test_trajectory_errors_that_both_methods_share_cancel() -> None:
     moved = np.array([[0.01], [0.0], [0.0]])
     for sign, count in ((1.0, 1), (-1.0, 0)):
-        one = by(DECELERATIONS, 0.0, trajectory_deviations=moved)
+        method_estimate = by(DECELERATIONS, 0.0, trajectory_deviations=moved)
         other = by(ACCELERATIONS, 0.01, trajectory_deviations=sign * moved)
-        assert len(disagreements(None, CL, [one, other], SURE, AT)) == count
+        assert len(disagreements(None, CL, [method_estimate, other], SURE, AT)) == count
 
 
 def test_methods_without_common_speeds_are_not_compared() -> None:
@@ -88,11 +88,11 @@ def test_methods_without_common_speeds_are_not_compared() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_cause_with_the_largest_share_in_the_difference_s_direction_is_named(sign: float) -> None:
     effects = {"angle of attack": effect(0.008 * sign), "air-data lag": effect(-0.02 * sign)}
-    (found,) = compared(by(DIRECT, 0.01 * sign, cause_effects=effects | {"propeller table": effect(0.015 * sign)}))
-    assert found.culprit == "propeller table"
-    assert found.shares_W["air-data lag"] * found.difference_W < 0
-    assert sum(found.shares_W.values()) == pytest.approx(found.difference_W)
-    assert ("above" if sign > 0 else "below") in found.text
+    (result,) = compared(by(DIRECT, 0.01 * sign, cause_effects=effects | {"propeller table": effect(0.015 * sign)}))
+    assert result.culprit == "propeller table"
+    assert result.shares_W["air-data lag"] * result.difference_W < 0
+    assert sum(result.shares_W.values()) == pytest.approx(result.difference_W)
+    assert ("above" if sign > 0 else "below") in result.text
 
 
 def test_a_small_significant_error_is_named_where_the_rest_is_within_what_is_allowed() -> None:
@@ -100,8 +100,8 @@ def test_a_small_significant_error_is_named_where_the_rest_is_within_what_is_all
     change = 1.1 * BAND * np.sqrt(2) * 1e-4
     estimate = by(DIRECT, change, cause_effects={"angle of attack": effect(0.2 * change)})
     assert compared(estimate) == []
-    (found,) = compared(estimate, errors=SURE | {"alpha_bias": ErrorEstimate(3.1e-6, 1e-6)})
-    assert found.culprit == "angle of attack"
+    (result,) = compared(estimate, errors=SURE | {"alpha_bias": ErrorEstimate(3.1e-6, 1e-6)})
+    assert result.culprit == "angle of attack"
     assert compared(estimate, errors=SURE | {"alpha_bias": ErrorEstimate(2.9e-6, 1e-6)}) == []
 
 
@@ -117,8 +117,8 @@ def test_energy_below_dynamic_shows_a_trajectory_pitched_too_high(change: float,
     """A pitch attitude 1 deg too high adds L tan(1 deg) to the dynamic method's drag: A1 is higher by 0.01746."""
     there = A + np.array([0.0, change * np.radians(1.0), 0.0])
     estimate = replace(by(ENERGY, 0.0), polar=Polar(there, NOISE))
-    (found,) = compared(estimate)
-    assert f"pitch attitude is 1.00 deg too {side}" in found.text
+    (result,) = compared(estimate)
+    assert f"pitch attitude is 1.00 deg too {side}" in result.text
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_energy_below_dynamic_shows_a_trajectory_pitched_too_high(change: float,
 )  # fmt: skip
 def test_text_states_the_estimated_error_with_its_95_per_cent_interval(method, cause, errors, sentence) -> None:
     estimates = SURE | {name: ErrorEstimate(*values) for name, values in errors.items()}
-    (found,) = compared(by(method, 0.01, cause_effects={cause: effect(0.009)}), errors=estimates)
-    assert found.culprit == cause
-    assert sentence in found.text
-    assert "remain unexplained" in found.text
+    (result,) = compared(by(method, 0.01, cause_effects={cause: effect(0.009)}), errors=estimates)
+    assert result.culprit == cause
+    assert sentence in result.text
+    assert "remain unexplained" in result.text

@@ -62,10 +62,10 @@ def case(probe: ProbeCalibration):
 
 @pytest.fixture(scope="module")
 def by_likelihood(case) -> LikelihoodEstimates:
-    one = case("case-1", 0)
-    CL = flown_lift(one.flown.table[one.flown.table["flying"]], AIRCRAFT)
+    this_case = case("case-1", 0)
+    CL = flown_lift(this_case.flown.table[this_case.flown.table["flying"]], AIRCRAFT)
     return likelihood.estimate(
-        flight_record(one.flown.table, one.trajectory, one.runs, AIRCRAFT, PROPELLER, flown_CL=CL)
+        flight_record(this_case.flown.table, this_case.trajectory, this_case.runs, AIRCRAFT, PROPELLER, flown_CL=CL)
     )
 
 
@@ -74,10 +74,10 @@ def by_likelihood(case) -> LikelihoodEstimates:
     ("plan", "seed"), [("case-1", 0), ("case-2-returns", 1), ("case-2-higher", 2), ("case-2-lower", 3)]
 )
 def test_power_is_within_the_source_s_worst_deviation(case, plan: str, seed: int) -> None:
-    one = case(plan, seed)
-    estimate = estimate_polar(one.trajectory, one.runs, AIRCRAFT, PROPELLER)
-    power, _ = power_required(V, estimate.polar, one.at)
-    assert np.abs(power - one.truth_W).max() < WORST_W
+    this_case = case(plan, seed)
+    estimate = estimate_polar(this_case.trajectory, this_case.runs, AIRCRAFT, PROPELLER)
+    power, _ = power_required(V, estimate.polar, this_case.at)
+    assert np.abs(power - this_case.truth_W).max() < WORST_W
 
 
 @pytest.mark.slow
@@ -85,11 +85,11 @@ def test_power_is_within_the_source_s_worst_deviation(case, plan: str, seed: int
 @pytest.mark.parametrize("name", METHODS)
 def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_likelihood, name: str) -> None:
     """The offset of angle of attack, known to a degree, makes the intervals wide; here it is some hundredths."""
-    one = case("case-1", 0)
-    found = next(estimate for estimate in by_likelihood.methods if estimate.method.name == name)
-    power, error = power_required(V, found.polar, one.at)
-    assert (np.abs(power - one.truth_W) < NORMAL_95 * error / 3).all()
-    assert (NORMAL_95 * error > 0.1 * one.truth_W).all()
+    this_case = case("case-1", 0)
+    estimate = next(estimate for estimate in by_likelihood.methods if estimate.method.name == name)
+    power, error = power_required(V, estimate.polar, this_case.at)
+    assert (np.abs(power - this_case.truth_W) < NORMAL_95 * error / 3).all()
+    assert (NORMAL_95 * error > 0.1 * this_case.truth_W).all()
 
 
 @pytest.mark.thorough
@@ -97,26 +97,30 @@ def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_li
 @pytest.mark.xdist_group("case-1")
 def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) -> None:
     """A few more steps equal a whole fit with a table that is one standard deviation higher."""
-    one = case("case-1", 0)
+    this_case = case("case-1", 0)
     sigma = AIRCRAFT.uncertainty.thrust_scale_fraction
     rows = tuple(replace(row, cT=tuple((1 + sigma) * cT for cT in row.cT)) for row in PROPELLER.rows)
     higher = Propeller("higher", PROPELLER.diameter_m, rows)
-    again = likelihood.estimate(flight_record(one.flown.table, one.trajectory, one.runs, AIRCRAFT, higher))
-    for found, other in zip(by_likelihood.methods, again.methods, strict=True):
-        changes = other.polar.A - found.polar.A, found.sensitivities["thrust_scale"] * sigma
-        by_whole, by_steps = (power_required(V, Polar(A, np.zeros((3, 3))), one.at)[0] for A in changes)
-        assert by_steps == pytest.approx(by_whole, abs=0.002 * one.truth_W.min())
+    again = likelihood.estimate(
+        flight_record(this_case.flown.table, this_case.trajectory, this_case.runs, AIRCRAFT, higher)
+    )
+    for result, other in zip(by_likelihood.methods, again.methods, strict=True):
+        changes = other.polar.A - result.polar.A, result.sensitivities["thrust_scale"] * sigma
+        by_whole, by_steps = (power_required(V, Polar(A, np.zeros((3, 3))), this_case.at)[0] for A in changes)
+        assert by_steps == pytest.approx(by_whole, abs=0.002 * this_case.truth_W.min())
 
 
 @pytest.mark.xdist_group("case-1")
 def test_pitch_rate_of_runs_is_too_small_for_CLq(by_likelihood) -> None:
     """The source's second assumption. An acceleration pitches faster than a deceleration."""
-    found = by_likelihood.pitch_rate
-    assert not found.significant
-    assert found.t == pytest.approx(found.CLq / found.standard_error)
-    assert found.critical_t == pytest.approx(1.96, abs=0.01)
-    acceleration = max(snr for run, snr in found.signal_to_noise.items() if run.startswith("acceleration"))
-    assert acceleration > 3 * max(snr for run, snr in found.signal_to_noise.items() if run.startswith("deceleration"))
+    pitch_rate = by_likelihood.pitch_rate
+    assert not pitch_rate.significant
+    assert pitch_rate.t == pytest.approx(pitch_rate.CLq / pitch_rate.standard_error)
+    assert pitch_rate.critical_t == pytest.approx(1.96, abs=0.01)
+    acceleration = max(snr for run, snr in pitch_rate.signal_to_noise.items() if run.startswith("acceleration"))
+    assert acceleration > 3 * max(
+        snr for run, snr in pitch_rate.signal_to_noise.items() if run.startswith("deceleration")
+    )
 
 
 def test_noise_is_told_from_a_smooth_signal() -> None:
@@ -127,5 +131,5 @@ def test_noise_is_told_from_a_smooth_signal() -> None:
 
 def test_without_runs_the_likelihoods_have_a_note(case) -> None:
     estimates = likelihood.estimate(flight_record(pd.DataFrame(), None, [], AIRCRAFT, PROPELLER))
-    assert [one.polar for one in estimates.methods] == [None, None]
+    assert [item.polar for item in estimates.methods] == [None, None]
     assert "acceleration" in estimates.methods[0].notes[0] and estimates.pitch_rate is None

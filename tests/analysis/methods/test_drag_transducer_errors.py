@@ -27,28 +27,32 @@ def values_from(air: pd.DataFrame) -> np.ndarray:
 
 
 def test_the_covariance_is_the_sum_over_the_transducers() -> None:
-    found = with_transducer_uncertainty(None, values_from, AIR, HYSTERESIS)
-    assert found is not None and len(found.changes) == len(AIR_DATA_CHANNELS)
+    assumption_uncertainty = with_transducer_uncertainty(None, values_from, AIR, HYSTERESIS)
+    assert assumption_uncertainty is not None and len(assumption_uncertainty.changes) == len(AIR_DATA_CHANNELS)
     changes = [values_from(with_hysteresis(AIR, channel, 0.004)) - values_from(AIR) for channel in AIR_DATA_CHANNELS]
     assert np.abs(changes).max() > 1e-4
-    assert found.covariance == pytest.approx(sum(np.outer(change, change) for change in changes))
-    assert np.stack(list(found.changes.values())) == pytest.approx(np.stack(changes))
+    assert assumption_uncertainty.covariance == pytest.approx(sum(np.outer(change, change) for change in changes))
+    assert np.stack(list(assumption_uncertainty.changes.values())) == pytest.approx(np.stack(changes))
     other = AssumptionUncertainty(np.diag([2.0, 3.0]), ["a note"], {"upwash": np.ones(2)})
     both = with_transducer_uncertainty(other, values_from, AIR, HYSTERESIS)
-    assert both is not None and both.covariance == pytest.approx(found.covariance + other.covariance)
-    assert set(both.changes) == {"upwash", *found.changes} and both.notes == other.notes
+    assert both is not None and both.covariance == pytest.approx(assumption_uncertainty.covariance + other.covariance)
+    assert set(both.changes) == {"upwash", *assumption_uncertainty.changes} and both.notes == other.notes
 
 
 def test_half_of_the_variance_of_a_zero_arises_in_mid_flight() -> None:
     """A change of the zero of 2 Pa: a step of 1.41 Pa, besides the hysteresis."""
     uncertainty = replace(HYSTERESIS.uncertainty, transducer_zero_Pa=2.0)
-    found = with_transducer_uncertainty(None, values_from, AIR, replace(AIRCRAFT, uncertainty=uncertainty))
-    assert found is not None and len(found.changes) == 2 * len(AIR_DATA_CHANNELS)
+    assumption_uncertainty = with_transducer_uncertainty(
+        None, values_from, AIR, replace(AIRCRAFT, uncertainty=uncertainty)
+    )
+    assert assumption_uncertainty is not None and len(assumption_uncertainty.changes) == 2 * len(AIR_DATA_CHANNELS)
     for channel, name in ZERO_STEPS.items():
         change = values_from(with_zero_step(AIR, channel, 2**0.5)) - values_from(AIR)
         assert np.abs(change).max() > 1e-3
-        assert found.changes[name] == pytest.approx(change)
-    assert found.covariance == pytest.approx(sum(np.outer(change, change) for change in found.changes.values()))
+        assert assumption_uncertainty.changes[name] == pytest.approx(change)
+    assert assumption_uncertainty.covariance == pytest.approx(
+        sum(np.outer(change, change) for change in assumption_uncertainty.changes.values())
+    )
 
 
 def test_transducers_without_errors_add_nothing() -> None:
@@ -63,9 +67,14 @@ def test_a_motor_speed_in_steps_is_wrong_by_a_part_of_one_throughout() -> None:
     def thrust(table: pd.DataFrame) -> np.ndarray:
         return np.array([table["n_revps"].iloc[500] ** 2, table["n_revps"].iloc[0]])
 
-    found = with_step_of_motor_speed(None, thrust, air, 25 / 7)
-    assert found is not None and list(found.changes) == ["step of the motor speed"]
-    assert found.changes["step of the motor speed"] == pytest.approx([0.0254e4, 0.0], rel=0.01), "none where it stands"
-    assert found.covariance[0, 0] == pytest.approx(0.0254e4**2, rel=0.02) and "3.6 rev/s" in found.notes[0]
+    assumption_uncertainty = with_step_of_motor_speed(None, thrust, air, 25 / 7)
+    assert assumption_uncertainty is not None and list(assumption_uncertainty.changes) == ["step of the motor speed"]
+    assert assumption_uncertainty.changes["step of the motor speed"] == pytest.approx([0.0254e4, 0.0], rel=0.01), (
+        "none where it stands"
+    )
+    assert (
+        assumption_uncertainty.covariance[0, 0] == pytest.approx(0.0254e4**2, rel=0.02)
+        and "3.6 rev/s" in assumption_uncertainty.notes[0]
+    )
     assert with_step_of_motor_speed(None, thrust, air, 0.02) is None
-    assert with_step_of_motor_speed(found, thrust, air, 0.0) is found
+    assert with_step_of_motor_speed(assumption_uncertainty, thrust, air, 0.0) is assumption_uncertainty

@@ -180,17 +180,17 @@ def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
     own = covariance.floor()
     noise = 1e-8 * np.eye(3)
     C = own + sum(shares.values())
-    found = MethodEstimate(
+    method_estimate = MethodEstimate(
         PIW_VIW_THREE, Polar(polar(), noise + C), noise, C, sensitivities=sensitivities, flown_CL=(0.3, 1.0)
     )
-    result, flown_CL, _ = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, AIRCRAFT, "flight.mcap")
+    result, flown_CL, _ = fallback([method_estimate, MethodEstimate(VARIED_LIFT)], trajectory, AIRCRAFT, "flight.mcap")
     assert flown_CL == (0.3, 1.0)
     assert result.values == pytest.approx([*polar(), 0.0, 0.0])
     for i, name in ((3, "thrust_scale"), (4, "thrust_slope")):
         variance = result.systematic[i, i]
         assert np.sqrt(variance) == pytest.approx(PRIOR_SIGMA[name])
         assert result.systematic[:3, i] / variance == pytest.approx(sensitivities[name])
-    errors = [one.standard_error for one in result.parameters[:5]]
+    errors = [parameter.standard_error for parameter in result.parameters[:5]]
     assert errors == pytest.approx(np.sqrt(np.diag(result.noise + result.systematic)))
     C_thrust = result.systematic[3:, 3:]
     rest = C - result.systematic[:3, 3:] @ np.linalg.inv(C_thrust) @ result.systematic[3:, :3]
@@ -199,7 +199,7 @@ def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
     # Thrust on a stand: its prior instead of that of the table.
     on_stand = replace(AIRCRAFT, propulsion=replace(AIRCRAFT.propulsion, static_thrust_ratio=1.05))
     prior, S = thrust_prior(on_stand), np.stack(list(sensitivities.values()), axis=1)
-    after, *_ = fallback([found, MethodEstimate(VARIED_LIFT)], trajectory, on_stand, "flight.mcap")
+    after, *_ = fallback([method_estimate, MethodEstimate(VARIED_LIFT)], trajectory, on_stand, "flight.mcap")
     assert after.values == pytest.approx([*(polar() + S @ prior.mean), *prior.mean])
     assert after.systematic == pytest.approx(
         np.block([[own + S @ prior.covariance @ S.T, S @ prior.covariance], [prior.covariance @ S.T, prior.covariance]])

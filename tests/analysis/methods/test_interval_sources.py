@@ -59,17 +59,17 @@ def test_the_sources_add_up_to_the_variance_of_the_curve() -> None:
     whole = covariance[:3, :3] + sum(np.outer(change[:3], change[:3]) for change in changes.values())
     polar = Polar(np.array([0.045, 0.0, 0.065]), whole)
     estimate = SimpleNamespace(polar=polar, joint=joint(covariance, **changes))
-    found = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
-    assert {Share.NOISE, Share.UPDRAFT, Share.TRANSDUCERS} <= found.keys() and Share.WEIGHT not in found
-    assert np.sqrt(sum(found.values())) == pytest.approx(power_required(V, polar, CONDITION)[1], rel=1e-9)
+    variances = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
+    assert {Share.NOISE, Share.UPDRAFT, Share.TRANSDUCERS} <= variances.keys() and Share.WEIGHT not in variances
+    assert np.sqrt(sum(variances.values())) == pytest.approx(power_required(V, polar, CONDITION)[1], rel=1e-9)
 
 
 def test_a_curve_by_another_method_has_noise_and_what_all_runs_share() -> None:
     noise, shared = np.diag([1e-6, 0, 0]), np.diag([3e-6, 0, 0])
     polar = Polar(np.array([0.045, 0.0, 0.065]), noise + shared)
     estimate = SimpleNamespace(polar=polar, joint=None, noise=noise, systematic=shared)
-    found = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
-    assert found[Share.SHARED] / found[Share.NOISE] == pytest.approx(3.0)
+    variances = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
+    assert variances[Share.SHARED] / variances[Share.NOISE] == pytest.approx(3.0)
 
 
 def test_what_a_propeller_table_contributes_is_no_noise_that_more_runs_average() -> None:

@@ -16,12 +16,12 @@ from flightpower.analysis.methods import ladder as estimate_module
 from flightpower.analysis.methods.comparison import DYNAMIC
 from flightpower.analysis.methods.ladder import by_simpler_method, estimate
 from flightpower.analysis.methods.method import MethodEstimate
-from flightpower.analysis.methods.methods import DIRECT, LADDER, NoMethod, fallback, informative, narrower, why_not
+from flightpower.analysis.methods.methods import DIRECT, LADDER, NoMethod, fallback, informative, narrower, rejection_of
 from flightpower.analysis.methods.methods_from_runs import ENERGY, VARIED_LIFT
 from flightpower.analysis.methods.steady_points import PIW_VIW_THREE
 from flightpower.analysis.methods.thrust_prior import THRUST
 from flightpower.analysis.pipeline import runs as pipeline
-from flightpower.analysis.records.flight import CurveStatus, Trust, WhyNot
+from flightpower.analysis.records.flight import CurveStatus, MethodRejection, Trust
 from flightpower.analysis.results.evidence import noise_limit
 from flightpower.analysis.trajectory.as_measured import path_as_measured
 from flightpower.analysis.trajectory.observability import misfit, with_misfit
@@ -36,7 +36,7 @@ AIRCRAFT = load_aircraft("nexstar")
 GOOD, FLAT = np.array([0.04, 0.0, 0.06]), np.array([0.04, 0.0, -0.01])
 
 
-def found(method, A=GOOD, sigma: float = 1e-3) -> MethodEstimate:
+def estimate_of(method, A=GOOD, sigma: float = 1e-3) -> MethodEstimate:
     C = np.diag([sigma**2, 0.0, 0.0])
     return MethodEstimate(
         method, Polar(A, C), C, 0 * C, sensitivities={name: np.zeros(3) for name in THRUST}, flown_CL=(0.3, 1.0)
@@ -54,38 +54,44 @@ def path(flown):
 
 
 def test_a_polar_without_information_or_physics_is_no_curve() -> None:
-    assert why_not(None, (0.3, 1.0)) is WhyNot.NO_ESTIMATE
-    assert why_not(Polar(FLAT, np.zeros((3, 3))), (0.3, 1.0)) is WhyNot.UNPHYSICAL
+    assert rejection_of(None, (0.3, 1.0)) is MethodRejection.NO_ESTIMATE
+    assert rejection_of(Polar(FLAT, np.zeros((3, 3))), (0.3, 1.0)) is MethodRejection.UNPHYSICAL
     wide = Polar(GOOD, np.diag([0.06**2, 0, 0]))
-    assert why_not(wide, (0.3, 1.0)) is WhyNot.NO_INFORMATION and not informative(wide, (0.3, 1.0))
-    assert why_not(Polar(GOOD, np.diag([0.02**2, 0, 0])), (0.3, 1.0)) is WhyNot.NONE
+    assert rejection_of(wide, (0.3, 1.0)) is MethodRejection.NO_INFORMATION and not informative(wide, (0.3, 1.0))
+    assert rejection_of(Polar(GOOD, np.diag([0.02**2, 0, 0])), (0.3, 1.0)) is MethodRejection.NONE
 
 
 @pytest.mark.parametrize(
     ("estimates", "reasons"),
     [
-        ([found(ENERGY), found(PIW_VIW_THREE)], [WhyNot.NONE]),
-        ([found(ENERGY, sigma=0.2), found(PIW_VIW_THREE)], [WhyNot.NO_INFORMATION, WhyNot.NONE]),
-        ([found(ENERGY, FLAT), MethodEstimate(PIW_VIW_THREE, notes=("few",)), found(VARIED_LIFT)],
-         [WhyNot.UNPHYSICAL, WhyNot.NO_ESTIMATE, WhyNot.NONE]),
-        ([found(DIRECT), found(VARIED_LIFT)], [WhyNot.NONE]),
+        ([estimate_of(ENERGY), estimate_of(PIW_VIW_THREE)], [MethodRejection.NONE]),
+        ([estimate_of(ENERGY, sigma=0.2), estimate_of(PIW_VIW_THREE)],
+         [MethodRejection.NO_INFORMATION, MethodRejection.NONE]),
+        ([estimate_of(ENERGY, FLAT), MethodEstimate(PIW_VIW_THREE, notes=("few",)), estimate_of(VARIED_LIFT)],
+         [MethodRejection.UNPHYSICAL, MethodRejection.NO_ESTIMATE, MethodRejection.NONE]),
+        ([estimate_of(DIRECT), estimate_of(VARIED_LIFT)], [MethodRejection.NONE]),
     ],
 )  # fmt: skip
 def test_the_first_method_of_the_ladder_that_informs_gives_the_curve(path, estimates, reasons) -> None:
     estimate, _, tried = fallback(estimates, path, AIRCRAFT, "flight.mcap")
-    assert [one.reason for one in tried] == reasons
-    assert [one.name for one in tried] == [name for name in LADDER if name in {e.method.name for e in estimates}][
+    assert [item.reason for item in tried] == reasons
+    assert [item.name for item in tried] == [name for name in LADDER if name in {e.method.name for e in estimates}][
         : len(tried)
     ]
-    assert estimate.status is CurveStatus.BY_ANOTHER_METHOD and all(one.text for one in tried[:-1])
+    assert estimate.status is CurveStatus.BY_ANOTHER_METHOD and all(item.text for item in tried[:-1])
 
 
 def test_where_no_method_gives_a_curve_each_has_a_reason(path) -> None:
     with pytest.raises(NoMethod) as refused:
-        fallback([found(ENERGY, sigma=0.2), MethodEstimate(PIW_VIW_THREE, notes=("few",))], path, AIRCRAFT, "flight")
-    assert [one.reason for one in refused.value.tried] == [WhyNot.NO_INFORMATION, WhyNot.NO_ESTIMATE]
+        fallback(
+            [estimate_of(ENERGY, sigma=0.2), MethodEstimate(PIW_VIW_THREE, notes=("few",))], path, AIRCRAFT, "flight"
+        )
+    assert [method_tried.reason for method_tried in refused.value.tried] == [
+        MethodRejection.NO_INFORMATION,
+        MethodRejection.NO_ESTIMATE,
+    ]
     text = str(refused.value)
-    assert WhyNot.NO_INFORMATION in text and WhyNot.NO_ESTIMATE in text and not text.endswith(": ")
+    assert MethodRejection.NO_INFORMATION in text and MethodRejection.NO_ESTIMATE in text and not text.endswith(": ")
 
 
 def test_without_a_trajectory_the_energy_of_the_runs_still_gives_the_truth(flown, path) -> None:
@@ -93,7 +99,10 @@ def test_without_a_trajectory_the_energy_of_the_runs_still_gives_the_truth(flown
     assert path.as_measured and not path.converged
     record = record_of(flown, flown.table, path)
     drag = estimate(record)
-    assert [one.reason for one in drag.ladder] == [WhyNot.NO_TRAJECTORY, WhyNot.NONE]
+    assert [method_tried.reason for method_tried in drag.ladder] == [
+        MethodRejection.NO_TRAJECTORY,
+        MethodRejection.NONE,
+    ]
     assert drag.ladder[-1].name == ENERGY.name and drag.cross_check is None
     assert np.all(half_widths(drag, record, flown) < 0.5)
 
@@ -126,15 +135,15 @@ def test_where_the_path_does_not_fit_a_late_altimeter_energy_gives_a_narrower_cu
     dynamic = estimate(record := record_of(flown, late, trajectory))
     as_measured = record_of(flown, late, path_as_measured(late, flown.still))
     simpler = by_simpler_method(as_measured, dynamic)
-    assert [one.reason for one in dynamic.ladder] == [WhyNot.NONE] and simpler is not None
-    assert [(one.name, one.reason) for one in simpler.drag.ladder] == [
-        (DYNAMIC, WhyNot.MISFIT), (ENERGY.name, WhyNot.NONE),
+    assert [method_tried.reason for method_tried in dynamic.ladder] == [MethodRejection.NONE] and simpler is not None
+    assert [(method_tried.name, method_tried.reason) for method_tried in simpler.drag.ladder] == [
+        (DYNAMIC, MethodRejection.MISFIT), (ENERGY.name, MethodRejection.NONE),
     ]  # fmt: skip
     assert simpler.drag.main.status is CurveStatus.BY_ANOTHER_METHOD and simpler.drag.cross_check is None
     assert np.mean(half_widths(simpler.drag, record, flown)) < np.mean(half_widths(dynamic, record, flown))
     limit = noise_limit(1 + len(simpler.drag.runs_against_others))
     agreement = [*simpler.drag.runs_against_others, simpler.drag.accelerations_against_decelerations]
-    assert len(agreement) > 1 and all(abs(one.z) < limit for one in agreement)
+    assert len(agreement) > 1 and all(abs(item.z) < limit for item in agreement)
     monkeypatch.setattr(estimate_module, "estimate", lambda _: simpler.drag)
     certain = replace(dynamic, main=replace(dynamic.main, polar=Polar(dynamic.main.polar.A, np.zeros((3, 3)))))
     assert by_simpler_method(as_measured, certain) is None, "a narrower interval stays"
@@ -165,7 +174,7 @@ def test_only_a_curve_not_to_be_trusted_on_a_path_in_misfit_gives_way(
     monkeypatch.setattr(pipeline, "by_simpler_method", lambda *_: other)
     monkeypatch.setattr(
         pipeline, "_analysis",
-        lambda one, *_: SimpleNamespace(method=one.method, results=SimpleNamespace(trust=given[one.method])),
+        lambda item, *_: SimpleNamespace(method=item.method, results=SimpleNamespace(trust=given[item.method])),
     )  # fmt: skip
     nothing: Any = None
     assert pipeline.analyze_runs(nothing).method == chosen  # type: ignore[attr-defined]
@@ -189,10 +198,10 @@ def test_at_noon_the_updraft_is_larger_without_a_trajectory_too(flown, path, mon
     updraft_mps = []
     for sun_deg in (-5, 60):
         monkeypatch.setattr(flight, "sun_over", lambda fix, sun_deg=sun_deg: np.radians(sun_deg))
-        found = flight.reconstructed(record)
-        assert found.trajectory.as_measured
-        updraft_mps.append(found.trajectory.eddies_mps)
-        assert found.trajectory.prior_standard_error("updraft") == found.aircraft.uncertainty.updraft_mps
+        result = flight.reconstructed(record)
+        assert result.trajectory.as_measured
+        updraft_mps.append(result.trajectory.eddies_mps)
+        assert result.trajectory.prior_standard_error("updraft") == result.aircraft.uncertainty.updraft_mps
     assert updraft_mps[0] == 0 and updraft_mps[1] > 10 * AIRCRAFT.uncertainty.updraft_mps
 
 

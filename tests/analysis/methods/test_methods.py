@@ -99,9 +99,9 @@ def test_piw_and_viw_are_independent_of_weight_and_density() -> None:
     heavier = dataclasses.replace(AIRCRAFT, mass=dataclasses.replace(AIRCRAFT.mass, weight_N=1.3 * W))
     factor = np.sqrt(1.3 * 1.15 / 0.9)
     there = [flown(np.full(60, factor * V), A, 0.9, weight_N=1.3 * W) for V in SPEEDS]
-    one = piw_viw(steady_means(*here, AIRCRAFT), AIRCRAFT)
+    points = piw_viw(steady_means(*here, AIRCRAFT), AIRCRAFT)
     other = piw_viw(steady_means(*joined(there, "steady"), heavier), heavier)
-    assert np.array(other) == pytest.approx(np.array(one), rel=1e-9)
+    assert np.array(other) == pytest.approx(np.array(points), rel=1e-9)
 
 
 def test_piw_is_power_at_the_standard_weight_and_sea_level() -> None:

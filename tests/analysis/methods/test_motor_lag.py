@@ -33,18 +33,18 @@ def flight(late_s: float) -> tuple[Trajectory, list[Maneuver]]:
 
 @pytest.mark.parametrize("late_s", [0.15, -0.1])
 def test_a_late_motor_speed_is_found_and_the_polar_is_right(late_s: float) -> None:
-    found = estimate_polar(*flight(late_s), AIRCRAFT, PROPELLER)
-    assert found.joint is not None
-    assert found.joint.parameters.value[found.joint.names.index(PARAMETER)] == pytest.approx(late_s, abs=0.02)
+    result = estimate_polar(*flight(late_s), AIRCRAFT, PROPELLER)
+    assert result.joint is not None
+    assert result.joint.parameters.value[result.joint.names.index(PARAMETER)] == pytest.approx(late_s, abs=0.02)
     powers = np.vander(CL, 3, increasing=True)
-    error = np.abs(powers @ (found.polar.A - polar())) / (powers @ polar())
+    error = np.abs(powers @ (result.polar.A - polar())) / (powers @ polar())
     assert error.max() < 0.035, "of the second order in the lag"
-    assert "doubt of the motor speed" in found.joint.parameters.shared
+    assert "doubt of the motor speed" in result.joint.parameters.shared
 
 
 def test_a_motor_speed_in_time_has_no_lag() -> None:
-    found = estimate_polar(*flight(0.0), AIRCRAFT, PROPELLER)
-    assert found.joint is not None and PARAMETER not in found.joint.names
+    polar = estimate_polar(*flight(0.0), AIRCRAFT, PROPELLER)
+    assert polar.joint is not None and PARAMETER not in polar.joint.names
 
 
 def test_runs_with_little_thrust_tell_blades_that_fold_from_those_that_windmill() -> None:

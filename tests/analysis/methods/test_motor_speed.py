@@ -31,33 +31,33 @@ def drag(A: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(("lost", "above_revps"), [(LOST, ABOVE_REVPS), (1 / 7, 0.0), (-1 / 6, 0.0)])
 def test_a_wrong_count_is_found_and_the_polar_is_right(lost: float, above_revps: float) -> None:
     trajectory, runs = flight(lost=lost, above_revps=above_revps)
-    found = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
+    result = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
     sound = estimate_polar(*flight(), AIRCRAFT, PROPELLER)
-    assert found.joint is not None
-    share = found.joint.parameters.value[found.joint.names.index(PARAMETER)]
+    assert result.joint is not None
+    share = result.joint.parameters.value[result.joint.names.index(PARAMETER)]
     # Of lost pulses a part looks like a scale of thrust, within what its prior allows: 1.8 % are 0.9 % of motor speed.
     assert 1 + share == pytest.approx(1 / (1 - lost), abs=0.02 if above_revps == 0 else 0.015)
     powers = np.vander(CL, 3, increasing=True)
-    error = np.sqrt(np.einsum("ij,jk,ik->i", powers, found.polar.covariance, powers))
-    assert np.all(np.abs(drag(found.polar.A) - drag(polar())) < 2.5 * error)
+    error = np.sqrt(np.einsum("ij,jk,ik->i", powers, result.polar.covariance, powers))
+    assert np.all(np.abs(drag(result.polar.A) - drag(polar())) < 2.5 * error)
     uncertain = np.sqrt(np.einsum("ij,jk,ik->i", powers, sound.polar.covariance, powers))
     assert np.all(error > 0.99 * uncertain), "one more error to find leaves nothing better known"
-    assert any("than counted" in warning for warning in found.warnings)
+    assert any("than counted" in warning for warning in result.warnings)
 
 
 def test_a_sound_count_and_a_propeller_off_its_table_are_left_alone() -> None:
     f, runs = accelerations_and_decelerations()
     for trajectory in (flight()[0], measured(f, 0.06), measured(f, 0.0, 0.2)):
-        found = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
-        assert found.joint is not None and PARAMETER not in found.joint.names
+        polar = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
+        assert polar.joint is not None and PARAMETER not in polar.joint.names
 
 
 def test_the_derivative_by_motor_speed_predicts_the_thrust_of_a_corrected_one() -> None:
     trajectory, _ = flight()
     error = MotorSpeedError(ABOVE_REVPS, 0.001)
     counted, corrected = (
-        FlightForces(trajectory, AIRCRAFT, PROPELLER, motor_speed=one).nominal
-        for one in (error._replace(share=0.0), error)
+        FlightForces(trajectory, AIRCRAFT, PROPELLER, motor_speed=item).nominal
+        for item in (error._replace(share=0.0), error)
     )
     change = corrected["thrust_along_V_over_m_mps2"] - counted["thrust_along_V_over_m_mps2"]
     fast = (counted["n"] > ABOVE_REVPS).to_numpy()

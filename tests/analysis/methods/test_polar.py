@@ -103,7 +103,7 @@ def test_a_polar_without_a_minimum_has_no_special_speed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("A", "variance", "said"),
+    ("A", "variance", "message"),
     [
         ([0.045, -0.02, 0.065], 1e-6, ""),
         ([-0.01, 0.02, 0.065], 1e-6, ""),  # a parabola that is sound over what was flown
@@ -112,9 +112,9 @@ def test_a_polar_without_a_minimum_has_no_special_speed() -> None:
         ([0.045, -0.02, 0.065], np.nan, "too narrow"),
     ],
 )
-def test_an_unphysical_polar_is_recognized(A: list[float], variance: float, said: str) -> None:
-    found = unphysical(Polar(np.array(A), variance * np.eye(3)), (0.3, 1.1))
-    assert (said in found) and bool(found) == bool(said)
+def test_an_unphysical_polar_is_recognized(A: list[float], variance: float, message: str) -> None:
+    result = unphysical(Polar(np.array(A), variance * np.eye(3)), (0.3, 1.1))
+    assert (message in result) and bool(result) == bool(message)
 
 
 def aloft(**columns) -> pd.DataFrame:

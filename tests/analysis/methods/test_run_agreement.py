@@ -40,7 +40,11 @@ def test_noise_alone_exceeds_the_limit_at_the_stated_rate_at_most() -> None:
     rng = np.random.default_rng(5)
     limit = noise_limit(5)
     alarms = sum(
-        max(abs(one.z) for one in runs_against_others(runs(rng, "acceleration", 5), AT, STATED)) > limit
+        max(
+            abs(runs_against_other.z)
+            for runs_against_other in runs_against_others(runs(rng, "acceleration", 5), AT, STATED)
+        )
+        > limit
         for _ in range(1000)
     )
     assert alarms <= 3 + 3 * np.sqrt(3)
@@ -48,14 +52,18 @@ def test_noise_alone_exceeds_the_limit_at_the_stated_rate_at_most() -> None:
 
 def test_z_of_sound_runs_has_unit_variance() -> None:
     rng = np.random.default_rng(6)
-    z = [one.z for _ in range(400) for one in runs_against_others(runs(rng, "deceleration", 2), AT, STATED)]
+    z = [
+        runs_against_other.z
+        for _ in range(400)
+        for runs_against_other in runs_against_others(runs(rng, "deceleration", 2), AT, STATED)
+    ]
     assert 0.85 < np.std(z) < 1.15
 
 
 def test_the_run_with_the_landing_gear_out_stands_out() -> None:
     first, *others = runs(np.random.default_rng(7), "acceleration", 4)
     compared = runs_against_others([with_gear(first), *others], AT, STATED)
-    worst = max(compared, key=lambda one: abs(one.z))
+    worst = max(compared, key=lambda runs_against_other: abs(runs_against_other.z))
     assert worst.run == first.method.title and worst.z > noise_limit(4) and worst.power_W > worst.others_W
 
 
@@ -66,7 +74,10 @@ def test_errors_that_all_runs_share_do_not_make_them_differ() -> None:
     ]
     alone = [replace(run, trajectory_deviations=np.zeros((3, 0)), sensitivities={}) for run in shared]
     with_shared, without = (runs_against_others(some, AT, STATED) for some in (shared, alone))
-    np.testing.assert_allclose([one.z for one in with_shared], [one.z for one in without])
+    np.testing.assert_allclose(
+        [runs_against_other.z for runs_against_other in with_shared],
+        [runs_against_other.z for runs_against_other in without],
+    )
 
 
 def test_a_run_is_compared_with_others_of_its_kind_that_share_lift_coefficients() -> None:

@@ -17,8 +17,8 @@ def test_speed_drawn_is_that_of_the_trajectory_times_the_scale_error_of_the_prob
     errors = trajectory.sensor_errors.copy()
     errors[SENSOR_ERRORS.index("V_scale")] = 0.03
     plain, scaled = (
-        estimate_polar(one, runs, AIRCRAFT, PROPELLER).fits[0].modeled["V, m/s"]
-        for one in (trajectory, replace(trajectory, sensor_errors=errors))
+        estimate_polar(item, runs, AIRCRAFT, PROPELLER).fits[0].modeled["V, m/s"]
+        for item in (trajectory, replace(trajectory, sensor_errors=errors))
     )
     before = 1 + trajectory.sensor_errors[SENSOR_ERRORS.index("V_scale")]
     assert np.asarray(scaled) / np.asarray(plain) == pytest.approx(1.03 / before, rel=1e-6)

@@ -38,8 +38,10 @@ def test_standard_errors_of_thrust_are_those_of_noise_that_lasts_four_blocks() -
         true = {name: ERROR_PRIOR_SIGMA[name] * rng.standard_normal() for name in off}
         white = rng.normal(0, SIGMA_MPS2, BLOCKS + CORRELATED - 1)
         noise = np.convolve(white, np.ones(CORRELATED) / np.sqrt(CORRELATED), "valid")
-        found = _thrust_errors(forces(true["thrust_scale"], true["thrust_slope"], noise), load_aircraft("nexstar"))
-        for name, (value, standard_error) in found.items():
+        thrust_errors = _thrust_errors(
+            forces(true["thrust_scale"], true["thrust_slope"], noise), load_aircraft("nexstar")
+        )
+        for name, (value, standard_error) in thrust_errors.items():
             assert standard_error < 0.4 * ERROR_PRIOR_SIGMA[name], "the flight tells more than the prior"
             off[name].append((value - true[name]) / standard_error)
     for name, errors in off.items():
@@ -49,10 +51,10 @@ def test_standard_errors_of_thrust_are_those_of_noise_that_lasts_four_blocks() -
 def test_the_errors_of_a_careful_installation_are_those_that_the_page_names() -> None:
     allowed = COMPARISON.installation_sigma
     assert allowed["alpha_bias"] == allowed["pitch"]
-    said = (
+    message = (
         f"after a careful installation ({np.degrees(allowed['pitch']):.2f} deg of angle of attack and of pitch,"
         f" {100 * allowed['alpha_scale']:.0f} % of the slope of angle of attack,"
         f" {100 * allowed['airspeed_scale']:.1f} % of airspeed, {1000 * allowed['lag']:.0f} ms,"
         f" {100 * allowed['thrust_scale']:.0f} % of thrust, and {allowed['thrust_slope']:.2f} of its slope over J)"
     )
-    assert said in " ".join(PAGE.read_text("utf-8").split())
+    assert message in " ".join(PAGE.read_text("utf-8").split())

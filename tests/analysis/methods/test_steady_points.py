@@ -38,16 +38,16 @@ def test_power_is_that_of_thrust_less_the_rates_of_kinetic_and_potential_energy(
     """Thrust inclined by alpha, a climb of 0.3 m/s, an acceleration of 0.01 m/s^2, all constant."""
     t = table().index.to_numpy()
     V = SPEED + 0.01 * (t - t.mean())
-    found = steady_means(table(V=V, Vdot=0.01, climb=0.3, alpha=0.1, thrust_x_over_m_mps2=1.5), [RUN], NEXSTAR)
+    means = steady_means(table(V=V, Vdot=0.01, climb=0.3, alpha=0.1, thrust_x_over_m_mps2=1.5), [RUN], NEXSTAR)
     expected = M * (1.5 * np.cos(0.1) * SPEED - 0.01 * SPEED - g * 0.3)
-    assert found.V == pytest.approx([SPEED]) and found.power_W == pytest.approx([expected])
+    assert means.V == pytest.approx([SPEED]) and means.power_W == pytest.approx([expected])
 
 
 def test_lift_carries_the_weight_in_a_turn_less_what_thrust_carries() -> None:
-    found = steady_means(table(bank=0.5, alpha=0.1), [RUN], NEXSTAR)
+    means = steady_means(table(bank=0.5, alpha=0.1), [RUN], NEXSTAR)
     lift_N = M * (g / np.cos(0.5) - 1.0 * np.sin(0.1))
-    assert found.lift_N == pytest.approx([lift_N])
-    assert found.lift_coefficient(NEXSTAR) == pytest.approx([lift_N / (RHO / 2 * SPEED**2 * AREA)])
+    assert means.lift_N == pytest.approx([lift_N])
+    assert means.lift_coefficient(NEXSTAR) == pytest.approx([lift_N / (RHO / 2 * SPEED**2 * AREA)])
 
 
 def test_the_standard_error_is_that_of_table_gusts_and_scatter() -> None:
@@ -73,8 +73,8 @@ def test_a_pilot_s_speed_changes_and_climbs_are_no_scatter_of_drag() -> None:
     flown = table(Vdot=0.3 * wave, gamma=0.02 * wave, thrust_x_over_m_mps2=1.0 + 0.3 * wave + g * np.sin(0.02 * wave))
     flown.index += 500.0
     late = Maneuver(STEADY, slice(None), 500.0, 500.0 + SECONDS, SPEED, SPEED, 0.0)
-    found = steady_means(flown, [late], NEXSTAR)
-    assert found.power_error_W == pytest.approx(0.005 * found.power_W)
+    means = steady_means(flown, [late], NEXSTAR)
+    assert means.power_error_W == pytest.approx(0.005 * means.power_W)
     scattered = table(thrust_x_over_m_mps2=1.0 + 0.3 * wave)
     before = steady_means(scattered, [RUN], NEXSTAR).power_error_W
     scattered.index += 500.0
@@ -135,6 +135,6 @@ def test_the_error_of_what_is_regressed_is_as_large_a_share_as_that_of_power() -
     method = steady_method("test", "test", "", np.array([[1.0], [0.0], [0.0]]), drag)
     noisy = 1.0 + np.random.default_rng(0).normal(0, 0.1, len(table()))
     assert method.regression is not None
-    found = method.regression(table(thrust_x_over_m_mps2=noisy), [RUN], NEXSTAR)
-    assert found.sigma / found.z == pytest.approx(seen[0].power_error_W / seen[0].power_W)
-    assert (found.sigma > 0).all()
+    regression = method.regression(table(thrust_x_over_m_mps2=noisy), [RUN], NEXSTAR)
+    assert regression.sigma / regression.z == pytest.approx(seen[0].power_error_W / seen[0].power_W)
+    assert (regression.sigma > 0).all()

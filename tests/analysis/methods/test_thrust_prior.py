@@ -51,19 +51,19 @@ def fitted(aircraft: Aircraft, noise_mps2: float = 0.02, slope: float = SLOPE, s
 
 def test_the_prior_is_the_conditional_distribution_of_two_independent_errors_given_their_combination() -> None:
     """Closed form for jointly normal x = (scale, slope) and y = scale - slope/2 + e (e.g. Bishop 2006, 2.81, 2.82)."""
-    found = thrust_prior(on_stand(1.03, static_thrust_ratio_fraction=0.01, thrust_curvature_fraction=0.02))
+    prior = thrust_prior(on_stand(1.03, static_thrust_ratio_fraction=0.01, thrust_curvature_fraction=0.02))
     s2, k2 = 0.018**2, 0.15**2
     y2 = s2 + k2 / 4 + (1.03 * 0.01) ** 2 + 0.02**2
-    assert found.mean == pytest.approx([s2 * 0.03 / y2, -k2 / 2 * 0.03 / y2])
+    assert prior.mean == pytest.approx([s2 * 0.03 / y2, -k2 / 2 * 0.03 / y2])
     expected = [[s2 - s2**2 / y2, s2 * k2 / 2 / y2], [s2 * k2 / 2 / y2, k2 - k2**2 / 4 / y2]]
-    assert found.covariance == pytest.approx(np.array(expected))
-    assert found.information @ found.covariance == pytest.approx(np.eye(2), abs=1e-9)
-    assert found.information @ found.mean == pytest.approx(found.vector)
+    assert prior.covariance == pytest.approx(np.array(expected))
+    assert prior.information @ prior.covariance == pytest.approx(np.eye(2), abs=1e-9)
+    assert prior.information @ prior.mean == pytest.approx(prior.vector)
 
 
 def test_without_a_stand_the_priors_are_independent() -> None:
-    found = thrust_prior(NEXSTAR)
-    assert found.mean.tolist() == [0, 0] and found.covariance == pytest.approx(np.diag([0.018**2, 0.15**2]))
+    prior = thrust_prior(NEXSTAR)
+    assert prior.mean.tolist() == [0, 0] and prior.covariance == pytest.approx(np.diag([0.018**2, 0.15**2]))
     assert drag_model(NEXSTAR).prior_measurements == ()
 
 
@@ -95,11 +95,11 @@ def test_a_parameter_that_is_fixed_counts_with_its_value() -> None:
     by_stand = replace(model, prior_measurements=(measurement,))
     no_own = {"thrust_slope": {"prior_sigma": np.inf}}
     as_prior = model.changed(thrust_slope={"prior_mean": -0.04, "prior_sigma": 0.04})
-    segments = [one.segment for one in fitted(NEXSTAR).segment_fits]
-    found, expected = (fit_output_error(m, segments) for m in (by_stand.changed(**no_own), as_prior))
-    assert found.values == pytest.approx(expected.values, rel=1e-6)
-    assert found.covariance == pytest.approx(expected.covariance, rel=1e-6)
-    assert found.negative_log_likelihood == pytest.approx(expected.negative_log_likelihood, rel=1e-9)
+    segments = [segment_fit.segment for segment_fit in fitted(NEXSTAR).segment_fits]
+    result, expected = (fit_output_error(m, segments) for m in (by_stand.changed(**no_own), as_prior))
+    assert result.values == pytest.approx(expected.values, rel=1e-6)
+    assert result.covariance == pytest.approx(expected.covariance, rel=1e-6)
+    assert result.negative_log_likelihood == pytest.approx(expected.negative_log_likelihood, rel=1e-9)
 
 
 def test_a_stand_that_the_flight_contradicts_is_named_and_widens_the_interval() -> None:
@@ -122,13 +122,13 @@ def test_results_have_the_stand_for_pools_and_thrust_at_rest(probe) -> None:
     f, runs = accelerations_and_decelerations()
     aircraft = on_stand(1.1, static_thrust_ratio_fraction=1e-4, thrust_curvature_fraction=0.0)
     estimate = estimate_polar(measured(f), runs, aircraft, PROPELLER)
-    found = static_thrust(estimate)
-    assert (found.value, found.standard_error) == pytest.approx((1.1, 1.1e-4), rel=0.02)
+    thrust = static_thrust(estimate)
+    assert (thrust.value, thrust.standard_error) == pytest.approx((1.1, 1.1e-4), rel=0.02)
     statistics = pooling_statistics(estimate, (0.3, 1.0), aircraft, PROPELLER, Calibrations(probe))
     assert statistics is not None
-    (one,) = statistics.prior_measurements or []
-    assert one.coefficients == {"thrust_scale": 1.0, "thrust_slope": -0.5}
-    assert (one.value, one.sigma) == pytest.approx((0.1, 1.1e-4))
+    (prior_measurement,) = statistics.prior_measurements or []
+    assert prior_measurement.coefficients == {"thrust_scale": 1.0, "thrust_slope": -0.5}
+    assert (prior_measurement.value, prior_measurement.sigma) == pytest.approx((0.1, 1.1e-4))
     without = pooling_statistics(
         estimate_polar(measured(f), runs, NEXSTAR, PROPELLER), (0.3, 1.0), NEXSTAR, PROPELLER, Calibrations(probe)
     )
@@ -155,8 +155,10 @@ def test_errors_that_explain_disagreements_have_the_stand() -> None:
     forces["thrust_along_V_over_m_mps2"] = 3.0 + np.cos(np.arange(n) / 20)
     exact = on_stand(1.1, static_thrust_ratio_fraction=1e-4, thrust_curvature_fraction=0.0)
     for rows in (n, 5):  # too few are the prior
-        found = _thrust_errors(forces[:rows], exact)
-        assert found["thrust_scale"].value - found["thrust_slope"].value / 2 == pytest.approx(0.1, abs=1e-3)
+        thrust_errors = _thrust_errors(forces[:rows], exact)
+        assert thrust_errors["thrust_scale"].value - thrust_errors["thrust_slope"].value / 2 == pytest.approx(
+            0.1, abs=1e-3
+        )
 
 
 def test_a_ratio_beyond_the_priors_of_the_table_is_doubted() -> None:

@@ -73,9 +73,9 @@ def test_a_wind_that_the_flight_hardly_advances_against_is_warned_of(nexstar: Ex
 
 def test_without_a_heading_there_is_no_map_and_without_a_direction_no_wind_in_it(nexstar: ExpectedAircraft) -> None:
     def drawn(**given: float) -> str:
-        found = plan(nexstar)
-        found.request = replace(found.request, **given)
-        return card._map(found)
+        planned = plan(nexstar)
+        planned.request = replace(planned.request, **given)
+        return card._map(planned)
 
     assert drawn() == "" == drawn(wind_from_deg=270.0)
     assert "N</text>" in drawn(heading_deg=0.0) and "kt" not in drawn(heading_deg=0.0)

@@ -106,21 +106,21 @@ def test_the_fastest_level_speed_is_where_full_thrust_equals_drag(nexstar: Expec
 
 def test_an_assumed_motor_turns_as_the_throttle_and_gives_the_speed_told(aircraft: Aircraft) -> None:
     keys = aircraft.keys - {"propulsion.motor_resistance"}
-    found = expected_aircraft(replace(aircraft, keys=keys), HEIGHT_M, fastest_mps=30.0)
-    assert found.fastest_mps == 30.0 and "a motor that gives 30 m/s" in found.basis
-    assert found.thrust_N(1.0, 30.0) == pytest.approx(float(found.drag_N(30.0)), rel=0.02)
-    V = np.array([found._grid_V[6]] * 2)
-    thrust = np.array([found.thrust_N(throttle, V[0]) for throttle in (1.0, 0.9)])
-    n = found.revps_of_thrust(V, thrust)
+    result = expected_aircraft(replace(aircraft, keys=keys), HEIGHT_M, fastest_mps=30.0)
+    assert result.fastest_mps == 30.0 and "a motor that gives 30 m/s" in result.basis
+    assert result.thrust_N(1.0, 30.0) == pytest.approx(float(result.drag_N(30.0)), rel=0.02)
+    V = np.array([result._grid_V[6]] * 2)
+    thrust = np.array([result.thrust_N(throttle, V[0]) for throttle in (1.0, 0.9)])
+    n = result.revps_of_thrust(V, thrust)
     assert n[1] / n[0] == pytest.approx(0.9, rel=1e-3)
 
 
 def test_what_is_known_of_an_earlier_flight_is_used(aircraft: Aircraft) -> None:
     A = np.array([0.03, -0.01, 0.05])
-    found = expected_aircraft(aircraft, HEIGHT_M, A=A, stall_mps=9.0)
-    assert found.A is A and found.stall_mps == 9.0 and found.stall_basis == "as given"
-    assert "drag of the earlier flights" in found.basis
-    assert found.aircraft.mass.weight_N == pytest.approx(found.aircraft.mass_kg * GRAVITY_MPS2)
+    result = expected_aircraft(aircraft, HEIGHT_M, A=A, stall_mps=9.0)
+    assert result.A is A and result.stall_mps == 9.0 and result.stall_basis == "as given"
+    assert "drag of the earlier flights" in result.basis
+    assert result.aircraft.mass.weight_N == pytest.approx(result.aircraft.mass_kg * GRAVITY_MPS2)
 
 
 def test_any_speed_of_rotation_from_5_to_400_a_second_is_found(nexstar: ExpectedAircraft) -> None:

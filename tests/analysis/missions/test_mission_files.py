@@ -37,9 +37,9 @@ def plan_text(*items: dict[str, Any], **changed: Any) -> str:
 
 def waypoints_text(*items: dict[str, Any], home: bool = True) -> str:
     rows: list[list[Any]] = [[0, 1, 0, 16, 0, 0, 0, 0, *(HOME_DEG if home else (0, 0)), 500, 1]]
-    for number, one in enumerate(items, start=1):
-        params = [0.0 if value is None else value for value in one["params"]]
-        rows.append([number, 0, one["frame"], one["command"], *params, 1])
+    for number, item in enumerate(items, start=1):
+        params = [0.0 if value is None else value for value in item["params"]]
+        rows.append([number, 0, item["frame"], item["command"], *params, 1])
     return "\n".join(["QGC WPL 110", *("\t".join(str(x) for x in row) for row in rows)])
 
 
@@ -96,7 +96,7 @@ def test_circles_holds_drops_and_climbs_are_taken_over(tmp_path: Path) -> None:
 
 def test_a_speed_goes_back_to_the_default_and_stays_without_change(tmp_path: Path) -> None:
     changes = [item(178, 0, speed, -1) for speed in (18.0, -1.0, -2.0)]
-    mission = read(tmp_path, plan_text(*(one for change in changes for one in (change, item(16, east_km=1.0)))))
+    mission = read(tmp_path, plan_text(*(entry for change in changes for entry in (change, item(16, east_km=1.0)))))
     assert [step.speed for step in mission.steps[:3]] == [Speed(18.0), Speed(18.0), None]
 
 
@@ -112,8 +112,8 @@ def test_a_plan_for_a_multicopter_is_named(tmp_path: Path) -> None:
     """Six of thirteen public plans are, with legs of a few meters; those for a wing and for a VTOL say nothing."""
     for kind, expected in ((2, "quadrotor (vehicleType 2)"), (11, "boat"), (1, ""), (20, ""), (None, "")):
         notes = read(tmp_path, plan_text(item(16, east_km=1.0), cruiseSpeed=0, vehicleType=kind)).notes
-        told = [note for note in notes if "vehicleType" in note]
-        assert len(told) == bool(expected) and all(expected in note for note in told)
+        message = [note for note in notes if "vehicleType" in note]
+        assert len(message) == bool(expected) and all(expected in note for note in message)
 
 
 @pytest.mark.parametrize("command", [16, 22])
@@ -229,7 +229,7 @@ def test_a_mission_is_flown_up_to_its_landing(tmp_path: Path, after: list[dict[s
     """What follows are way-points of an aborted approach, whose jump back has no end, or another flight."""
     mission = read(tmp_path, waypoints_text(*LANDED, *after))
     assert [step.name for step in mission.steps] == ["1 take-off", "2 waypoint", "3 landing"]
-    assert len(mission.notes) == (note is not None) and all(said.endswith(note or "") for said in mission.notes)
+    assert len(mission.notes) == (note is not None) and all(message.endswith(note or "") for message in mission.notes)
 
 
 @pytest.mark.parametrize("write", [plan_text, waypoints_text])
@@ -288,12 +288,12 @@ def test_home_may_have_no_known_height_and_no_known_place(tmp_path: Path) -> Non
     high = item(16, frame=0, height_m=600.0, east_km=1.0)
     with pytest.raises(InputError, match="home's is not known; give --elevation"):
         read(tmp_path, plan_text(high, **unknown))
-    told = Assumed(elevation_m=450.0)
-    assert read(tmp_path, plan_text(high, **unknown), told).steps[0].to.height_m == 150
+    assumed = Assumed(elevation_m=450.0)
+    assert read(tmp_path, plan_text(high, **unknown), assumed).steps[0].to.height_m == 150
     zero = {"plannedHomePosition": [*HOME_DEG, 0]}
-    assert read(tmp_path, plan_text(high, **zero), told).steps[0].to.height_m == 150
+    assert read(tmp_path, plan_text(high, **zero), assumed).steps[0].to.height_m == 150
     assert any("home at 0 m" in note for note in read(tmp_path, plan_text(high, **zero)).notes)
-    assert read(tmp_path, plan_text(high), told).steps[0].to.height_m == 100, "the file knows it"
+    assert read(tmp_path, plan_text(high), assumed).steps[0].to.height_m == 100, "the file knows it"
     for nowhere in ([None, None, None], [0, 0, 0], []):
         with pytest.raises(InputError, match="has no home position"):
             read(tmp_path, plan_text(high, plannedHomePosition=nowhere))
@@ -330,9 +330,9 @@ def test_a_mission_file_before_plans_is_read(tmp_path: Path) -> None:
     """Version 1 of QGroundControl: four parameters, and the place in a key of its own."""
     plan = plan_text(item(22, 15, east_km=0.2), item(18, 3, 0, -60, east_km=1.0), item(20))
     items = [
-        {"type": "missionItem", "command": one["command"], "frame": one["frame"], "coordinate": one["params"][4:]}
-        | {f"param{i}": value for i, value in enumerate(one["params"][:4], start=1)}
-        for one in json.loads(plan)["mission"]["items"]
+        {"type": "missionItem", "command": item["command"], "frame": item["frame"], "coordinate": item["params"][4:]}
+        | {f"param{i}": value for i, value in enumerate(item["params"][:4], start=1)}
+        for item in json.loads(plan)["mission"]["items"]
     ]
     home = {"type": "missionItem", "command": 16, "coordinate": [*HOME_DEG, 500.0]}
     old = json.dumps({"MAV_AUTOPILOT": 3, "items": items, "complexItems": [], "plannedHomePosition": home})
@@ -343,11 +343,11 @@ def test_a_mission_file_before_plans_is_read(tmp_path: Path) -> None:
 def inav_text(*items: str, home: str = f'home-x="{HOME_DEG[1]}" home-y="{HOME_DEG[0]}"') -> str:
     """Each item: action, latitude, longitude, height and the parameters."""
     rows = []
-    for number, one in enumerate(items, start=1):
-        action, latitude, longitude, height_m, *params = one.split()
-        told = " ".join(f'parameter{i}="{value}"' for i, value in enumerate(params, start=1))
+    for number, item in enumerate(items, start=1):
+        action, latitude, longitude, height_m, *params = item.split()
+        message = " ".join(f'parameter{i}="{value}"' for i, value in enumerate(params, start=1))
         place = f'lat="{latitude}" lon="{longitude}" alt="{height_m}"'
-        rows.append(f'<missionitem no="{number}" action="{action}" {place} {told} flag="0"/>')
+        rows.append(f'<missionitem no="{number}" action="{action}" {place} {message} flag="0"/>')
     return f'<?xml version="1.0" encoding="utf-8"?>\n<mission><mwp zoom="14" {home}/>{"".join(rows)}</mission>'
 
 
@@ -367,15 +367,15 @@ def test_a_mission_of_inav_is_what_the_same_of_mavlink_is(tmp_path: Path) -> Non
         plan_text(item(16, east_km=1.0), item(19, 45, east_km=2.0, height_m=90.0), item(177, 1, 2), item(115, 90),
                   item(20), cruiseSpeed=0),
     )  # fmt: skip
-    assert inav.notes == mavlink.notes and [one.name for one in inav.steps] == [one.name for one in mavlink.steps]
-    for one, other in zip(inav.steps, mavlink.steps, strict=True):
-        assert one.to == pytest.approx(other.to, abs=0.01) and one.circle_s == other.circle_s and one.speed is None
+    assert inav.notes == mavlink.notes and [step.name for step in inav.steps] == [step.name for step in mavlink.steps]
+    for step, other in zip(inav.steps, mavlink.steps, strict=True):
+        assert step.to == pytest.approx(other.to, abs=0.01) and step.circle_s == other.circle_s and step.speed is None
     high = inav_text(f"WAYPOINT {EAST} 600 0 0 1")
     assert read(tmp_path, high, Assumed(elevation_m=500.0)).steps[0].to.height_m == 100
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (inav_text(f"POSHOLD_UNLIM {EAST} 80"), "circles without end; give a time"),
         (inav_text(f"HOVER {EAST} 80"), "item 1 of INAV is not understood"),
@@ -389,8 +389,8 @@ def test_a_mission_of_inav_is_what_the_same_of_mavlink_is(tmp_path: Path) -> Non
         ),
     ],
 )
-def test_a_mission_of_inav_that_is_wrong_is_one_line(text: str, said: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=said) as refused:
+def test_a_mission_of_inav_that_is_wrong_is_one_line(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message) as refused:
         read(tmp_path, text)
     assert "\n" not in str(refused.value)
 
@@ -450,9 +450,9 @@ def test_a_line_of_a_map_ends_at_home(tmp_path: Path) -> None:
 def test_a_line_above_the_sea_begins_where_home_is_told_to_be(tmp_path: Path) -> None:
     north = HOME_DEG[0] + 2 * NORTH_DEG
     absolute = KML.format("<altitudeMode>absolute</altitudeMode>", 560, north, 590)
-    guessed, told = read(tmp_path, absolute), read(tmp_path, absolute, Assumed(elevation_m=500.0))
+    guessed, message = read(tmp_path, absolute), read(tmp_path, absolute, Assumed(elevation_m=500.0))
     assert guessed.steps[0].to.height_m == 130 and "first point is taken 100 m above home" in guessed.notes[0]
-    assert told.steps[0].to.height_m == 90 and len(told.notes) == len(guessed.notes) - 1
+    assert message.steps[0].to.height_m == 90 and len(message.notes) == len(guessed.notes) - 1
 
 
 def test_the_flight_path_of_qgroundcontrol_begins_at_home_on_the_ground(tmp_path: Path) -> None:

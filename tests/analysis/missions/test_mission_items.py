@@ -118,11 +118,11 @@ def test_both_formats_hold_the_same_items(seed: int) -> None:
     plan = read_plan(plan_text(written, home, Vehicle("px4", 15.0, [(48.0, 11.0)])), "here")
     text = read_waypoints(waypoints_text(written, home), "here")
     assert plan.items == written and plan.start == text.start == home
-    for one, other in zip(plan.items, text.items, strict=True):
-        assert one[:3] == other[:3] and one.has_place == other.has_place
-        told = [*one.params, one.latitude_deg or 0.0, one.longitude_deg or 0.0, one.height_m]
+    for item, other in zip(plan.items, text.items, strict=True):
+        assert item[:3] == other[:3] and item.has_place == other.has_place
+        messages = [*item.params, item.latitude_deg or 0.0, item.longitude_deg or 0.0, item.height_m]
         again = [*other.params, other.latitude_deg or 0.0, other.longitude_deg or 0.0, other.height_m]
-        assert told == pytest.approx(again, abs=1e-8)
+        assert messages == pytest.approx(again, abs=1e-8)
 
 
 def test_a_parameter_that_is_not_given_is_null_in_a_plan_and_zero_in_waypoints() -> None:

@@ -36,7 +36,7 @@ def test_a_flight_stays_in_sight_in_any_wind(nexstar, pieces_flown: list[Piece],
     kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), wind_mps)
     assert farthest_m(kept, nexstar, wind_mps) < (1.1 if wind_mps < 5 else 1.5) * LEG_M
     assert farthest_m(plan, nexstar, wind_mps) > 1500.0
-    assert [type(one) for one in kept] == [type(one) for one in plan]
+    assert [type(maneuver) for maneuver in kept] == [type(maneuver) for maneuver in plan]
 
 
 def test_legs_end_at_the_same_two_places_and_take_longer_against_the_wind(nexstar: ExpectedAircraft) -> None:
@@ -47,7 +47,7 @@ def test_legs_end_at_the_same_two_places_and_take_longer_against_the_wind(nexsta
     history = fly(kept, nexstar, HEIGHT_M, wind_mps)
     at = np.rint(history.starts_s / 0.04).astype(int)[:-1]
     x, y = history.position_m.T
-    legs = [i for i, one in enumerate(kept) if isinstance(one, Hold)][3:-1]  # after the first, before landing
+    legs = [i for i, maneuver in enumerate(kept) if isinstance(maneuver, Hold)][3:-1]  # after the first, before landing
     ends = np.array([at[i + 1] for i in legs])
     assert np.ptp(y[ends]) < 60.0, "crabbed: all end on one line"
     seconds = {}
@@ -89,4 +89,4 @@ def test_without_a_turn_nothing_changes_and_no_wind_makes_a_plan_endless(nexstar
     assert kept_in_place(straight, nexstar, Space(LEG_M, HEIGHT_M), 8.0) == straight
     plan = sequence([Piece("", (Hold(20.0, 12.0), Turn(15.0)), None)] * 6, nexstar)  # type: ignore[arg-type]
     kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 20.0)
-    assert max(one.duration_s for one in kept if isinstance(one, Hold)) <= 20.0 + 120.0
+    assert max(maneuver.duration_s for maneuver in kept if isinstance(maneuver, Hold)) <= 20.0 + 120.0

@@ -31,18 +31,22 @@ def test_runs_go_from_the_slowest_speed_to_the_fastest_and_back(i, ramp_s, settl
     # Both runs last 38 s; what does not fit into one leg is flown on two, with a turn at the fast speed.
     needed_m = SLOW * settle_s + (SLOW + FAST) / 2 * 38 + hold_s * FAST
     for more_m, legs in ((1.0, 1), (-1.0, 2)):
-        found = list(pieces.run_pairs(AIRCRAFT, Space(needed_m + more_m, 60.0), WIND_KT))[i].maneuvers
-        assert sum(isinstance(one, Turn) for one in found) == legs
-    assert found[0] == Hold(settle_s / 2, pytest.approx(HELD)) and found[2] == Turn(pytest.approx(FAST), pi, 0.6)
+        maneuvers = list(pieces.run_pairs(AIRCRAFT, Space(needed_m + more_m, 60.0), WIND_KT))[i].maneuvers
+        assert sum(isinstance(maneuver, Turn) for maneuver in maneuvers) == legs
+    assert maneuvers[0] == Hold(settle_s / 2, pytest.approx(HELD)) and maneuvers[2] == Turn(
+        pytest.approx(FAST), pi, 0.6
+    )
 
 
 def test_circuits_are_at_six_speeds_for_8_to_60_seconds() -> None:
     for leg_m, least_s, most_s in ((400.0, 400 / 27.6, 400 / HELD), (50.0, 8.0, 8.0), (5000.0, 60.0, 60.0)):
-        found = list(pieces.circuits(AIRCRAFT, Space(leg_m, 60.0), WIND_KT))
-        assert [piece.maneuvers[0].speed_mps for piece in found] == pytest.approx([HELD, 13.0, 16.0, 23.1, 25.5, FAST])
-        seconds = [piece.maneuvers[0].duration_s for piece in found]
+        circuits = list(pieces.circuits(AIRCRAFT, Space(leg_m, 60.0), WIND_KT))
+        assert [piece.maneuvers[0].speed_mps for piece in circuits] == pytest.approx(
+            [HELD, 13.0, 16.0, 23.1, 25.5, FAST]
+        )
+        seconds = [piece.maneuvers[0].duration_s for piece in circuits]
         assert (min(seconds), max(seconds)) == pytest.approx((least_s, most_s))
-        for piece in found:
+        for piece in circuits:
             hold, turn, *again = piece.maneuvers
             assert again == [hold, turn] and turn.angle_rad == pi and turn.bank_rad == 0.6
             assert turn.speed_mps == pytest.approx(max(hold.speed_mps, turning_mps(0.6)))
@@ -52,27 +56,27 @@ def test_where_there_is_little_time_level_flight_and_porpoising_are_short_and_ru
     """20 s of porpoising, two legs of 10 s; beyond 10 and 8 s they say nothing more for being shorter."""
     wide, pilot = Space(5000.0, 60.0), Pilot(autopilot=False, load=1.0)
     for longest_s, porpoising_s, leg_s in ((20.0, 20.0, 10.0), (2.0, 10.0, 8.0), (1000.0, 75.0, 60.0)):
-        found = pieces.catalog(AIRCRAFT, wide, pilot, WIND_KT, longest_s)
-        flown = [piece.maneuvers for piece in found]
-        assert {one.duration_s for each in flown for one in each if isinstance(one, Porpoise)} == {porpoising_s}
-        of_circuits = [piece.maneuvers[0] for piece in found if piece.kind is pieces.PieceKind.CIRCUIT]
-        assert {one.duration_s for one in of_circuits if isinstance(one, Hold)} == {leg_s}
-        runs = [each for each in flown if any(isinstance(one, Run) for one in each)]
+        catalog = pieces.catalog(AIRCRAFT, wide, pilot, WIND_KT, longest_s)
+        flown = [piece.maneuvers for piece in catalog]
+        assert {item.duration_s for each in flown for item in each if isinstance(item, Porpoise)} == {porpoising_s}
+        of_circuits = [piece.maneuvers[0] for piece in catalog if piece.kind is pieces.PieceKind.CIRCUIT]
+        assert {circuit.duration_s for circuit in of_circuits if isinstance(circuit, Hold)} == {leg_s}
+        runs = [each for each in flown if any(isinstance(item, Run) for item in each)]
         assert runs == [piece.maneuvers for piece in pieces.run_pairs(AIRCRAFT, wide, WIND_KT)]
 
 
 def test_no_circuit_is_faster_than_the_fastest_planned() -> None:
     slow: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=15.0)
-    found = [piece.maneuvers[0].speed_mps for piece in pieces.circuits(slow, Space(400.0, 60.0), WIND_KT)]
-    assert found == pytest.approx([HELD, 13.0, 0.77 * 15, 0.85 * 15, 0.92 * 15])
+    speeds_mps = [piece.maneuvers[0].speed_mps for piece in pieces.circuits(slow, Space(400.0, 60.0), WIND_KT)]
+    assert speeds_mps == pytest.approx([HELD, 13.0, 0.77 * 15, 0.85 * 15, 0.92 * 15])
 
 
 def test_circles_are_two_at_three_speeds_and_two_banks() -> None:
-    held, found = zip(*(piece.maneuvers for piece in pieces.circles(AIRCRAFT, WIND_KT)), strict=True)
-    assert [one.speed_mps for one in held] == [one.speed_mps for one in found]
+    held, result = zip(*(piece.maneuvers for piece in pieces.circles(AIRCRAFT, WIND_KT)), strict=True)
+    assert [item.speed_mps for item in held] == [item.speed_mps for item in result]
     expected = [Turn(V, 4 * pi, bank) for bank in (0.6, 0.8) for V in (turning_mps(bank), 24.0, FAST)]
-    assert [(one.speed_mps, one.angle_rad, one.bank_rad) for one in found] == [
-        (pytest.approx(one.speed_mps), one.angle_rad, one.bank_rad) for one in expected
+    assert [(item.speed_mps, item.angle_rad, item.bank_rad) for item in result] == [
+        (pytest.approx(turn.speed_mps), turn.angle_rad, turn.bank_rad) for turn in expected
     ]
     titles = [piece.title for piece in pieces.circles(AIRCRAFT, WIND_KT)]
     assert titles[1] == "two circles at 24.0 m/s, bank 34°" and degrees(0.6) == pytest.approx(34, abs=0.5)
@@ -86,10 +90,10 @@ def test_circles_are_two_at_three_speeds_and_two_banks() -> None:
 def test_porpoising_is_where_the_wing_carries_more_than_its_load(load: float, over_stall: list[float]) -> None:
     """(V/V_stall)^2 >= 1.1^2 (1 + load), at two rates; for a leg less 4 s, from 10 to 75 s."""
     for leg_m, seconds in ((800.0, lambda V: 800 / V - 4.0), (100.0, lambda V: 10.0), (5000.0, lambda V: 75.0)):
-        found = list(pieces.porpoising(AIRCRAFT, Space(leg_m, 60.0), Pilot(autopilot=False, load=load), WIND_KT))
+        result = list(pieces.porpoising(AIRCRAFT, Space(leg_m, 60.0), Pilot(autopilot=False, load=load), WIND_KT))
         speeds = [10 * ratio for ratio in over_stall for _ in range(2)]
         cycles = [(1.8, 1.3), (2.4, 1.8)] * len(over_stall)
-        for piece, V, (first, last) in zip(found, speeds, cycles, strict=True):
+        for piece, V, (first, last) in zip(result, speeds, cycles, strict=True):
             hold, porpoise, turn = piece.maneuvers
             assert hold == Hold(4.0, pytest.approx(V))
             assert porpoise == Porpoise(pytest.approx(seconds(V)), pytest.approx(V), load, first, last)
@@ -104,7 +108,7 @@ def test_full_throttle_is_held_to_95_per_cent_of_the_fastest_speed() -> None:
 def test_a_flight_begins_and_ends_at_1_6_of_the_stall_and_turns_to_either_side() -> None:
     turn = Turn(17.0, pi, 0.6)
     whole = pieces.sequence([pieces.Piece("", (turn, turn, turn), pieces.PieceKind.CIRCUIT)], AIRCRAFT)
-    assert [one.angle_rad for one in whole if isinstance(one, Turn)] == [-pi, pi, -pi, pi, -pi]
+    assert [maneuver.angle_rad for maneuver in whole if isinstance(maneuver, Turn)] == [-pi, pi, -pi, pi, -pi]
     assert (whole[0].duration_s, whole[1].speed_mps, whole[2].speed_mps) == (90.0, 16.0, 16.0)
     assert (whole[-3].speed_mps, whole[-2].speed_mps, whole[-1].duration_s) == (16.0, 16.0, 30.0)
 
@@ -117,8 +121,8 @@ def test_a_turn_that_has_no_room_is_steeper_then_slower_then_left_out() -> None:
         (wide + 0.1, circuit.maneuvers[0]), (wide - 0.1, steep), (steep.width_m + 0.1, steep),
         (steep.width_m - 0.1, slow), (slow.width_m + 0.1, slow),
     ):  # fmt: skip
-        (found,) = pieces._with_room(circuit, turning_mps(0.8), side_m).maneuvers
-        assert (found.speed_mps, found.bank_rad) == (pytest.approx(expected.speed_mps), expected.bank_rad)
+        (maneuver,) = pieces._with_room(circuit, turning_mps(0.8), side_m).maneuvers
+        assert (maneuver.speed_mps, maneuver.bank_rad) == (pytest.approx(expected.speed_mps), expected.bank_rad)
     assert pieces._with_room(circuit, turning_mps(0.8), slow.width_m - 0.1) is None
     assert (
         pieces._with_room(pieces.replace(circuit, kind=pieces.PieceKind.CIRCLES), turning_mps(0.8), wide - 0.1) is None

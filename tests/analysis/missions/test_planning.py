@@ -73,9 +73,9 @@ def test_no_acceleration_is_planned_that_the_analysis_finds_too_gentle(nexstar: 
     narrow = replace(nexstar, fastest_mps=V / 0.92, acceleration_throttle=throttle_at(nexstar, V) + 0.1)
 
     def ramps_s(aircraft: ExpectedAircraft) -> list[float]:
-        found = pieces.catalog(aircraft, request.space, request.pilot, request.wind_kt)
-        kept = [piece for piece in search._without_gentle_runs(found, aircraft, request) if piece.kind == "runs"]
-        return [next(one.ramp_s for one in piece.maneuvers if isinstance(one, Run)) for piece in kept]
+        catalog = pieces.catalog(aircraft, request.space, request.pilot, request.wind_kt)
+        kept = [piece for piece in search._without_gentle_runs(catalog, aircraft, request) if piece.kind == "runs"]
+        return [next(maneuver.ramp_s for maneuver in piece.maneuvers if isinstance(maneuver, Run)) for piece in kept]
 
     assert ramps_s(nexstar) == [13.0, 8.0]
     assert ramps_s(narrow) == [8.0]
@@ -157,7 +157,7 @@ ELSEWHERE = ("gust_length", "hysteresis_fraction", "static_thrust_ratio_fraction
              "boom_bending_rad")  # fmt: skip
 
 
-@pytest.mark.parametrize("key", [one.name for one in fields(Uncertainty) if one.name not in ELSEWHERE])
+@pytest.mark.parametrize("key", [field.name for field in fields(Uncertainty) if field.name not in ELSEWHERE])
 def test_every_error_that_the_aircraft_file_states_is_in_a_plans_interval(
     nexstar, acceleration, stated, stated_variance, key: str
 ):
@@ -243,22 +243,22 @@ def test_more_wind_widens_and_earlier_flights_narrow_the_interval(plan: FlightPl
 
 
 def test_the_difference_of_two_propellers_forgets_the_installation(plan: FlightPlan):
-    asked = question("propellers", plan.aircraft, 12.0, 20.0)
+    request = question("propellers", plan.aircraft, 12.0, 20.0)
     worse = plan.covariances.errors.copy()
     slope = SENSOR_ERRORS.index("alpha_scale")
     worse[slope] *= 3.0
     worse[:, slope] *= 3.0
-    assert asked.cost(plan.covariances._replace(errors=worse)) == pytest.approx(asked.cost(plan.covariances))
+    assert request.cost(plan.covariances._replace(errors=worse)) == pytest.approx(request.cost(plan.covariances))
     curve = question("curve", plan.aircraft, 12.0, 20.0)
     assert curve.cost(plan.covariances._replace(errors=worse)) > 1.2 * curve.cost(plan.covariances)
 
 
 def test_the_simulator_reads_the_plan(plan: FlightPlan):
-    found = parse_plan(simulator_plan(plan.maneuvers, plan.aircraft, plan.request), "planned")
-    kinds = [segment.kind for segment in found.segments]
+    planned = parse_plan(simulator_plan(plan.maneuvers, plan.aircraft, plan.request), "planned")
+    kinds = [segment.kind for segment in planned.segments]
     assert kinds.count("run") == sum(isinstance(maneuver, Run) for maneuver in plan.maneuvers)
     assert kinds[:3] == ["stand", "take-off", "climb"] and kinds[-2:] == ["land", "stand"]
-    assert found.air.turbulence_mps == pytest.approx(5.144, abs=0.01)
+    assert planned.air.turbulence_mps == pytest.approx(5.144, abs=0.01)
 
 
 def test_the_mission_is_what_ground_stations_load(plan: FlightPlan, tmp_path, monkeypatch):
@@ -323,19 +323,19 @@ def test_a_flight_without_a_run_has_no_interval(nexstar: ExpectedAircraft) -> No
 def test_a_slow_aircraft_in_wind_uses_its_time_and_stays_in_sight() -> None:
     """9 m/s of wind at 7 to 13 m/s: pieces take twice the time that they take alone. The card warns."""
     light = expected_aircraft(load_aircraft("light-1kg"), HEIGHT_M)
-    found = plan_flight(light, Request(15.0, 12.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
-    assert 0.9 * 900 < found.seconds <= 900
-    before_landing = int(found.history.starts_s[-3] / PATH.step_s)
-    assert np.hypot(*found.history.position_m[:before_landing].T).max() < 600.0
-    assert any(f"{found.request.wind_mps:.1f} m/s, the speed between" in line for line in card.warnings(found))
+    plan = plan_flight(light, Request(15.0, 12.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
+    assert 0.9 * 900 < plan.seconds <= 900
+    before_landing = int(plan.history.starts_s[-3] / PATH.step_s)
+    assert np.hypot(*plan.history.position_m[:before_landing].T).max() < 600.0
+    assert any(f"{plan.request.wind_mps:.1f} m/s, the speed between" in line for line in card.warnings(plan))
 
 
 def test_without_a_motor_the_highest_speed_is_assumed():
     aircraft = load_aircraft("nexstar")
     propulsion = replace(aircraft.propulsion, motor_kv_rpm_per_volt=None)
     bare = replace(aircraft, propulsion=propulsion, keys=aircraft.keys - {"propulsion.motor_kv_rpm_per_volt"})
-    found = expected_aircraft(bare, HEIGHT_M)
-    assert found.fastest_mps == pytest.approx(2.4 * found.stall_mps, rel=0.02)
+    result = expected_aircraft(bare, HEIGHT_M)
+    assert result.fastest_mps == pytest.approx(2.4 * result.stall_mps, rel=0.02)
     with pytest.raises(InputError, match=r"propulsion\.propeller"):
         expected_aircraft(replace(aircraft, propulsion=replace(propulsion, propeller=None)), HEIGHT_M)
 
@@ -370,12 +370,12 @@ def test_earlier_flights_are_known_by_what_they_added_to_the_prior():
 
 def test_the_catalog_of_an_aircraft_has_pieces_of_every_kind_within_the_leg(nexstar: ExpectedAircraft):
     leg_m = 500.0
-    found = pieces.catalog(nexstar, Space(leg_m, HEIGHT_M), Pilot(autopilot=False, load=0.8), 10.0)
-    by_kind = {kind: [piece for piece in found if piece.kind == kind] for kind in pieces.PieceKind}
+    catalog = pieces.catalog(nexstar, Space(leg_m, HEIGHT_M), Pilot(autopilot=False, load=0.8), 10.0)
+    by_kind = {kind: [piece for piece in catalog if piece.kind == kind] for kind in pieces.PieceKind}
     assert [len(by_kind[kind]) for kind in ("runs", "circuit", "circles")] == [2, 6, 6] and by_kind["porpoise"]
     for piece in by_kind["circuit"] + by_kind["porpoise"]:
-        straight = [one for one in piece.maneuvers[:2] if not isinstance(one, Turn)]
-        assert sum(one.duration_s * one.speed_mps for one in straight) == pytest.approx(leg_m)
+        straight = [maneuver for maneuver in piece.maneuvers[:2] if not isinstance(maneuver, Turn)]
+        assert sum(maneuver.duration_s * maneuver.speed_mps for maneuver in straight) == pytest.approx(leg_m)
 
 
 def test_the_rows_of_the_card_are_the_flight_in_order(plan: FlightPlan):
@@ -393,14 +393,14 @@ def test_the_rows_of_the_card_are_the_flight_in_order(plan: FlightPlan):
 
 def test_a_maneuver_has_one_duration_in_the_rows_and_in_what_it_contributes(plan: FlightPlan):
     rows = {row.title: round(row.seconds) for row in card.rows(plan)}
-    told = {part.title: round(part.seconds) for part in plan.contributions}
-    assert told and told == {title: rows[title] for title in told}
-    assert any(f"({seconds} s): without it" in line for seconds in told.values() for line in card.losses(plan))
+    messages = {part.title: round(part.seconds) for part in plan.contributions}
+    assert messages and messages == {title: rows[title] for title in messages}
+    assert any(f"({seconds} s): without it" in line for seconds in messages.values() for line in card.losses(plan))
 
 
 def test_the_card_says_what_each_maneuver_is():
-    said = card._steps([Turn(18.0, 4 * pi, 0.6), Turn(18.0, pi, 0.8), Run(0.87, 13.0, 25.0), Stand(90.0)])
-    assert said == (
+    steps = card._steps([Turn(18.0, 4 * pi, 0.6), Turn(18.0, pi, 0.8), Run(0.87, 13.0, 25.0), Stand(90.0)])
+    assert steps == (
         "2 circles at 18.0 m/s, bank 34° → turn back at 18.0 m/s, bank 46° → throttle to 87 % over 13 s until"
         " 25.0 m/s (at most 20 s) → stand still 90 s, motor off"
     )
@@ -419,8 +419,8 @@ def test_the_card_tells_margin_room_and_what_a_piece_is_worth(plan: FlightPlan):
     assert [line.endswith(f"instead of ±{worst:.1f} %") for line in card.losses(plan)] == [True] * len(
         plan.contributions
     )
-    by_hand = card.losses(replace(plan, worst_with_porpoising=0.5))[-1]
-    assert by_hand.endswith(f"±0.5 % instead of ±{worst:.1f} %.")
+    loss = card.losses(replace(plan, worst_with_porpoising=0.5))[-1]
+    assert loss.endswith(f"±0.5 % instead of ±{worst:.1f} %.")
 
 
 def test_points_of_the_mission_lie_where_the_legs_are(plan: FlightPlan):
@@ -456,14 +456,14 @@ def test_points_of_the_mission_lie_where_the_legs_are(plan: FlightPlan):
 def test_turns_keep_within_the_room_beside_the_legs(nexstar: ExpectedAircraft):
     """Every turn's diameter fits, with the lift margin of all turns; fast circles go first; a fence is as wide."""
     for side_m in (60.0, 100.0, 200.0):
-        found = pieces.catalog(nexstar, Space(1300.0, HEIGHT_M, side_m), Pilot(autopilot=False, load=1.0), 3.0)
-        turns = [m for piece in found for m in piece.maneuvers if isinstance(m, Turn)]
+        catalog = pieces.catalog(nexstar, Space(1300.0, HEIGHT_M, side_m), Pilot(autopilot=False, load=1.0), 3.0)
+        turns = [m for piece in catalog for m in piece.maneuvers if isinstance(m, Turn)]
         assert max(2 * m.speed_mps**2 / (GRAVITY_MPS2 * tan(m.bank_rad)) for m in turns) <= side_m
         stalls_mps = [1.086 * nexstar.stall_mps / np.sqrt(np.cos(m.bank_rad)) for m in turns]
         assert all(m.speed_mps > stall for m, stall in zip(turns, stalls_mps, strict=True))
-        assert {"runs", "circuit", "porpoise"} <= {piece.kind for piece in found}
+        assert {"runs", "circuit", "porpoise"} <= {piece.kind for piece in catalog}
     everything = pieces.catalog(nexstar, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0), 3.0)
-    assert found == everything, "200 m are room enough"
+    assert catalog == everything, "200 m are room enough"
     with pytest.raises(InputError, match=r"--side 40: too narrow for a turn of nexstar; .* needs 50 m"):
         pieces.catalog(nexstar, Space(1300.0, HEIGHT_M, 40.0), Pilot(autopilot=False, load=1.0), 3.0)
 
@@ -499,12 +499,12 @@ def test_half_widths_and_questions_are_those_of_the_power_curve(plan: FlightPlan
 
 
 def test_the_difference_of_two_flights_has_the_errors_of_both_but_not_those_they_share(plan: FlightPlan):
-    one = plan.covariances
-    both = _of_difference(one)
-    assert both.noise == pytest.approx(2 * one.noise) and not both.fixed.any()
+    covariances = plan.covariances
+    both = _of_difference(covariances)
+    assert both.noise == pytest.approx(2 * covariances.noise) and not both.fixed.any()
     own, shared = SENSOR_ERRORS.index("az_bias"), SENSOR_ERRORS.index("alpha_bias")
-    assert both.errors[own, own] == pytest.approx(2 * one.errors[own, own])
-    assert both.errors[shared, shared] == 0 < one.errors[shared, shared]
+    assert both.errors[own, own] == pytest.approx(2 * covariances.errors[own, own])
+    assert both.errors[shared, shared] == 0 < covariances.errors[shared, shared]
 
 
 def test_information_of_pieces_adds_and_is_taken_away_again():
@@ -515,8 +515,8 @@ def test_information_of_pieces_adds_and_is_taken_away_again():
     after = np.linalg.inv(np.linalg.inv(before) + added)
     assert search._gain(after, before) == pytest.approx(added, abs=1e-9)
     assert search._gain(before, after) == pytest.approx(np.zeros((3, 3)), abs=1e-9)
-    assert search._less(after, added) == pytest.approx(before)
-    assert np.linalg.eigvalsh(search._less(before, 10 * np.linalg.inv(before))) == pytest.approx(
+    assert search._without_information(after, added) == pytest.approx(before)
+    assert np.linalg.eigvalsh(search._without_information(before, 10 * np.linalg.inv(before))) == pytest.approx(
         np.linalg.eigvalsh(before) / SEARCH.least_left
     )
     assert Request(9.0, 10.0, Space(500.0, 40.0), Pilot(False, 1.0)).gust_mps == pytest.approx(0.1 * 5.14444)
@@ -524,5 +524,5 @@ def test_information_of_pieces_adds_and_is_taken_away_again():
 
 
 def test_a_turn_of_half_a_circle_turns_back_and_more_are_circles() -> None:
-    told = [_words(Turn(17.0, angle, 0.6)).partition(" at ")[0] for angle in (pi, -pi, 2 * pi, -6 * pi)]
-    assert told == ["turn back", "turn back", "a circle", "3 circles"]
+    messages = [_words(Turn(17.0, angle, 0.6)).partition(" at ")[0] for angle in (pi, -pi, 2 * pi, -6 * pi)]
+    assert messages == ["turn back", "turn back", "a circle", "3 circles"]

@@ -36,7 +36,7 @@ def contents(*, measured: tuple[bool, ...] = (True, True, True), use: bool = Tru
     """Flights of one aircraft with drag of their own errors, and power trains whose shaft powers differ by SCALES."""
     rng = np.random.default_rng(3)
     x = truth(rng)
-    found = []
+    contents = []
     for number, (scale, known) in enumerate(zip(SCALES, measured, strict=True)):
         whole = msgspec.to_builtins(aerodynamic_flight())
         at = whole["use"]["model"]["names"].index("shaft_scale")
@@ -44,8 +44,8 @@ def contents(*, measured: tuple[bool, ...] = (True, True, True), use: bool = Tru
         whole["use"]["power_train"]["measured"] = known
         whole["slowest_flown"]["largest_lift_coefficient"] += 0.1 * number
         taken = {name: whole[name] for name in ("air", "slowest_flown", "battery", *(["use"] if use else []))}
-        found.append({**upgraded(statistics_of(x, rng, str(number))), **taken})
-    return found
+        contents.append({**upgraded(statistics_of(x, rng, str(number))), **taken})
+    return contents
 
 
 def route_input(pool: JointPool) -> RouteInput:
@@ -57,13 +57,13 @@ def test_polar_and_thrust_are_those_of_the_pool_with_their_joint_covariance() ->
     pool = joint_pool(contents())
     use = pool.results().use
     assert use is not None
-    found = model_of(use.model).parameters
-    at = [POOLED.index(name) for name in found.names[:5]]
-    assert found.names[:5] == ("A0", "A1", "A2", "thrust_scale", "thrust_slope")
-    assert found.values[:3] == pytest.approx(pool.polar.A)
-    assert found.covariance[:3, :3] == pytest.approx(pool.polar.covariance)
-    np.testing.assert_allclose(found.covariance[:5, 3:5], pool.estimate.parameters.covariance[np.ix_(at, at[3:])])
-    assert np.any(found.covariance[:3, 3:5]), "thrust and drag err together"
+    parameters = model_of(use.model).parameters
+    at = [POOLED.index(name) for name in parameters.names[:5]]
+    assert parameters.names[:5] == ("A0", "A1", "A2", "thrust_scale", "thrust_slope")
+    assert parameters.values[:3] == pytest.approx(pool.polar.A)
+    assert parameters.covariance[:3, :3] == pytest.approx(pool.polar.covariance)
+    np.testing.assert_allclose(parameters.covariance[:5, 3:5], pool.estimate.parameters.covariance[np.ix_(at, at[3:])])
+    assert np.any(parameters.covariance[:3, 3:5]), "thrust and drag err together"
     assert use.model.flown_CL == pool.flown_CL
     largest = pool.results().slowest_flown
     assert largest is not None and largest.largest_lift_coefficient == pytest.approx(1.4), "of any flight"
@@ -77,7 +77,7 @@ def test_losses_are_the_mean_of_the_flights_that_measured_them_and_no_surer_than
     ):
         use = joint_pool(contents(measured=measured)).results().use
         assert use is not None and use.losses_of == logs and use.losses_measured == any(measured)
-        losses, single = (part(model_of(one).parameters, LOSSES) for one in (use.model, _model_of_one()))
+        losses, single = (part(model_of(item).parameters, LOSSES) for item in (use.model, _model_of_one()))
         assert losses.values[0] == pytest.approx(scale)
         assert np.diag(losses.covariance) == pytest.approx(np.diag(single.covariance))
 
@@ -91,10 +91,10 @@ def _model_of_one() -> Any:
 def test_power_by_a_pool_has_the_spread_of_the_pool_and_less_than_that_of_a_flight() -> None:
     def spread(number: int) -> float:
         given = contents()[:number]
-        for one in given:  # of drag alone
-            one["use"]["model"]["covariance"] = np.zeros((13, 13)).tolist()
-        found = route_of(route_input(joint_pool(given)), legs("3 km 000"), flight(power_sd=0.0))
-        power_W = found.source.drawn.battery_W(found.V, found.legs.condition, 0.0, 1.0)
+        for content in given:  # of drag alone
+            content["use"]["model"]["covariance"] = np.zeros((13, 13)).tolist()
+        route = route_of(route_input(joint_pool(given)), legs("3 km 000"), flight(power_sd=0.0))
+        power_W = route.source.drawn.battery_W(route.V, route.legs.condition, 0.0, 1.0)
         return float(np.std(power_W) / np.mean(power_W))
 
     assert 0.002 < spread(3) < 0.8 * spread(1)
@@ -103,13 +103,13 @@ def test_power_by_a_pool_has_the_spread_of_the_pool_and_less_than_that_of_a_flig
 def test_a_pool_of_one_flight_of_electrical_power_is_that_flight() -> None:
     written = msgspec.to_builtins(pool_results([electrical_flight()]).results())
     pooled_input = msgspec.convert(upgraded(written), RouteInput)
-    one, pooled = (
+    item, pooled = (
         source_of(results, None, 2000, np.random.default_rng(2)) for results in (electrical_results(), pooled_input)
     )
-    V, at = np.array([12.0, 15.0, 20.0]), one.reference
-    assert pooled.flown_CL == pytest.approx(one.flown_CL)
+    V, at = np.array([12.0, 15.0, 20.0]), item.reference
+    assert pooled.flown_CL == pytest.approx(item.flown_CL)
     for of in ("nominal", "drawn"):
-        powers = [getattr(source, of).battery_W(V, at, 0.0, 1.0) for source in (one, pooled)]
+        powers = [getattr(source, of).battery_W(V, at, 0.0, 1.0) for source in (item, pooled)]
         assert powers[1].mean(axis=0) == pytest.approx(powers[0].mean(axis=0), rel=3e-3)
         assert powers[1].std(axis=0) == pytest.approx(powers[0].std(axis=0), rel=0.08)
     heavier = predict(pooled_input, legs("3 km 000"), flight(weight_N=1.2 * at.weight_N))
@@ -131,19 +131,19 @@ def test_the_command_takes_a_pool_and_says_whose_losses_count(
         return 0
 
     assert run(contents(measured=(True, False, True))) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["flights"] == ["0.mcap", "1.mcap", "2.mcap"] and found["losses_of"] == ["0.mcap", "2.mcap"]
+    content = json.loads(capsys.readouterr().out)
+    assert content["flights"] == ["0.mcap", "1.mcap", "2.mcap"] and content["losses_of"] == ["0.mcap", "2.mcap"]
     assert run(contents(use=False)) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_a_pool_gives_endurance_and_range_as_a_flight_does() -> None:
     """Uses the pooled polar and the battery of the last flight, also at other weights; none without a battery."""
-    found = joint_pool(contents()).results()
-    assert found.performance is not None and found.battery is not None and found.battery.energy_Wh == 74.0
-    flown = found.performance.loadings[0]
+    result = joint_pool(contents()).results()
+    assert result.performance is not None and result.battery is not None and result.battery.energy_Wh == 74.0
+    flown = result.performance.loadings[0]
     assert flown.endurance_s.value * flown.endurance_power_W == pytest.approx(3600 * 74.0 * 0.8, rel=1e-3)
-    heavier = max(found.performance.loadings, key=lambda case: case.weight_N)
+    heavier = max(result.performance.loadings, key=lambda case: case.weight_N)
     assert heavier.weight_N > 1.05 * flown.weight_N and heavier.endurance_s.value < flown.endurance_s.value
-    assert found.performance.power_train.measured and "0.mcap, 1.mcap, 2.mcap" in found.performance.power_train.basis
+    assert result.performance.power_train.measured and "0.mcap, 1.mcap, 2.mcap" in result.performance.power_train.basis
     assert joint_pool(contents(use=False)).results().performance is None

@@ -91,12 +91,14 @@ def test_the_interval_of_the_energy_holds_what_it_promises(route_and_worlds) -> 
     assert np.mean(truth_J > high) < 0.05 and np.mean(truth_J < low) < 0.05
 
 
-@pytest.mark.parametrize("said", [0.5, 0.8, 0.9, 0.95, 0.99])
-def test_a_probability_of_return_is_the_share_that_returns(route_and_worlds, said: float) -> None:
+@pytest.mark.parametrize("expected", [0.5, 0.8, 0.9, 0.95, 0.99])
+def test_a_probability_of_return_is_the_share_that_returns(route_and_worlds, expected: float) -> None:
     """With the battery that makes the prediction say so: as many return, within the 1200 worlds' scatter and 3 %."""
     route, truth_J = route_and_worlds
     drawn_J = route.left()[0].sum(axis=1)
-    assert np.mean(truth_J <= np.quantile(drawn_J, said)) == pytest.approx(said, abs=0.03 + 0.03 * (1 - said))
+    assert np.mean(truth_J <= np.quantile(drawn_J, expected)) == pytest.approx(
+        expected, abs=0.03 + 0.03 * (1 - expected)
+    )
 
 
 def test_probability_and_interval_of_the_result_are_those_of_the_draws() -> None:
@@ -118,8 +120,8 @@ def test_a_curve_known_better_and_a_wind_known_better_narrow_the_interval() -> N
         covariance = shrink * np.array(results.use.model.covariance)
         model = msgspec.structs.replace(results.use.model, covariance=covariance.tolist())
         use = msgspec.structs.replace(results.use, model=model)
-        found = predict(aerodynamic_results(use=use), legs(TRIANGLE), flight(wind))
-        return (found.energy_Wh.hi - found.energy_Wh.lo) / found.energy_Wh.value
+        prediction = predict(aerodynamic_results(use=use), legs(TRIANGLE), flight(wind))
+        return (prediction.energy_Wh.hi - prediction.energy_Wh.lo) / prediction.energy_Wh.value
 
     assert width(WIND._replace(sd_mps=0.0), 0.01) < width(WIND._replace(sd_mps=0.0), 1.0) < width(WIND, 1.0)
 
@@ -127,16 +129,18 @@ def test_a_curve_known_better_and_a_wind_known_better_narrow_the_interval() -> N
 def test_beyond_the_point_of_no_return_the_energy_for_the_way_home_is_missing() -> None:
     """Straight out without errors: half of the usable energy, in calm and at the same speed both ways."""
     results = electrical_results()
-    found = predict(results, legs("30 km 000"), flight(CALM, battery=BATTERY._replace(energy_J=40 * 3600.0)))
-    usable_Wh, per_m = 0.8 * 40, found.legs[0].energy_Wh.value / 30_000
-    assert found.no_return is not None
-    assert found.no_return.route_m == pytest.approx(found.no_return.from_home_m)
+    prediction = predict(results, legs("30 km 000"), flight(CALM, battery=BATTERY._replace(energy_J=40 * 3600.0)))
+    usable_Wh, per_m = 0.8 * 40, prediction.legs[0].energy_Wh.value / 30_000
+    assert prediction.no_return is not None
+    assert prediction.no_return.route_m == pytest.approx(prediction.no_return.from_home_m)
     # The median reaches half the usable energy out; the safe point lies nearer, to the step of the search.
-    assert found.no_return.from_home_m < usable_Wh / (2 * per_m) < found.no_return.from_home_m + 30_000 / 8 * 1.5
+    assert (
+        prediction.no_return.from_home_m < usable_Wh / (2 * per_m) < prediction.no_return.from_home_m + 30_000 / 8 * 1.5
+    )
     assert predict(results, legs("2 km 000, 2 km 180"), flight(CALM)).no_return is None
     to_the_end = flight(CALM, battery=BATTERY._replace(energy_J=40 * 3600.0, reserve=0.0))
     farther = predict(results, legs("30 km 000"), to_the_end).no_return
-    assert farther is not None and farther.from_home_m > found.no_return.from_home_m
+    assert farther is not None and farther.from_home_m > prediction.no_return.from_home_m
 
 
 def test_a_leg_that_cannot_be_flown_in_some_draws_is_safe_in_none_of_these() -> None:
@@ -148,8 +152,8 @@ def test_a_leg_that_cannot_be_flown_in_some_draws_is_safe_in_none_of_these() -> 
         energy_J[: len(energy_J) // 100, 1] = np.inf
         assert route._no_return(energy_J) is None  # 1 % of 5 %
         energy_J[: len(energy_J) // 10, 1] = np.inf
-        found = route._no_return(energy_J)
-    assert found is not None and found.route_m == pytest.approx(2000.0)
+        no_return = route._no_return(energy_J)
+    assert no_return is not None and no_return.route_m == pytest.approx(2000.0)
 
 
 def test_a_leg_against_a_wind_that_wins_is_named_with_wind_and_airspeed() -> None:
@@ -160,8 +164,8 @@ def test_a_leg_against_a_wind_that_wins_is_named_with_wind_and_airspeed() -> Non
         InputError, match=rf"^leg 2 cannot be flown: {fastest:.0f} m/s of head wind, {fastest:.0f} m/s of"
     ):
         predict(results, mission, flight(Wind(fastest, 0.0, 0.0)))
-    found = predict(results, mission, flight(Wind(fastest - 1.1, 0.0, 0.0)))
-    assert all(np.isfinite(leg.time_s.value) for leg in found.legs)
+    prediction = predict(results, mission, flight(Wind(fastest - 1.1, 0.0, 0.0)))
+    assert all(np.isfinite(leg.time_s.value) for leg in prediction.legs)
     with pytest.raises(
         InputError, match=r"^leg 1 cannot be flown: \d+ m/s across, \d+ m/s of airspeed; wait for less wind"
     ):
@@ -173,13 +177,13 @@ def test_how_far_out_and_back_is_what_the_battery_gives_both_ways() -> None:
     results = electrical_results()
     calm = predict(results, legs("2 km 000"), flight(CALM))
     per_m = calm.headwind_Wh_per_km.value / 1000
-    radii = np.array([one.radius_m for one in calm.directions])
+    radii = np.array([direction.radius_m for direction in calm.directions])
     np.testing.assert_allclose(radii, 0.8 * 74 / (2 * per_m), rtol=0.01)
     windy = predict(results, legs("2 km 000"), flight(WIND))
-    assert all(one.safe_radius_m < one.radius_m for one in windy.directions)
+    assert all(direction.safe_radius_m < direction.radius_m for direction in windy.directions)
     for there, back in zip(windy.directions, windy.directions[18:], strict=False):
         assert there.radius_m == pytest.approx(back.radius_m, rel=1e-6)  # the same way, begun at the other end
-    assert max(one.radius_m for one in windy.directions) < radii.min()  # wind costs in every direction
+    assert max(direction.radius_m for direction in windy.directions) < radii.min()  # wind costs in every direction
     assert windy.headwind_Wh_per_km.value > calm.headwind_Wh_per_km.value
 
 
@@ -209,7 +213,7 @@ def test_the_fastest_route_is_the_fastest_that_full_throttle_holds() -> None:
 def test_a_launch_takes_the_kinetic_energy() -> None:
     results, mission = electrical_results(), legs("3 km 000")
     launched = mission._replace(steps=(mission.steps[0]._replace(launched=True),))
-    energies = [route_of(results, one, flight(CALM)) for one in (mission, launched)]
+    energies = [route_of(results, item, flight(CALM)) for item in (mission, launched)]
     V = energies[0].V[0]
     difference_J = np.subtract(
         *(energy_and_time(r.legs, energies[0].V, r.nominal, BATTERY)[0][0, 0] for r in reversed(energies))
@@ -228,7 +232,7 @@ def test_a_faster_leg_takes_the_gain_of_kinetic_energy_and_a_slower_one_gives_it
         route = route_of(electrical_results(), flown, flight(CALM))
         return energy_and_time(route.legs, route.V, route.nominal, BATTERY)[0][0]
 
-    slow, fast = (energy_J(one, one)[1] for one in at)
+    slow, fast = (energy_J(speed, speed)[1] for speed in at)
     route = route_of(electrical_results(), mission, flight(CALM))
     to_true = 1 / np.sqrt(route.legs.condition.rho[1] / 1.225)
     gain_J = WEIGHT_N / 9.80665 * (19.0**2 - 15.0**2) * to_true**2 / 2 / 0.6

@@ -87,8 +87,8 @@ def test_a_leg_on_which_the_wind_allows_no_progress_never_ends(course: float) ->
 
 
 def test_a_climb_by_an_electrical_curve_takes_the_rise_over_the_efficiency() -> None:
-    found = source(electrical=True)
-    level, climb = (energy_of(straight(3000.0, 0.0, h), 15.0, world(found.nominal))[0] for h in (0.0, 80.0))
+    result = source(electrical=True)
+    level, climb = (energy_of(straight(3000.0, 0.0, h), 15.0, world(result.nominal))[0] for h in (0.0, 80.0))
     assert climb - level == pytest.approx(WEIGHT_N * 80.0 / 0.6, rel=1e-6)
 
 
@@ -99,8 +99,8 @@ def test_a_steep_climb_ends_on_circles() -> None:
 
 @pytest.mark.parametrize("electrical", [False, True])
 def test_in_a_steep_descent_the_idle_power_remains(electrical: bool) -> None:
-    found = source(electrical)
-    energy_J, seconds = energy_of(straight(300.0, 0.0, -55.0), 15.0, world(found.nominal))
+    result = source(electrical)
+    energy_J, seconds = energy_of(straight(300.0, 0.0, -55.0), 15.0, world(result.nominal))
     assert energy_J == pytest.approx((8.0 if electrical else 0.0) * seconds)
 
 
@@ -145,10 +145,10 @@ def test_the_battery_heats_its_resistance() -> None:
 def test_the_best_speed_is_that_of_a_search_through_all_speeds(seed: int) -> None:
     """In any wind and on any course, climbing, level or descending: to 0.1 % of the speed, or of no cost at all."""
     rng = np.random.default_rng(seed)
-    found = source(electrical=seed % 3 == 0)
-    at = world(found.nominal, *rng.uniform(-6, 6, 2))
+    result = source(electrical=seed % 3 == 0)
+    at = world(result.nominal, *rng.uniform(-6, 6, 2))
     leg = straight(rng.uniform(500, 5000), rng.uniform(0, 360), rng.uniform(-60, 60))
-    limits = speed_limits(found, leg.condition, 1.2, 1.2)
+    limits = speed_limits(result, leg.condition, 1.2, 1.2)
     best = best_speeds(leg, limits, at, BATTERY)
     V = np.linspace(limits.slowest[0], limits.fastest[0], 20001)
     every_J, _ = energy_and_time(leg, V[:, None], at, BATTERY)
@@ -159,10 +159,10 @@ def test_the_best_speed_is_that_of_a_search_through_all_speeds(seed: int) -> Non
 
 
 def test_no_speed_is_slower_than_flown_or_than_the_stall_margin_allows() -> None:
-    found = source()
-    limits = speed_limits(found, AT, 1.2, 1.0)
+    result = source()
+    limits = speed_limits(result, AT, 1.2, 1.0)
     assert limits.slowest == pytest.approx(speed_at(FLOWN_CL[1], AT))
-    limits = speed_limits(found, AT, 1.2, 1.2)
+    limits = speed_limits(result, AT, 1.2, 1.2)
     assert limits.slowest == pytest.approx(1.2 * speed_at(1.2, AT))
     assert limits.fastest == pytest.approx(speed_at(FLOWN_CL[0], AT))
 
@@ -173,8 +173,8 @@ def test_the_chosen_speeds_keep_the_stall_margin_at_every_weight(wind_mps: float
     route = route_of(aerodynamic_results(), mission, flight(Wind(wind_mps, 0.0, 1.0)))
     stall_mps = speed_at(1.2, route.legs.condition)
     assert np.all(route.V >= 1.2 * stall_mps * (1 - 1e-9))
-    asked = route_of(aerodynamic_results(), mission, flight(Wind(wind_mps, 0.0, 1.0), speed=Speed(17.0)))
-    assert asked.V * np.sqrt(asked.legs.condition.rho / 1.225) == pytest.approx(np.full(4, 17.0), rel=1e-4)
+    request = route_of(aerodynamic_results(), mission, flight(Wind(wind_mps, 0.0, 1.0), speed=Speed(17.0)))
+    assert request.V * np.sqrt(request.legs.condition.rho / 1.225) == pytest.approx(np.full(4, 17.0), rel=1e-4)
 
 
 def test_the_mean_wind_of_a_leg_scatters_as_in_drydens_turbulence() -> None:
@@ -240,6 +240,6 @@ def test_the_stall_is_where_the_wing_carried_most_not_where_a_gust_took_the_airs
     results = aerodynamic_results()
     assert results.slowest_flown is not None
     slowest = msgspec.structs.replace(results.slowest_flown, largest_lift_coefficient=0.9)
-    found = source_of(msgspec.structs.replace(results, slowest_flown=slowest), None, 10, np.random.default_rng(1))
-    assert found.largest_CL == 0.9
+    source = source_of(msgspec.structs.replace(results, slowest_flown=slowest), None, 10, np.random.default_rng(1))
+    assert source.largest_CL == 0.9
     assert source_of(aerodynamic_results(slowest_flown=None), None, 10, np.random.default_rng(1)).largest_CL == 1.0

@@ -31,9 +31,9 @@ class Half(NamedTuple):
 def only(flight: FlightTable, rows: slice) -> FlightTable:
     """These rows as a flight of their own."""
     airborne = [
-        slice(max(one.start, rows.start), min(one.stop, rows.stop))
-        for one in flight.airborne
-        if one.start < rows.stop and rows.start < one.stop
+        slice(max(item.start, rows.start), min(item.stop, rows.stop))
+        for item in flight.airborne
+        if item.start < rows.stop and rows.start < item.stop
     ]
     inside = np.zeros(len(flight.flown), dtype=bool)
     inside[rows] = True
@@ -41,17 +41,17 @@ def only(flight: FlightTable, rows: slice) -> FlightTable:
 
 
 def predicted(first: FlightTable, second: FlightTable) -> Half:
-    found = estimate(first, WEIGHT_N, AREA_M2, SPAN_M)
-    rho = found.conditions.rho
+    electrical = estimate(first, WEIGHT_N, AREA_M2, SPAN_M)
+    rho = electrical.conditions.rho
     results = assemble_energy_balance(
         LOG,
         FlownAircraft("Seaway-Mini", WEIGHT_N, AREA_M2, SPAN_M),
-        EnergyBalanceFindings(first, found),
+        EnergyBalanceFindings(first, electrical),
         provenance_of_file(LOG, "", None, ""),
     )
     rng = np.random.default_rng(0)
     power = source_of(of_results(results), None, 1000, rng).drawn
-    samples = samples_of(second, found.airspeed.scale, found.airspeed.zero_Pa)
+    samples = samples_of(second, electrical.airspeed.scale, electrical.airspeed.zero_Pa)
     measured_J, drawn_J = 0.0, np.zeros(1000)
     for rows in second.airborne:
         count = int((samples.t_s[rows.stop - 1] - samples.t_s[rows.start]) / WINDOW_S)

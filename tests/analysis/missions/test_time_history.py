@@ -129,13 +129,13 @@ def test_the_probe_s_dynamic_pressure_follows_alpha_as_a_hemisphere_does(history
     def dp_over_q(a: np.ndarray) -> np.ndarray:
         return 9 / 4 * np.sin(2 * a)
 
-    found = flying["dlnV_dlndp_alpha"].to_numpy()
+    result = flying["dlnV_dlndp_alpha"].to_numpy()
     step = 1e-5
     dlnV = (np.log(q_over_qc(alpha + step)) - np.log(q_over_qc(alpha - step))) / 2
     dp = [dp_over_q(alpha + h) * q_over_qc(alpha + h) for h in (-step, 0.0, step)]
     dlndp = (dp[2] - dp[0]) / dp[1]
     large = np.abs(alpha) > 0.02
-    assert np.allclose(found[large], (dlnV / dlndp)[large], rtol=1e-6)
+    assert np.allclose(result[large], (dlnV / dlndp)[large], rtol=1e-6)
     angle = flying["dalpha_dlndp_alpha_rad"].to_numpy()
     assert np.allclose(angle[large], (2 * step / dlndp)[large], rtol=1e-6)
 

@@ -34,15 +34,15 @@ def _speeds(results: Results) -> Iterator[tuple[str, float, float]]:
         return float(speed_at(flown.lift_coefficient, Condition(weight_N, rho, S))) * (1 - 1e-9)
 
     for name in ("minimum_power_speed", "best_range_speed"):
-        found = getattr(results, name)
-        yield from ((name, v, slowest) for v in (found.speed_mps, found.lo_mps, found.hi_mps) if v is not None)
+        result = getattr(results, name)
+        yield from ((name, v, slowest) for v in (result.speed_mps, result.lo_mps, result.hi_mps) if v is not None)
     yield from (("power_required", p.speed_mps, slowest) for p in results.power_required + results.cross_check)
     at = results.standard
     standard = slowest_at(at.weight_N, at.air_density_kgpm3)
     yield from (("power_required_standard", p.speed_mps, standard) for p in results.power_required_standard)
     for method in results.methods + results.one_by_one:
         yield from ((method.title, p.speed_mps, slowest) for p in method.power_required)
-    yield from (("disagreements", one.speed_mps, slowest) for one in results.disagreements)
+    yield from (("disagreements", disagreement.speed_mps, slowest) for disagreement in results.disagreements)
     use = results.use
     if use is not None:
         yield from (("power_available", p.speed_mps, slowest) for p in use.available.power_available)

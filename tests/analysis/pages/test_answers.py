@@ -33,7 +33,10 @@ def use(with_battery: Results) -> PerformanceResult:
 def test_with_a_battery_the_answers_are_those_on_the_battery(with_battery: Results) -> None:
     """3000 s are 50 min and 40 000 m are 40 km; an interval is lower end to upper end."""
     battery = "with 74 Wh, 80 % used (motor assumed, not measured)"
-    assert [(one.question, one.answer, one.note) for one in headline_answers(with_battery)] == [
+    assert [
+        (headline_answer.question, headline_answer.answer, headline_answer.note)
+        for headline_answer in headline_answers(with_battery)
+    ] == [
         ("Best endurance", "14.0 m/s (12.6 to 16.8)", f"50 min (45 to 60) {battery}."),
         ("Best range", "16.0 m/s (14.4 to 19.2)", f"40.0 km (36.0 to 48.0) {battery}, in still air."),
         (

@@ -15,8 +15,8 @@ def with_parameters(results: Results) -> Results:
 
 def test_no_speed_lies_below_the_slowest_flown(results: Results) -> None:
     """The speed of best range is not known: it lies below the speeds flown."""
-    found = {one.name: one for one in with_parameters(results).autopilot_parameters}
-    slowest, trim = found["FW_AIRSPD_MIN"].value, found["FW_AIRSPD_TRIM"]
+    result = {parameter.name: parameter for parameter in with_parameters(results).autopilot_parameters}
+    slowest, trim = result["FW_AIRSPD_MIN"].value, result["FW_AIRSPD_TRIM"]
     density_root = (results.test.air_density_kgpm3 / 1.225) ** 0.5
     assert slowest == pytest.approx(results.power_required[0].speed_mps * density_root, rel=1e-3)
     assert slowest <= trim.lo <= trim.value <= trim.hi
@@ -25,7 +25,7 @@ def test_no_speed_lies_below_the_slowest_flown(results: Results) -> None:
 def test_sink_is_power_required_over_weight(results: Results) -> None:
     flat = [PowerPoint(speed_mps=v, power_W=75.0, power_lo_W=70.0, power_hi_W=80.0) for v in (12.0, 20.0)]
     parameters = with_parameters(results.with_curve(Kind.POWER_REQUIRED, points=flat)).autopilot_parameters
-    sink = next(one for one in parameters if one.name == "TECS_SINK_MIN")
+    sink = next(parameter for parameter in parameters if parameter.name == "TECS_SINK_MIN")
     weight_N = results.test.weight_N
     assert (sink.lo * weight_N, sink.value * weight_N, sink.hi * weight_N) == pytest.approx((70.0, 75.0, 80.0))
 

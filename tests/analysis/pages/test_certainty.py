@@ -128,7 +128,7 @@ def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -
         ({"status": CurveStatus.NOT_CONVERGED}, "Not to be trusted as it stands"),
         ({"cross_check_differs": True}, "Doubtful"),
     ):
-        headings = [verdict_section(with_trust(one)).heading for one in (agreeing, replace(agreeing, **wrong))]
+        headings = [verdict_section(with_trust(item)).heading for item in (agreeing, replace(agreeing, **wrong))]
         assert headings == ["Trusted", heading]
 
 

@@ -27,8 +27,8 @@ def named(figure: Figure, name: str) -> list[Mark]:
 
 
 def labeled(figure: Figure, label: str) -> Mark:
-    (found,) = [mark for mark in figure.marks if mark.label == label]
-    return found
+    (mark,) = [mark for mark in figure.marks if mark.label == label]
+    return mark
 
 
 def tunnel(speeds: list[float]) -> SimpleNamespace:
@@ -46,7 +46,7 @@ def test_residuals_lie_at_their_angles_with_a_symmetric_scale_of_colors() -> Non
     measured = tunnel([10.0, 15.0, 20.0])
     residual = np.linspace(-2.0, 1.0, len(measured.alpha_rad))
     maps = probe_calibration.residual_maps(measured, (residual,) * 3)  # type: ignore[arg-type]
-    assert [one.heading for one in maps] == ["alpha, deg", "beta, deg", "q_c/q, %"]
+    assert [residual_map.heading for residual_map in maps] == ["alpha, deg", "beta, deg", "q_c/q, %"]
     shown = sorted((z, x, y) for mark in maps[0].marks for z, x, y in zip(_z(mark), mark.x, mark.y, strict=True))
     z, x, y = np.array(shown).T  # rising, as the residuals are
     assert z == pytest.approx(residual) and y == pytest.approx(np.degrees(measured.beta_rad))
@@ -247,8 +247,8 @@ def test_the_page_draws_residuals_in_degrees_and_per_cent(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(calibration_page, "dynamic_pressure", lambda tunnel: 0.6 * tunnel.speed_mps**2)
     monkeypatch.setattr(calibration_page, "residual_maps", drawn)
-    with pytest.raises(Drawn) as found:
+    with pytest.raises(Drawn) as raised:
         calibration_page.render(measured, SimpleNamespace(maps=maps), angle_scale_sigma=0.0)  # type: ignore[arg-type]
-    alpha, beta, ratio = found.value.args
+    alpha, beta, ratio = raised.value.args
     assert alpha == pytest.approx(np.degrees(0.01)) and beta == pytest.approx(-np.degrees(0.01))
     assert ratio == pytest.approx(2.0)

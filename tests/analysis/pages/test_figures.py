@@ -39,8 +39,11 @@ def test_the_autocorrelation_has_the_bounds_of_white_noise() -> None:
 
 def test_the_convergence_shows_cost_above_the_last_and_step_by_iteration() -> None:
     """Costs from the start on, steps from the first iteration on; a cost below the last has no logarithm."""
-    one, other = Convergence((-1.0, -3.99, -4.0), (2.0, 0.12345678)), Convergence((0.0, -1.1, -1.0), (1.0, 1e-5))
-    figure = flight.convergence({"drag": one, "cross-check": other})
+    convergence, other = (
+        Convergence((-1.0, -3.99, -4.0), (2.0, 0.12345678)),
+        Convergence((0.0, -1.1, -1.0), (1.0, 1e-5)),
+    )
+    figure = flight.convergence({"drag": convergence, "cross-check": other})
     cost, step = named(figure, "drag")
     assert list(cost.x) == [0, 1] and list(cost.y) == pytest.approx([3.0, 0.01])
     assert list(step.x) == [1, 2] and list(step.y) == pytest.approx([2.0, 0.12345678])
@@ -66,16 +69,16 @@ def test_each_correlation_stands_in_its_row_and_column_with_the_color_of_its_sig
 def test_the_path_s_airspeed_and_angle_of_attack_are_relative_to_the_wind() -> None:
     """To the north at 15 m/s through the air, down by 10 deg with the nose 5 deg below the horizon, in 4 m/s of wind
     from the south and 2 m/s from the west."""
-    one, descent = np.ones(50), np.radians(10)
-    states = {"v_north": (15 * np.cos(descent) + 4) * one, "v_east": 2 * one, "v_down": 15 * np.sin(descent) * one}
-    states |= {"wind_north": 4 * one, "wind_east": 2 * one}
-    states |= {"phi": 0 * one, "theta": np.radians(-5) * one, "psi": 0 * one}
+    item, descent = np.ones(50), np.radians(10)
+    states = {"v_north": (15 * np.cos(descent) + 4) * item, "v_east": 2 * item, "v_down": 15 * np.sin(descent) * item}
+    states |= {"wind_north": 4 * item, "wind_east": 2 * item}
+    states |= {"phi": 0 * item, "theta": np.radians(-5) * item, "psi": 0 * item}
 
     class Blocks(dict):
         flying, t_s = np.arange(50) > 10, np.arange(50) * 0.2
 
     trajectory = SimpleNamespace(
-        block_means=Blocks(V_mps=15 * one, alpha_rad=np.radians(5) * one),
+        block_means=Blocks(V_mps=15 * item, alpha_rad=np.radians(5) * item),
         states=pd.DataFrame(states),
     )
     figure = flight.air_and_path(trajectory)  # type: ignore[arg-type]

@@ -30,14 +30,14 @@ def drawings(results: Results) -> dict[str, Figure]:
 
 def test_the_page_says_all_of_it_and_escapes_what_users_wrote(results: Results) -> None:
     text = page.render(results, drawings(results), {})
-    for said in (
+    for message in (
         "A &amp; B",
         "mind &lt;this&gt;",
         "&lt;gives&gt; too much",
         "few points &amp; short",
         "no steady points",
     ):
-        assert said in text, said
+        assert message in text, message
     assert "no curve" in text, "the method that failed is in the table"
     assert "Of the ±2.2 W at 18 m/s, ±2.0 W is common to all runs" in text  # hypot(1, 2)
     assert "All methods agree" not in text

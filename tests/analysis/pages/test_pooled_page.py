@@ -141,16 +141,16 @@ def test_card_and_verdict_say_the_same_of_one_flight_that_differs() -> None:
     assert pooled_answers(content)[1].answer == "yes" and "No warnings" in body(render_pooled(content))
 
 
-@pytest.mark.parametrize(("independent", "said"), [(4.0, True), (0.9, False)])
+@pytest.mark.parametrize(("independent", "is_reported"), [(4.0, True), (0.9, False)])
 def test_a_comparison_does_not_say_that_its_interval_would_shrink_without_what_cancels(
-    independent: float, said: bool
+    independent: float, is_reported: bool
 ) -> None:
     """Flights that disagree widen the interval that is given, and may do so beyond the other."""
     rows = [
         msgspec.structs.replace(row, independent_half_width_percent=independent) for row in comparison().differences
     ]
     note = comparison_answers(msgspec.structs.replace(comparison(), differences=rows))[1].note
-    assert ("did not cancel" in note) is said and "m/s" in note
+    assert ("did not cancel" in note) is is_reported and "m/s" in note
 
 
 def test_a_comparison_says_what_cancels() -> None:
@@ -165,11 +165,11 @@ def test_a_comparison_says_what_cancels() -> None:
     )
 
 
-@pytest.mark.parametrize(("p", "said"), [(0.04, "a trend (p = 0.04"), (0.06, "none seen (p = 0.06")])
-def test_a_trend_is_one_at_five_per_cent(p: float, said: str) -> None:
+@pytest.mark.parametrize(("p", "message"), [(0.04, "a trend (p = 0.04"), (0.06, "none seen (p = 0.06")])
+def test_a_trend_is_one_at_five_per_cent(p: float, message: str) -> None:
     content = pooled(12)
     trends = [msgspec.structs.replace(content.trends[0], p=p)]
-    assert said in body(render_pooled(msgspec.structs.replace(content, trends=trends)))
+    assert message in body(render_pooled(msgspec.structs.replace(content, trends=trends)))
 
 
 def test_a_trend_that_is_not_known_is_not_told_in_powers_of_ten() -> None:
@@ -200,11 +200,11 @@ def test_a_program_finds_no_barrier_in_pools_and_comparisons(browser: Browser, t
 
 
 def test_flights_that_are_not_pooled_stand_side_by_side() -> None:
-    one = {
+    item = {
         "log": "a", "software_version": "0", "aircraft": AIRCRAFT, "test": CONDITION, "kind": Kind.ELECTRICAL,
         "curves": {Kind.ELECTRICAL: {"condition": CONDITION, "points": [power(v) for v in V]}},
     }  # fmt: skip
-    flights = msgspec.convert([one, {**one, "log": "b"}], list[Results])
+    flights = msgspec.convert([item, {**item, "log": "b"}], list[Results])
     text = body(render_side_by_side(flights, "two aircraft in one pool", ["c.ulg: torn"]))
     assert (
         "2 flights" in text

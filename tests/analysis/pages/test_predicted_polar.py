@@ -127,12 +127,12 @@ def test_the_power_of_a_parabola_is_that_of_the_measured_polar(tmp_path: Path, r
     at, CL = flown_at(results), np.linspace(0.05, 1.5, 400)
     A = np.array([0.045, 0.0, 0.065])
     for more in (1.0, 1.1):
-        rows = "".join(f"{one:.6f} {more * (A[0] + A[2] * one**2):.8f}\n" for one in CL)
+        rows = "".join(f"{item:.6f} {more * (A[0] + A[2] * item**2):.8f}\n" for item in CL)
         polar = read_predicted_polar(written(tmp_path, "CL CD\n" + rows))
         V = np.linspace(13.0, 24.0, 9)
         expected, _ = power_required(V, Polar(A, np.zeros((3, 3))), at)
         assert polar.power_W(V, at) == pytest.approx(more * expected, rel=1e-4)
-        (line,) = [one for one in power.power_required(results, polar).marks if "plane.txt" in one.name]
+        (line,) = [mark for mark in power.power_required(results, polar).marks if "plane.txt" in mark.name]
         inside = np.isfinite(line.y)
         drawn, _ = power_required(line.x[inside], Polar(A, np.zeros((3, 3))), at)
         assert line.y[inside] == pytest.approx(more * drawn, rel=1e-3)
@@ -149,19 +149,19 @@ def test_no_report_is_written_with_the_polar_of_an_airfoil(tmp_path: Path, resul
 
 def test_the_report_says_how_far_off_the_prediction_is_and_where_it_ends(tmp_path: Path, results: Results) -> None:
     at = flown_at(results)
-    V, P = np.array([(one.speed_mps, one.power_W) for one in results.power_required]).T
+    V, P = np.array([(item.speed_mps, item.power_W) for item in results.power_required]).T
     CL, CD = 2 * at.weight_N / (at.rho * V**2 * at.wing_area_m2), P / (at.rho / 2 * V**3 * at.wing_area_m2)
 
-    def said(rows: slice) -> str:
+    def sentence_for(rows: slice) -> str:
         table = "".join(f"{float(x)!r} {1.2 * float(y)!r}\n" for x, y in zip(CL[rows], CD[rows], strict=True))
         return comparison(read_predicted_polar(written(tmp_path, "CL CD\n" + table)), results)
 
-    assert "+20 to +20 % from the measured curve, at" in said(slice(None))
-    assert f"between {V[2]:.1f} and {V[8]:.1f} m/s" in said(slice(2, 9))
+    assert "+20 to +20 % from the measured curve, at" in sentence_for(slice(None))
+    assert f"between {V[2]:.1f} and {V[8]:.1f} m/s" in sentence_for(slice(2, 9))
     low = read_predicted_polar(written(tmp_path, "CL CD\n0.01 0.02\n0.02 0.02\n0.03 0.02\n"))
     assert "predicts nothing at the speeds flown" in comparison(low, results)
     assert "plane.txt" in [
-        one.name.split(", ")[-1]
-        for one in power.drag_polar(Polar(np.array([0.045, 0.0, 0.065]), np.eye(3) * 1e-9), (0.2, 0.9), low).marks
-        if "predicted" in one.name
+        mark.name.split(", ")[-1]
+        for mark in power.drag_polar(Polar(np.array([0.045, 0.0, 0.065]), np.eye(3) * 1e-9), (0.2, 0.9), low).marks
+        if "predicted" in mark.name
     ]

@@ -36,14 +36,14 @@ AIR = AirFound(
 )  # fmt: skip
 
 
-def found(**facts: object) -> SimpleNamespace:
+def facts_of(**facts: object) -> SimpleNamespace:
     return SimpleNamespace(provenance=SimpleNamespace(**facts))
 
 
 def test_the_head_of_the_page_is_in_kilograms_and_degrees_celsius(results: Results) -> None:
     at = ConditionResult(weight_N=4.0 * 9.80665, air_density_kgpm3=1.2)
-    said = summary_section(replace(results, test=at, air=AirFound(temperature_K=290.15))).condition
-    assert said.startswith("4.00 kg, air 1.200 kg/m³ (17 °C)")
+    condition = summary_section(replace(results, test=at, air=AirFound(temperature_K=290.15))).condition
+    assert condition.startswith("4.00 kg, air 1.200 kg/m³ (17 °C)")
 
 
 def test_runs_are_told_with_their_lengths(results: Results) -> None:
@@ -84,19 +84,19 @@ def test_wind_and_air_are_told_with_95_per_cent_and_in_everyday_units(results: R
 
 
 @pytest.mark.parametrize(
-    ("latitude", "longitude", "said"),
+    ("latitude", "longitude", "message"),
     [(48.1, 11.5, "48.10000° N 11.50000° E"), (-35.5, -70.25, "35.50000° S 70.25000° W"), (0.0, 0.0, "0.00000° N 0")],
 )
-def test_a_place_is_told_by_its_hemispheres(latitude: float, longitude: float, said: str) -> None:
-    place = found(latitude_deg=latitude, longitude_deg=longitude, height_msl_m=512.4)
-    assert _place(place).startswith(said)  # type: ignore[arg-type]
+def test_a_place_is_told_by_its_hemispheres(latitude: float, longitude: float, message: str) -> None:
+    place = facts_of(latitude_deg=latitude, longitude_deg=longitude, height_msl_m=512.4)
+    assert _place(place).startswith(message)  # type: ignore[arg-type]
     assert _place(place).endswith(", 512 m above sea level")  # type: ignore[arg-type]
 
 
 def test_the_log_s_size_and_missed_instants_are_told() -> None:
     facts = SimpleNamespace(duration_s=600.0, log_bytes=12_340_000, log_sha256="abc")
     assert _log(SimpleNamespace(log="a.mcap"), facts) == "a.mcap, 600 s, 12.3 MB, SHA-256 abc"  # type: ignore[arg-type]
-    assert _ticks(found(ticks=990, ticks_missed=10)) == "10 of 1000 sampling instants were missed"  # type: ignore[arg-type]
+    assert _ticks(facts_of(ticks=990, ticks_missed=10)) == "10 of 1000 sampling instants were missed"  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("sigma", "shown"), [(12.0, 0), (1.0, 1), (0.12, 2), (0.012, 3), (0.0, 2)])

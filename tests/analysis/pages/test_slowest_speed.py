@@ -42,8 +42,8 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
     model = PerformanceModel(parameters, LOSSLESS, FullThrottle(None, reason="not flown"), propeller, flown_CL)
     heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N, rho=0.9 * at.rho))
     performance = flight_performance(model, at, [heavier], BATTERY) if performs else None
-    found = power_curve(polar, at, flown_CL)
-    curve = found.points()
+    result = power_curve(polar, at, flown_CL)
+    curve = result.points()
     method = MethodResult(name="direct", title="direct", drag_polar=A.tolist(), power_required=curve)
     standard = at._replace(rho=1.225)
     return replace(
@@ -52,7 +52,7 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
         standard=ConditionResult(weight_N=at.weight_N, air_density_kgpm3=1.225),
         aircraft=replace(template.aircraft, wing_area_m2=at.wing_area_m2),
         drag_polar=drag_polar(polar, nexstar),
-        curves={Kind.POWER_REQUIRED: curve_result(found, standard, parts=[])},
+        curves={Kind.POWER_REQUIRED: curve_result(result, standard, parts=[])},
         battery=BATTERY,
         cross_check=curve,
         slowest_flown=SlowestFlown(
@@ -70,10 +70,10 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
 def test_nothing_names_a_speed_below_the_slowest_flown(results: Results, nexstar, propeller) -> None:
     """Performance, and the figures, which take longest, for some of them."""
     reports = [drawn(seed, results, nexstar, propeller, performs=seed % 5 == 0) for seed in SEEDS]
-    assert [found for i, one in enumerate(reports) for found in below_slowest(one, figures=i % 10 == 0)] == []
-    assert sum(one.minimum_power_speed.reason is SpeedReason.BELOW_SLOWEST for one in reports) > 10
-    assert sum(one.minimum_power_speed.speed_mps is not None for one in reports) > 10
-    assert sum(one.use is not None for one in reports) == 10
+    assert [result for i, report in enumerate(reports) for result in below_slowest(report, figures=i % 10 == 0)] == []
+    assert sum(report.minimum_power_speed.reason is SpeedReason.BELOW_SLOWEST for report in reports) > 10
+    assert sum(report.minimum_power_speed.speed_mps is not None for report in reports) > 10
+    assert sum(report.use is not None for report in reports) == 10
 
 
 def test_a_best_speed_that_was_not_flown_is_replaced_by_the_slowest_with_its_margin(
@@ -82,11 +82,11 @@ def test_a_best_speed_that_was_not_flown_is_replaced_by_the_slowest_with_its_mar
     """The largest lift coefficient is 10 % above that of the slowest speed, which are 4.9 % of speed: at least 4 %."""
     drawings = (drawn(seed, results, nexstar, propeller) for seed in SEEDS)
     results = next(
-        one
-        for one in drawings
-        if one.minimum_power_speed.reason is SpeedReason.BELOW_SLOWEST
-        and one.use
-        and one.use.loadings[0].endurance_at_slowest
+        drawing
+        for drawing in drawings
+        if drawing.minimum_power_speed.reason is SpeedReason.BELOW_SLOWEST
+        and drawing.use
+        and drawing.use.loadings[0].endurance_at_slowest
     )
     assert results.slowest_flown is not None and results.use is not None
     slowest = results.slowest_flown

@@ -41,8 +41,8 @@ def luminance(color: str) -> float:
 @pytest.mark.parametrize("dark", [False, True])
 def test_kinds_of_runs_are_told_apart_by_every_eye(eye: str, dark: bool) -> None:
     colors = [ON_DARK[color] if dark else color for color in RUN_COLOR.values()]
-    for one, other in combinations([lab(SEEN[eye] @ linear(color)) for color in colors], 2):
-        assert np.linalg.norm(one - other) > LEAST_DIFFERENCE
+    for item, other in combinations([lab(SEEN[eye] @ linear(color)) for color in colors], 2):
+        assert np.linalg.norm(item - other) > LEAST_DIFFERENCE
 
 
 def test_every_color_is_seen_on_its_page() -> None:

@@ -37,7 +37,7 @@ def corners(d: str) -> list[list[tuple[int, int]]]:
 
 
 def drawn(tree: ET.Element, width: str = "5") -> list[str]:
-    return [one.get("d") or "" for one in tree.iter("path") if one.get("stroke-width") == width]
+    return [item.get("d") or "" for item in tree.iter("path") if item.get("stroke-width") == width]
 
 
 def test_a_line_lies_where_the_axes_say_with_its_gaps() -> None:
@@ -45,10 +45,10 @@ def test_a_line_lies_where_the_axes_say_with_its_gaps() -> None:
     (line,) = drawn(tree)
     assert corners(line) == [[(0, UNITS), (UNITS // 2, UNITS // 2)], [(UNITS, 0)]], "up is less"
     ticks = {
-        text.text: one.get("x")
-        for one in tree.iter("svg")
-        if "tick x" in (one.get("class") or "")
-        for text in one.iter("text")
+        text.text: item.get("x")
+        for item in tree.iter("svg")
+        if "tick x" in (item.get("class") or "")
+        for text in item.iter("text")
     }
     assert ticks["0"] == "0.00%" and ticks["10"] == "100.00%" and ticks["4"] == "40.00%"
 
@@ -72,9 +72,9 @@ def test_panels_stand_above_one_another_each_with_its_axis() -> None:
     tree = parts(figure)
     assert [corners(d) for d in drawn(tree)] == [[[(0, UNITS), (UNITS, 0)]]] * 2, "each fills its panel"
     tops = [
-        (float((one.get("y") or "")[:-1]), float((one.get("height") or "")[:-1]))
-        for one in tree.iter("svg")
-        if one.get("class") == "panel"
+        (float((item.get("y") or "")[:-1]), float((item.get("height") or "")[:-1]))
+        for item in tree.iter("svg")
+        if item.get("class") == "panel"
     ]
     (top, high), (lower, also_high) = tops
     assert top == 0 and high == also_high and high < lower and lower + high == pytest.approx(100, abs=0.02)
@@ -99,8 +99,8 @@ def test_a_bar_begins_at_its_base_and_a_lying_one_goes_to_the_right() -> None:
         Bars(x=at, y=np.array([2.0]), base=np.array([3.0]), width=2, color=BLUE, name="noise", value="{y:.1f} %"),
         Bars(x=np.array([4.0]), y=at, width=2, lying=True, color=RED),
     )
-    bars = [one for one in parts(figure).iter("rect") if one.get("class") != "frame"]
-    up, lying = ([int(one.get(key) or 0) for key in ("x", "y", "width", "height")] for one in bars)
+    bars = [item for item in parts(figure).iter("rect") if item.get("class") != "frame"]
+    up, lying = ([int(bar.get(key) or 0) for key in ("x", "y", "width", "height")] for bar in bars)
     assert up == [4000, 5000, 2000, 2000] and lying == [0, 4000, 4000, 2000]
     assert bars[0].get("data-say") == "noise: 2.0 %" and bars[1].get("data-say") is None
 
@@ -108,7 +108,7 @@ def test_a_bar_begins_at_its_base_and_a_lying_one_goes_to_the_right() -> None:
 def test_a_symbol_keeps_its_shape_at_its_place() -> None:
     figure = line_figure([0.0, 10.0], [0.0, 100.0])
     figure.add(Points(x=np.array([2.5]), y=np.array([75.0]), color=RED, symbol=Symbol.DIAMOND, size=14, name="best"))
-    (place,) = [one for one in parts(figure).iter("svg") if one.get("class") == "at"]
+    (place,) = [item for item in parts(figure).iter("svg") if item.get("class") == "at"]
     assert (place.get("x"), place.get("y"), place.get("data-name")) == ("25.00%", "25.00%", "best")
 
 
@@ -126,13 +126,13 @@ def test_the_cursor_is_told_what_to_say() -> None:
     figure.shades.append(Shade(2.0, 4.0, RED, run="r1"))
     tree = parts(figure)
     assert tree.get("data-cursor") == "nearest"
-    (line,) = [one for one in tree.iter("path") if one.get("data-label")]
+    (line,) = [item for item in tree.iter("path") if item.get("data-label")]
     assert (line.get("data-value"), line.get("data-run")) == ("{y:+.1f} %", "r1")
-    read = [one for one in tree.iter("path") if one.get("data-value")]
-    (plain,) = [one for one in read if one.get("stroke-width") == "5"]
+    read = [item for item in tree.iter("path") if item.get("data-value")]
+    (plain,) = [item for item in read if item.get("stroke-width") == "5"]
     assert len(read) == 2, "the lines, not the band"
     assert plain.get("data-value") == "{y:.0f} W", "the axis' unit, to a hundredth of its range"
-    (shade,) = [one for one in tree.iter("rect") if one.get("data-run") == "r1"]
+    (shade,) = [item for item in tree.iter("rect") if item.get("data-run") == "r1"]
     assert (shade.get("x"), shade.get("width")) == ("2000", "2000")
 
 
@@ -151,7 +151,7 @@ def ends_of(axis: Axis, y: list[float]) -> tuple[float, float]:
     figure = Figure()
     figure.y = axis
     figure.add(Line(x=np.arange(len(y)), y=np.array(y), color=BLUE))
-    (panel,) = [one for one in parts(figure).iter("svg") if one.get("class") == "panel"]
+    (panel,) = [item for item in parts(figure).iter("svg") if item.get("class") == "panel"]
     lo, hi = (panel.get("data-y") or "").split()
     return float(lo), float(hi)
 

@@ -24,6 +24,7 @@ from flightpower.analysis.records.flight import (
     JointConflict,
     Kind,
     LevelEfficiencyPoint,
+    MethodRejection,
     MethodTried,
     PartOfResult,
     PathResult,
@@ -32,7 +33,6 @@ from flightpower.analysis.records.flight import (
     Results,
     RunAgainstOthers,
     Trust,
-    WhyNot,
 )
 from flightpower.analysis.results.evidence import (
     evidence_against,
@@ -104,10 +104,10 @@ def with_error(name: str, half_widths: float) -> PoolingStatistics:
     """Statistics with an estimate of a sensor error of 0.05 ± 0.01, which changes the constant term of drag by so many
     half widths of its interval, 0.0196."""
     by_error = half_widths * 0.0196 / 0.05 * 0.01**2
-    one = statistics()
+    base = statistics()
     return replace(
-        one, names=[*one.names, name], values=[*one.values, 0.05], prior_mean=[*one.prior_mean, 0.0],
-        prior_sigma=[*one.prior_sigma, 0.01],
+        base, names=[*base.names, name], values=[*base.values, 0.05], prior_mean=[*base.prior_mean, 0.0],
+        prior_sigma=[*base.prior_sigma, 0.01],
         covariance=[[]] * 5 + [[by_error, 0.0, 0.0, 0.0, 0.0, 0.01**2]],
         polar_covariance=[[0.01**2, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
     )  # fmt: skip
@@ -133,8 +133,8 @@ def together(results: Results, probability: float, **conflicts: float) -> Result
 
 
 def test_sensor_errors_that_are_improbable_together_are_named_unless_one_is_told_alone(results: Results) -> None:
-    (one,) = with_trust(together(results, 0.001)).evidence
-    assert "offset of angle of attack (-3.4)" in one.text and "slope of angle of attack (-3.5)" in one.text
+    (evidence,) = with_trust(together(results, 0.001)).evidence
+    assert "offset of angle of attack (-3.4)" in evidence.text and "slope of angle of attack (-3.5)" in evidence.text
     assert with_trust(together(results, 0.004)).evidence == []
     (alone,) = with_trust(together(results, 0.001, V_scale=-4.8)).evidence
     assert alone.kind is EvidenceKind.SENSOR_ERROR
@@ -142,9 +142,11 @@ def test_sensor_errors_that_are_improbable_together_are_named_unless_one_is_told
 
 def test_an_updraft_that_the_curve_is_corrected_for_is_told(results: Results) -> None:
     """At a limit of its own, of 1 % of flights by day; what is written can be read again."""
-    (one,) = with_trust(drag(replace(results, path=path(updraft=-2.6, V_scale=-2.6)), statistics=statistics())).evidence
-    assert one.subject == "updraft" and one.false_alarm_rate == pytest.approx(0.0124, abs=1e-4)
-    assert "updraft" in str(to_json(replace(results, evidence=[one])))
+    (evidence,) = with_trust(
+        drag(replace(results, path=path(updraft=-2.6, V_scale=-2.6)), statistics=statistics())
+    ).evidence
+    assert evidence.subject == "updraft" and evidence.false_alarm_rate == pytest.approx(0.0124, abs=1e-4)
+    assert "updraft" in str(to_json(replace(results, evidence=[evidence])))
 
 
 def efficiency(results: Results, propeller: Interval, motor: Interval) -> Results:
@@ -160,11 +162,11 @@ def efficiency(results: Results, propeller: Interval, motor: Interval) -> Result
 def test_a_sensor_error_is_named_in_words(results: Results, name: str) -> None:
     """Also the zeros, which are not listed among the sensor errors of the path."""
     assert all(name not in cell for row in curve_section(results).parameters.rows for cell in row)
-    (one,) = with_trust(drag(replace(results, path=path(**{name: -9.5})), statistics=statistics())).evidence
-    assert (one.subject, one.figure) == (name, -9.5)
+    (evidence,) = with_trust(drag(replace(results, path=path(**{name: -9.5})), statistics=statistics())).evidence
+    assert (evidence.subject, evidence.figure) == (name, -9.5)
     if "_" in name:  # "updraft" is a word
-        assert name not in one.text
-    assert "-9.5 times the standard deviation" in one.text
+        assert name not in evidence.text
+    assert "-9.5 times the standard deviation" in evidence.text
 
 
 @pytest.mark.parametrize(
@@ -190,7 +192,7 @@ def test_a_result_not_to_be_trusted_says_why_on_stderr_with_exit_code_1(
     printed = capsys.readouterr()
     assert json.loads(printed.out)["format"] == results.format and printed.err == ""
     changed = with_trust(NOT_TRUSTED[kind](results))
-    assert changed.trust is Trust.NOT_TO_BE_TRUSTED and [one.kind for one in changed.evidence] == [kind]
+    assert changed.trust is Trust.NOT_TO_BE_TRUSTED and [evidence.kind for evidence in changed.evidence] == [kind]
     assert _finish(Report(changed, print), json=False, quiet=True) == 1
     printed = capsys.readouterr()
     assert len(printed.err.splitlines()) == 1 and printed.out == ""
@@ -201,7 +203,7 @@ def test_a_doubtful_result_says_so_first_and_ends_with_exit_code_0(
     results: Results, kind: EvidenceKind, capsys: Any
 ) -> None:
     changed = with_trust(DOUBTFUL[kind](results))
-    assert changed.trust is Trust.DOUBTFUL and [one.kind for one in changed.evidence] == [kind]
+    assert changed.trust is Trust.DOUBTFUL and [evidence.kind for evidence in changed.evidence] == [kind]
     assert reasons_not_to_trust(changed) == []
     assert _finish(Report(changed, print), json=True, quiet=False) == 0
     printed = capsys.readouterr()
@@ -219,7 +221,9 @@ def test_accelerations_against_decelerations_doubt_the_thrust_of_a_curve_by_ener
     """One test at 0.3 %: 2.97 standard errors, beyond doubt at twice as many."""
     changed = with_trust(replace(results, accelerations_against_decelerations=compared(z)))
     assert changed.trust is trust
-    assert [one.kind for one in changed.evidence] == [EvidenceKind.THRUST_TABLE] * (trust is not Trust.TRUSTED)
+    assert [evidence.kind for evidence in changed.evidence] == [EvidenceKind.THRUST_TABLE] * (
+        trust is not Trust.TRUSTED
+    )
 
 
 def test_a_page_says_what_is_in_doubt_where_it_changes() -> None:
@@ -227,9 +231,9 @@ def test_a_page_says_what_is_in_doubt_where_it_changes() -> None:
         Evidence(kind=EvidenceKind.CROSS_CHECK, level=Trust.DOUBTFUL, part=part, log="1.mcap", text=f"{i}")
         for i, part in enumerate((PartOfResult.CURVE, PartOfResult.CURVE, PartOfResult.POWER_TRAIN))
     ]
-    said = sentences(doubts)
-    assert said[0].startswith(PartOfResult.CURVE) and PartOfResult.CURVE not in said[1]
-    assert 0 < said[2].index(PartOfResult.POWER_TRAIN) < said[2].index("1.mcap: 2")
+    message = sentences(doubts)
+    assert message[0].startswith(PartOfResult.CURVE) and PartOfResult.CURVE not in message[1]
+    assert 0 < message[2].index(PartOfResult.POWER_TRAIN) < message[2].index("1.mcap: 2")
 
 
 @pytest.mark.parametrize(
@@ -240,8 +244,8 @@ def test_readings_are_doubted_only_in_runs(
     results: Results, compared: Comparison, after_s: float, shared_s: float
 ) -> None:
     """The receiver's faults are those of an aid, and told by the trajectory."""
-    told = [e.figure for e in evidence_against(doubted(results, compared, after_s))]
-    assert told == [shared_s] * (shared_s > 0)
+    figures = [e.figure for e in evidence_against(doubted(results, compared, after_s))]
+    assert figures == [shared_s] * (shared_s > 0)
 
 
 def test_the_evidence_of_a_sound_result_is_none(with_battery: Results) -> None:
@@ -255,8 +259,8 @@ def test_thrust_within_what_noise_and_prior_allow_is_no_evidence(results: Result
 
 
 def test_a_stand_that_the_flight_denies_is_evidence(results: Results) -> None:
-    (one,) = evidence_against(drag(results, statistics=statistics(stand=5.0)))
-    assert one.kind is EvidenceKind.THRUST_TABLE and one.figure == pytest.approx(5.0)
+    (item,) = evidence_against(drag(results, statistics=statistics(stand=5.0)))
+    assert item.kind is EvidenceKind.THRUST_TABLE and item.figure == pytest.approx(5.0)
 
 
 def test_efficiencies_above_one_are_impossible_and_above_any_propeller_doubtful(with_battery: Results) -> None:
@@ -286,50 +290,54 @@ def test_a_power_train_of_impossible_efficiency_tells_a_wrong_current(
     results: Results, efficiency: tuple[float, float, float], level: Trust | None
 ) -> None:
     value, lo, hi = efficiency
-    told = evidence_against(balanced(results, thrust_efficiency=Interval(value=value, lo=lo, hi=hi)))
-    assert [(one.kind, one.level, one.figure) for one in told] == (
+    evidence = evidence_against(balanced(results, thrust_efficiency=Interval(value=value, lo=lo, hi=hi)))
+    assert [(item.kind, item.level, item.figure) for item in evidence] == (
         [(EvidenceKind.THRUST_EFFICIENCY, level, value)] if level else []
     )
-    assert all(f"{value:.2f} ({lo:.2f} to {hi:.2f})" in one.text and "current sensor" in one.text for one in told)
-    assert all(f"shown {0.6 / value:.2g} times" in one.text for one in told)
+    assert all(
+        f"{value:.2f} ({lo:.2f} to {hi:.2f})" in item.text and "current sensor" in item.text for item in evidence
+    )
+    assert all(f"shown {0.6 / value:.2g} times" in item.text for item in evidence)
 
 
 @pytest.mark.parametrize(
-    ("reasons", "told"),
+    ("reasons", "is_reported"),
     [
-        ([WhyNot.UNPHYSICAL, WhyNot.NOT_FLOWN], True), ([WhyNot.NOT_FLOWN, WhyNot.NO_ESTIMATE], True),
-        ([WhyNot.NOT_FLOWN, WhyNot.NOT_FLOWN], False), ([WhyNot.UNPHYSICAL, WhyNot.NONE], False), ([], False),
+        ([MethodRejection.UNPHYSICAL, MethodRejection.NOT_FLOWN], True),
+        ([MethodRejection.NOT_FLOWN, MethodRejection.NO_ESTIMATE], True),
+        ([MethodRejection.NOT_FLOWN, MethodRejection.NOT_FLOWN], False),
+        ([MethodRejection.UNPHYSICAL, MethodRejection.NONE], False), ([], False),
     ],
 )  # fmt: skip
 def test_a_method_that_the_runs_allow_and_that_fails_is_told_first(
-    results: Results, reasons: list[WhyNot], told: bool
+    results: Results, reasons: list[MethodRejection], is_reported: bool
 ) -> None:
     """Not one that was not flown, and not where another one of them gives the curve."""
     tried = [
         MethodTried(name=f"m{i}", title=f"Method {i}", reason=reason, text=reason) for i, reason in enumerate(reasons)
     ]
     of_low = Interval(value=0.29, lo=0.24, hi=0.35)
-    found = evidence_against(replace(balanced(results, thrust_efficiency=of_low), methods_tried=tried))
+    evidence = evidence_against(replace(balanced(results, thrust_efficiency=of_low), methods_tried=tried))
     kinds = [EvidenceKind.METHOD_FAILED, EvidenceKind.THRUST_EFFICIENCY]
-    assert [one.kind for one in found] == kinds[not told :] and trust_by(found) is Trust.DOUBTFUL
-    if told:
-        failed = next(one for one in tried if one.reason is not WhyNot.NOT_FLOWN)
-        assert found[0].subject == failed.name and f"{failed.title}: {failed.text}" in found[0].text
+    assert [item.kind for item in evidence] == kinds[not is_reported :] and trust_by(evidence) is Trust.DOUBTFUL
+    if is_reported:
+        failed = next(method_tried for method_tried in tried if method_tried.reason is not MethodRejection.NOT_FLOWN)
+        assert evidence[0].subject == failed.name and f"{failed.title}: {failed.text}" in evidence[0].text
 
 
 @pytest.mark.parametrize(("share", "doubtful"), [(0.15, True), (0.46, False), (0.9, False), (1.03, True)])
 def test_a_shaft_that_takes_what_no_motor_gives_is_told(results: Results, share: float, doubtful: bool) -> None:
-    found = evidence_against(balanced(results, shaft_over_electrical=share))
-    assert [(one.kind, one.level, one.figure) for one in found] == (
+    evidence = evidence_against(balanced(results, shaft_over_electrical=share))
+    assert [(item.kind, item.level, item.figure) for item in evidence] == (
         [(EvidenceKind.MOTOR_EFFICIENCY, Trust.DOUBTFUL, share)] if doubtful else []
     )
 
 
 def balanced(results: Results, **more: Any) -> Results:
     """A curve of electrical power alone."""
-    found = EnergyBalanceResult(residual_W=3.0, flown_s=600.0, airspeed_scale=None, **more)
+    energy_balance_result = EnergyBalanceResult(residual_W=3.0, flown_s=600.0, airspeed_scale=None, **more)
     curves = {Kind.ELECTRICAL: results.main}
-    return replace(results, drag_polar=None, kind=Kind.ELECTRICAL, curves=curves, balance=found)
+    return replace(results, drag_polar=None, kind=Kind.ELECTRICAL, curves=curves, balance=energy_balance_result)
 
 
 def drag(results: Results, **of: Any) -> Results:
@@ -343,7 +351,7 @@ def test_the_cause_is_told_before_what_follows_from_it_and_the_worst_first(with_
         speed_over_motor_constant=1.17, cross_check_differs=True,
     )  # fmt: skip
     both = drag(both, statistics=statistics(thrust_scale=-19.0))
-    assert [one.kind for one in evidence_against(both)] == [
+    assert [item.kind for item in evidence_against(both)] == [
         EvidenceKind.THRUST_TABLE, EvidenceKind.PROPELLER_EFFICIENCY, EvidenceKind.MOTOR_SPEED, EvidenceKind.CROSS_CHECK
     ]  # fmt: skip
 

@@ -42,11 +42,15 @@ UNKNOWN = FullThrottle(None, reason="not flown")
 def test_range_goes_with_energy_and_its_speed_with_the_root_of_density(propeller, at) -> None:
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
 
-    def asked(energy_J: float, at: Condition) -> ConditionPerformance:
+    def performance_for(energy_J: float, at: Condition) -> ConditionPerformance:
         model = PerformanceModel(parameters, LOSSLESS, UNKNOWN, propeller, FLOWN_CL)
         return performance_at(model, TitledCondition("", at), energy_J)
 
-    once, twice, high = asked(1e5, at), asked(2e5, at), asked(1e5, at._replace(rho=0.8 * at.rho))
+    once, twice, high = (
+        performance_for(1e5, at),
+        performance_for(2e5, at),
+        performance_for(1e5, at._replace(rho=0.8 * at.rho)),
+    )
     assert twice.case.range_m.value == pytest.approx(2 * once.case.range_m.value, rel=1e-12)
     assert twice.case.range_speed_mps.value == pytest.approx(once.case.range_speed_mps.value, rel=1e-12)
     # Lift coefficients stay, so speed goes with 1/sqrt(rho); the propeller's Reynolds number shifts it by little.
@@ -68,8 +72,8 @@ def test_the_interval_of_range_covers_at_its_nominal_rate(propeller, at) -> None
 
     true_range = float(range_m(truth).value)
     rng = np.random.default_rng(2)
-    found = [range_m(values) for values in truth + sigma * rng.standard_normal((120, 5))]
-    hits = np.mean([e.lo <= true_range <= e.hi for e in found])
+    ranges_m = [range_m(values) for values in truth + sigma * rng.standard_normal((120, 5))]
+    hits = np.mean([e.lo <= true_range <= e.hi for e in ranges_m])
     assert hits == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 120))
 
 
@@ -134,24 +138,24 @@ def test_the_model_holds_polar_thrust_incidence_losses_and_full_throttle(model, 
 
 def test_performance_of_a_flight_covers_the_flown_speeds(model, at) -> None:
     heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N))
-    found = flight_performance(model, at, [heavier], BATTERY)
-    assert found is not None and BATTERY.usable_J == pytest.approx(50 * 3600 * 0.8)
+    performance = flight_performance(model, at, [heavier], BATTERY)
+    assert performance is not None and BATTERY.usable_J == pytest.approx(50 * 3600 * 0.8)
     slowest, fastest = speed_at(FLOWN_CL[1], at), speed_at(FLOWN_CL[0], at)
-    speeds = [point.speed_mps for point in found.power_train.efficiency]
+    speeds = [point.speed_mps for point in performance.power_train.efficiency]
     assert len(speeds) == 31 and (speeds[0], speeds[-1]) == pytest.approx((slowest, fastest))
-    whole = [row.speed_mps for row in found.field_table]
+    whole = [row.speed_mps for row in performance.field_table]
     assert len(whole) <= 10 and whole == np.round(whole).tolist()
     assert whole[0] == np.ceil(slowest) and fastest - 2 < whole[-1] <= fastest
-    flown, other = found.loadings
+    flown, other = performance.loadings
     assert (flown.title, other.title) == ("as flown", "heavier")
     assert other.endurance_s.value < flown.endurance_s.value
 
 
 def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, at) -> None:
     """At a weight at which both lie in the troposphere."""
-    found = flight_performance(model, at._replace(weight_N=2.2 * at.weight_N), [], BATTERY)
-    assert found is not None
-    service, absolute = found.available.service_ceiling_m, found.available.absolute_ceiling_m
+    performance = flight_performance(model, at._replace(weight_N=2.2 * at.weight_N), [], BATTERY)
+    assert performance is not None
+    service, absolute = performance.available.service_ceiling_m, performance.available.absolute_ceiling_m
     assert service is not None and absolute is not None and 0 < service.value < absolute.value < 11_000
 
 

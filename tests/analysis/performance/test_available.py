@@ -22,9 +22,9 @@ from flightpower.sim.trim import Trimmer
 
 @pytest.fixture(scope="module")
 def motor(nexstar, propeller) -> ParameterVector:
-    found = fit_full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
-    assert found.parameters is not None, found.reason
-    return found.parameters
+    full_throttle = fit_full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
+    assert full_throttle.parameters is not None, full_throttle.reason
+    return full_throttle.parameters
 
 
 @pytest.fixture(scope="module")
@@ -49,19 +49,19 @@ def model(parameters, propeller, flown_CL) -> PerformanceModel:
 
 def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, model, at) -> None:
     """Thrust carries some of the weight and points up by alpha in both; motor and lift of the sideslip leave 0.1 %."""
-    found = full_throttle_performance(model, at)
+    performance = full_throttle_performance(model, at)
     plant = plant_of(nexstar)
     trimmer = Trimmer(plant, height_of(plant.air, RHO))
-    assert float(found.maximum_speed.value) == pytest.approx(trimmer.V_max, rel=0.001)
+    assert float(performance.maximum_speed.value) == pytest.approx(trimmer.V_max, rel=0.001)
     low, high = 0.0, 8.0
     for _ in range(20):  # the steepest trim at that speed that full throttle sustains
         climb = (low + high) / 2
         try:
-            trimmer.solve(V=found.best_climb_speed, climb=climb)
+            trimmer.solve(V=performance.best_climb_speed, climb=climb)
             low = climb
         except InputError:
             high = climb
-    assert float(found.best_climb.value) == pytest.approx(low, rel=0.002)
+    assert float(performance.best_climb.value) == pytest.approx(low, rel=0.002)
 
 
 def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, parameters, model, at, flown_CL) -> None:
@@ -80,17 +80,17 @@ def test_a_weight_far_too_large_has_no_climb_and_gives_no_warning(propeller, par
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         heavy = at._replace(weight_N=100 * at.weight_N)
-        found = full_throttle_performance(model, heavy)
-    assert np.isnan(found.best_climb.value) and np.isnan(found.maximum_speed.value)
+        performance = full_throttle_performance(model, heavy)
+    assert np.isnan(performance.best_climb.value) and np.isnan(performance.maximum_speed.value)
 
 
 def test_power_available_equals_power_required_at_the_highest_speed(propeller, parameters, model, at, flown_CL) -> None:
-    found = full_throttle_performance(model, at)
-    V = float(found.maximum_speed.value)
+    performance = full_throttle_performance(model, at)
+    V = float(performance.maximum_speed.value)
     A = dict(zip(parameters.names, parameters.values, strict=True))
     CL = float(lift_coefficient(V, at))
     required = at.rho * V**3 / 2 * at.wing_area_m2 * (A["A0"] + A["A1"] * CL + A["A2"] * CL**2)
-    assert np.interp(V, found.V, found.power.value) == pytest.approx(required, rel=0.002)
+    assert np.interp(V, performance.V, performance.power.value) == pytest.approx(required, rel=0.002)
 
 
 def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(
@@ -112,17 +112,17 @@ def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(
 
 def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, model, at, flown_CL) -> None:
     """T V cos(alpha) (3.47): at the slowest speed alpha is above 0.1 rad, which makes power 0.5 % smaller or more."""
-    found = full_throttle_performance(model, at)
+    performance = full_throttle_performance(model, at)
     p = dict(zip(parameters.names, parameters.values, strict=True))
-    V, sine = found.V[0], found.climb.value[0] / found.V[0]
+    V, sine = performance.V[0], performance.climb.value[0] / performance.V[0]
     n = full_throttle_revps(propeller, V, RHO, unloaded_revps=p["unloaded_revps"], revps_per_Nm=p["revps_per_Nm"])
     thrust_N, _ = propeller.thrust_and_power(V, n, RHO)
     alpha = 0.0
     for _ in range(30):
         lift_N = at.weight_N * np.sqrt(1 - sine**2) - thrust_N * np.sin(alpha)
         alpha = p["alpha_0"] + p["alpha_CL"] * lift_N / (RHO * V**2 / 2 * at.wing_area_m2)
-    assert alpha > 0.1 and found.covered[0]
-    assert found.power.value[0] == pytest.approx(thrust_N * V * np.cos(alpha), rel=1e-4)
+    assert alpha > 0.1 and performance.covered[0]
+    assert performance.power.value[0] == pytest.approx(thrust_N * V * np.cos(alpha), rel=1e-4)
 
 
 def test_the_highest_level_speed_is_the_last_at_which_climb_becomes_descent() -> None:

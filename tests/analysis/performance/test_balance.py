@@ -67,6 +67,6 @@ def test_incidence_is_the_line_that_was_flown() -> None:
     data = pd.DataFrame({"CL": CL, "alpha": -0.075 + 0.235 * CL, "covered": True})
     data.loc[5, "alpha"], data.loc[9, "CL"] = np.nan, np.nan
     data.loc[20, ["alpha", "covered"]] = 1.0, False  # what the table does not know
-    found = incidence(data)
-    assert found.names == ("alpha_0", "alpha_CL")
-    assert found.values == pytest.approx([-0.075, 0.235])
+    result = incidence(data)
+    assert result.names == ("alpha_0", "alpha_CL")
+    assert result.values == pytest.approx([-0.075, 0.235])

@@ -27,8 +27,8 @@ def test_without_a_request_there_are_more_payload_hotter_air_and_a_higher_field(
 
 
 def test_a_request_gives_every_weight_in_every_air() -> None:
-    asked = Request(weights_N=(30.0, 40.0), density_altitudes_m=(0.0, 2000.0))
-    cases = requested_conditions(asked, FLIGHT)
+    request = Request(weights_N=(30.0, 40.0), density_altitudes_m=(0.0, 2000.0))
+    cases = requested_conditions(request, FLIGHT)
     assert len(cases) == 4
     assert {round(at.rho, 3) for _, at in cases} == {1.225, 1.006}
     assert {at.weight_N for _, at in cases} == {30.0, 40.0}

@@ -17,9 +17,9 @@ from flightpower.sim.propulsion import power_train
 
 @pytest.fixture(scope="module")
 def motor(nexstar, propeller) -> ParameterVector:
-    found = fit_full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
-    assert found.parameters is not None, found.reason
-    return found.parameters
+    full_throttle = fit_full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
+    assert full_throttle.parameters is not None, full_throttle.reason
+    return full_throttle.parameters
 
 
 @pytest.mark.parametrize("rho", [RHO, 0.9])
@@ -38,8 +38,10 @@ def test_a_flight_may_begin_at_any_time_of_the_log(nexstar, propeller, motor) ->
     """The step is that between two rows: a run of less than the seconds needed stays too short an hour later."""
     late = full_throttle_run(nexstar, propeller)
     late.index += 3600.0
-    found = fit_full_throttle(late, nexstar.propulsion, propeller)
-    assert found.parameters is not None and found.parameters.values == pytest.approx(motor.values, rel=1e-6)
+    full_throttle = fit_full_throttle(late, nexstar.propulsion, propeller)
+    assert full_throttle.parameters is not None and full_throttle.parameters.values == pytest.approx(
+        motor.values, rel=1e-6
+    )
     few = late.iloc[:5]
     assert "s of settled full throttle" in fit_full_throttle(few, nexstar.propulsion, propeller).reason
 
@@ -50,9 +52,9 @@ def test_a_throttle_not_quite_open_is_not_taken_for_full(nexstar, propeller, mot
     nearly = run.iloc[:15].assign(throttle=0.98, n=0.98 * run["n"].iloc[:15])
     both = pd.concat([run, nearly])
     both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
-    found = fit_full_throttle(both, nexstar.propulsion, propeller)
-    assert found.parameters is not None, found.reason
-    assert found.parameters.values == pytest.approx(motor.values, rel=1e-6)
+    full_throttle = fit_full_throttle(both, nexstar.propulsion, propeller)
+    assert full_throttle.parameters is not None, full_throttle.reason
+    assert full_throttle.parameters.values == pytest.approx(motor.values, rel=1e-6)
 
 
 def test_a_throttle_a_little_below_full_counts_for_what_it_is(nexstar, propeller) -> None:
@@ -63,10 +65,10 @@ def test_a_throttle_a_little_below_full_counts_for_what_it_is(nexstar, propeller
     climb, run = at_throttle(nexstar, propeller, np.full(30, 13.0), 0.996), full_throttle_run(nexstar, propeller, 40.0)
     both = pd.concat([climb, climb[:5].assign(throttle=0.5), run])
     both.index = pd.Index(np.arange(len(both)) * 0.2, name="t_s")
-    found = fit_full_throttle(both, nexstar.propulsion, propeller)
-    assert found.parameters is not None, found.reason
+    full_throttle = fit_full_throttle(both, nexstar.propulsion, propeller)
+    assert full_throttle.parameters is not None, full_throttle.reason
     V = np.array([12.0, 18.0])
-    values = dict(zip(found.parameters.names, found.parameters.values, strict=True))
+    values = dict(zip(full_throttle.parameters.names, full_throttle.parameters.values, strict=True))
     true = at_throttle(nexstar, propeller, V, 1.0)["n"].to_numpy()
     assert full_throttle_revps(propeller, V, RHO, **values) == pytest.approx(true, rel=1e-4)
 
@@ -100,18 +102,18 @@ def test_a_rotor_that_still_accelerates_takes_torque_from_the_motor(nexstar, pro
     n = accelerating_rotor(heavy, propeller, V=18.0, seconds=8.0)
     assert n[-1] - n[5] > 20, "the rotor is still accelerating after SETTLING_S"
     data = recorded(replace(nexstar, propulsion=heavy), propeller, np.full(len(n), 18.0), n, np.ones(len(n)))
-    found = fit_full_throttle(data, heavy, propeller)
-    assert found.parameters is not None, found.reason
-    assert np.all(np.abs(found.parameters.values / motor.values - 1) < [0.005, 0.03])
+    full_throttle = fit_full_throttle(data, heavy, propeller)
+    assert full_throttle.parameters is not None, full_throttle.reason
+    assert np.all(np.abs(full_throttle.parameters.values / motor.values - 1) < [0.005, 0.03])
 
 
 def test_the_first_tenths_of_a_second_at_full_throttle_are_left_out(nexstar, propeller) -> None:
     """The speed controller ramps up for 0.6 s after the stick has moved."""
     settled = full_throttle_run(nexstar, propeller)
     ramping = settled.assign(n=settled["n"] * np.where(np.arange(len(settled)) < 3, 0.9, 1.0))
-    expected, found = (fit_full_throttle(run, nexstar.propulsion, propeller).parameters for run in (settled, ramping))
-    assert expected is not None and found is not None
-    assert found.values == pytest.approx(expected.values, rel=1e-9)
+    expected, result = (fit_full_throttle(run, nexstar.propulsion, propeller).parameters for run in (settled, ramping))
+    assert expected is not None and result is not None
+    assert result.values == pytest.approx(expected.values, rel=1e-9)
 
 
 def test_one_speed_leaves_the_loss_by_torque_to_the_resistances(nexstar, propeller) -> None:
@@ -123,14 +125,14 @@ def test_one_speed_leaves_the_loss_by_torque_to_the_resistances(nexstar, propell
     power_W = [propeller.thrust_and_power(15.0, n, RHO)[1] / n for n in (run["n"].to_numpy(), noisy)]
     same_torque = run.assign(n=noisy, rho=RHO * power_W[0] / power_W[1])
     light = replace(nexstar.propulsion, propeller_inertia_kgm2=1e-9)
-    found = fit_full_throttle(same_torque, light, propeller)
-    assert found.parameters is not None, found.reason
+    full_throttle = fit_full_throttle(same_torque, light, propeller)
+    assert full_throttle.parameters is not None, full_throttle.reason
     n = at_throttle(nexstar, propeller, np.array([12.0, 24.0]), 1.0)["n"].to_numpy()
     _, shaft_W = propeller.thrust_and_power(np.array([12.0, 24.0]), n, RHO)
     loss = -np.diff(n)[0] / np.diff(shaft_W / (2 * np.pi * n))[0]
-    i = found.parameters.names.index("revps_per_Nm")
-    assert found.parameters.values[i] == pytest.approx(loss, rel=0.005)
-    assert np.sqrt(found.parameters.covariance[i, i]) == pytest.approx(loss / 2, rel=0.02)
+    i = full_throttle.parameters.names.index("revps_per_Nm")
+    assert full_throttle.parameters.values[i] == pytest.approx(loss, rel=0.005)
+    assert np.sqrt(full_throttle.parameters.covariance[i, i]) == pytest.approx(loss / 2, rel=0.02)
 
 
 def test_motor_speed_at_full_throttle_is_that_of_the_motor_s_constants(nexstar) -> None:

@@ -56,7 +56,9 @@ def model(propeller: Propeller, *, full_throttle: bool = True) -> PerformanceMod
     return model_of(parameters, propeller, PowerTrainModel(parameters, 0.027, True, "", ()), (0.24, 0.96))
 
 
-def asked(browser: Browser, by_python: PerformanceModel, flown: Condition, conditions: list[Condition]) -> list[Any]:
+def answers_of(
+    browser: Browser, by_python: PerformanceModel, flown: Condition, conditions: list[Condition]
+) -> list[Any]:
     """What the page answers at each condition."""
     grid = to_json(embedded_grid(by_python, flown, DENSITIES))
     at = json.dumps([condition._asdict() for condition in conditions])
@@ -80,21 +82,21 @@ def test_power_is_interpolated_to_three_parts_in_a_thousand(
     by_python = model(propeller.with_beyond_zero_thrust(beyond_zero_thrust), full_throttle=full_throttle)
     conditions = random_conditions(at, 12, seed=5)
     compared = 0
-    for condition, found in zip(conditions, asked(browser, by_python, at, conditions), strict=True):
+    for condition, result in zip(conditions, answers_of(browser, by_python, at, conditions), strict=True):
         expected = performance_at(by_python, TitledCondition("", condition), ENERGY_J)
         flight = expected.level_flight
-        V = np.array(found["flight"]["V"])
+        V = np.array(result["flight"]["V"])
         assert (V[0], V[-1]) == pytest.approx((flight.V[0], flight.V[-1]), rel=1e-6)
-        required = np.interp(flight.V, V, [one["value"] for one in found["flight"]["required"]])
+        required = np.interp(flight.V, V, [item["value"] for item in result["flight"]["required"]])
         assert required == pytest.approx(flight.required.value, rel=WITHIN)
-        errors = np.interp(flight.V, V, [one["error"] for one in found["flight"]["required"]])
+        errors = np.interp(flight.V, V, [item["error"] for item in result["flight"]["required"]])
         assert errors == pytest.approx(flight.required.standard_error, rel=0.02)
-        known = [k for k, power in enumerate(found["flight"]["battery"]) if power is not None]
+        known = [k for k, power in enumerate(result["flight"]["battery"]) if power is not None]
         battery = np.interp(V[known], flight.V, flight.battery.value)
-        assert np.array(found["flight"]["battery"], dtype=float)[known] == pytest.approx(battery, rel=WITHIN)
+        assert np.array(result["flight"]["battery"], dtype=float)[known] == pytest.approx(battery, rel=WITHIN)
         compared += len(known)
-        assert found["possible"] == expected.sustained
-        agrees_at_its_best(found, expected)
+        assert result["possible"] == expected.sustained
+        agrees_at_its_best(result, expected)
     assert compared > 250, "of 12 curves of 31 points"
 
 
@@ -132,21 +134,21 @@ def agrees(found: dict[str, float | None], expected: Interval | None, within: fl
 
 def test_what_was_flown_is_a_node(browser: Browser, at: Condition, propeller: Propeller) -> None:
     by_python = model(propeller)
-    (found,) = asked(browser, by_python, at, [at])
+    (result,) = answers_of(browser, by_python, at, [at])
     case = performance_at(by_python, TitledCondition("", at), ENERGY_J).case
-    assert found["endurance"]["best"]["value"] == pytest.approx(case.endurance_s.value, rel=2e-4)
-    assert found["range"]["best"]["value"] == pytest.approx(case.range_m.value, rel=2e-4)
-    assert found["endurance"]["atSlowest"] == case.endurance_at_slowest
-    assert found["range"]["atFastest"] == case.range_at_fastest
+    assert result["endurance"]["best"]["value"] == pytest.approx(case.endurance_s.value, rel=2e-4)
+    assert result["range"]["best"]["value"] == pytest.approx(case.range_m.value, rel=2e-4)
+    assert result["endurance"]["atSlowest"] == case.endurance_at_slowest
+    assert result["range"]["atFastest"] == case.range_at_fastest
 
 
 def test_twice_the_weight_needs_two_to_the_power_of_three_halves(
     browser: Browser, at: Condition, propeller: Propeller
 ) -> None:
     """At equal lift coefficient, by (W/W_s)^1.5: speeds by the square root."""
-    light, heavy = asked(browser, model(propeller), at, [at, at._replace(weight_N=2 * at.weight_N)])
+    light, heavy = answers_of(browser, model(propeller), at, [at, at._replace(weight_N=2 * at.weight_N)])
     ratio = [
-        b["value"] / a["value"] for a, b in zip(*(one["flight"]["required"] for one in (light, heavy)), strict=True)
+        b["value"] / a["value"] for a, b in zip(*(item["flight"]["required"] for item in (light, heavy)), strict=True)
     ]
     assert ratio == pytest.approx([2**1.5] * len(ratio), rel=1e-9)
     assert heavy["flight"]["V"][0] / light["flight"]["V"][0] == pytest.approx(2**0.5, rel=1e-9)

@@ -29,12 +29,12 @@ def test_one_speed_by_hand(propeller, at) -> None:
     _, cP = propeller.coefficients(V / (n * propeller.diameter_m), 60 * n)
     shaft = float(cP) * RHO * n**3 * propeller.diameter_m**5
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
-    found = level_flight(model_of(parameters, propeller), at, np.array([V]))
-    assert found.required.value == pytest.approx([drag * V], rel=1e-12)
-    assert found.battery.value == pytest.approx([shaft], rel=1e-8)
-    assert found.propeller.value == pytest.approx([drag * V / shaft], rel=1e-8)
-    assert found.motor.value == pytest.approx([1.0])
-    assert found.inside.all()
+    flight = level_flight(model_of(parameters, propeller), at, np.array([V]))
+    assert flight.required.value == pytest.approx([drag * V], rel=1e-12)
+    assert flight.battery.value == pytest.approx([shaft], rel=1e-8)
+    assert flight.propeller.value == pytest.approx([drag * V / shaft], rel=1e-8)
+    assert flight.motor.value == pytest.approx([1.0])
+    assert flight.inside.all()
 
 
 def test_the_battery_gives_what_the_simulator_s_gives_in_trimmed_flight(nexstar, propeller, at) -> None:
@@ -51,16 +51,16 @@ def test_the_battery_gives_what_the_simulator_s_gives_in_trimmed_flight(nexstar,
         truth.append(float(now.battery_voltage_V * now.battery_current_A))
     train = fit_power_train(steady_points(nexstar, propeller), nexstar.propulsion, propeller, **NO_CORRECTION)
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION), incidence_of(nexstar), train.parameters)
-    found = level_flight(model_of(parameters, propeller, train), at, V)
-    assert found.battery.value == pytest.approx(truth, rel=0.003)
+    flight = level_flight(model_of(parameters, propeller, train), at, V)
+    assert flight.battery.value == pytest.approx(truth, rel=0.003)
 
 
 def test_speeds_outside_the_flown_lift_coefficients_are_marked(propeller, at) -> None:
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
     CL = (0.3, 0.9)
     V = np.array([speed_at(0.95, at), speed_at(0.6, at), speed_at(0.25, at)])
-    found = level_flight(model_of(parameters, propeller, flown_CL=CL), at, V)
-    assert found.inside.tolist() == [False, True, False]
+    flight = level_flight(model_of(parameters, propeller, flown_CL=CL), at, V)
+    assert flight.inside.tolist() == [False, True, False]
     assert lift_coefficient(V, at) == pytest.approx([0.95, 0.6, 0.25])
 
 
@@ -75,8 +75,8 @@ def test_speeds_outside_the_propeller_table_are_marked(propeller, at) -> None:
     """At 30 times the weight the propeller turns faster than its table at any lift coefficient."""
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
     heavy = at._replace(weight_N=30 * at.weight_N)
-    found = level_flight(model_of(parameters, propeller), heavy, speed_at([0.5, 0.8], heavy))
-    assert np.isfinite(found.battery.value).all() and not found.inside.any()
+    flight = level_flight(model_of(parameters, propeller), heavy, speed_at([0.5, 0.8], heavy))
+    assert np.isfinite(flight.battery.value).all() and not flight.inside.any()
 
 
 def test_the_overall_efficiency_is_the_product_of_both(propeller, at) -> None:
@@ -85,9 +85,9 @@ def test_the_overall_efficiency_is_the_product_of_both(propeller, at) -> None:
     train = PowerTrainModel(losses, 0.01, True, "", ())
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, alpha_0=0.0, alpha_CL=0.3), losses)
     V = np.array([13.0, 20.0])
-    found = level_flight(model_of(parameters, propeller, train), at, V)
-    assert found.overall.value == pytest.approx(found.propeller.value * found.motor.value)
-    assert np.all(found.motor.value < 0.99)
+    flight = level_flight(model_of(parameters, propeller, train), at, V)
+    assert flight.overall.value == pytest.approx(flight.propeller.value * flight.motor.value)
+    assert np.all(flight.motor.value < 0.99)
     CL = lift_coefficient(V, at)
     drag_N = at.weight_N * (0.0465 - 0.0195 * CL + 0.065 * CL**2) / CL
-    assert found.required.value == pytest.approx(drag_N * V)
+    assert flight.required.value == pytest.approx(drag_N * V)

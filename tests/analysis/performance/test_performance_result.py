@@ -27,9 +27,9 @@ def uncertain(value, standard_error=0.0) -> UncertainValue:
 
 
 def level(battery_W: np.ndarray) -> LevelFlight:
-    one = uncertain(np.ones(len(V)))
+    item = uncertain(np.ones(len(V)))
     return LevelFlight(
-        V=V, required=uncertain([40.0, 42.0, 46.0, 52.0]), shaft=one, battery=uncertain(battery_W, 2.0),
+        V=V, required=uncertain([40.0, 42.0, 46.0, 52.0]), shaft=item, battery=uncertain(battery_W, 2.0),
         propeller=uncertain([0.6, 0.61, 0.62, 0.63], 0.01), motor=uncertain(np.full(4, 0.8)),
         overall=uncertain([0.48, np.nan, 0.5, 0.5]), inside=np.array([True, True, True, False]),
         battery_at_sigma_points=battery_W[None],
@@ -139,10 +139,10 @@ def test_a_best_speed_outside_the_propeller_table_is_an_extrapolation() -> None:
 @pytest.mark.parametrize(("maximum", "last"), [(17.0, 18.0), (22.0, 22.5)])
 def test_power_available_is_drawn_to_the_highest_or_the_fastest_speed(maximum: float, last: float) -> None:
     """To 3 % beyond the highest level speed, and at least to the fastest flown; extrapolated from there on."""
-    found = available(full_throttle(maximum=maximum))
-    assert found.power_available[-1].speed_mps == last
-    assert len(found.climb_mps) == len(found.power_available)
-    for point in found.power_available:
+    result = available(full_throttle(maximum=maximum))
+    assert result.power_available[-1].speed_mps == last
+    assert len(result.climb_mps) == len(result.power_available)
+    for point in result.power_available:
         assert point.power_W == pytest.approx(10 * point.speed_mps)
         assert (point.power_lo_W, point.power_hi_W) == pytest.approx(
             (point.power_W - 7.84, point.power_W + 7.84), abs=0.01
@@ -154,15 +154,15 @@ def test_power_available_is_drawn_to_the_highest_or_the_fastest_speed(maximum: f
 def test_without_a_highest_speed_a_note_says_which_side_it_is_on(climb: float, text: str) -> None:
     full = full_throttle()
     full = replace(full, climb=uncertain(np.full(25, climb)), maximum_speed=uncertain(np.nan, np.nan))
-    found = available(full)
-    assert found.maximum_speed_mps is None and not found.maximum_speed_extrapolated
-    assert text in found.notes[0]
+    result = available(full)
+    assert result.maximum_speed_mps is None and not result.maximum_speed_extrapolated
+    assert text in result.notes[0]
 
 
 def test_service_and_absolute_ceiling_are_told_apart() -> None:
-    found = available(full_throttle())
-    assert found.service_ceiling_m is not None and found.absolute_ceiling_m is not None
-    assert (found.service_ceiling_m.value, found.absolute_ceiling_m.value) == (4000, 5000)
+    result = available(full_throttle())
+    assert result.service_ceiling_m is not None and result.absolute_ceiling_m is not None
+    assert (result.service_ceiling_m.value, result.absolute_ceiling_m.value) == (4000, 5000)
     assert available(full_throttle(), np.nan).service_ceiling_m is None
 
 

@@ -26,8 +26,8 @@ def test_the_thrust_correction_at_the_reference_advance_ratio_is_the_scale_alone
     n, J = 100.0, np.array([0.5, 0.6])
     V = J * n * propeller.diameter_m
     table, _ = propeller.thrust_and_power(V, n, RHO)
-    found = corrected_thrust(propeller, V, n, RHO, thrust_scale=0.03, thrust_slope=-0.2)
-    assert found / table == pytest.approx([1.03, 1.03 - 0.2 * 0.1])
+    thrust = corrected_thrust(propeller, V, n, RHO, thrust_scale=0.03, thrust_slope=-0.2)
+    assert thrust / table == pytest.approx([1.03, 1.03 - 0.2 * 0.1])
 
 
 def test_a_thrust_no_speed_of_rotation_gives_has_none(propeller) -> None:
@@ -127,8 +127,8 @@ def test_intervals_cover_as_often_as_they_say(nexstar, propeller) -> None:
         noise = np.convolve(rng.standard_normal(len(data) + 4), np.ones(5) / np.sqrt(5), mode="valid") * 0.5 * 14
         seen = data.assign(battery_W=data["battery_W"] * meter + noise)
         train = fit_power_train(seen, nexstar.propulsion, off, **NO_CORRECTION)
-        found = predicted(train, off, V, n)
-        hits.append((found.lo <= truth) & (truth <= found.hi))
+        result = predicted(train, off, V, n)
+        hits.append((result.lo <= truth) & (truth <= result.hi))
     assert np.mean(hits) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / 40)
 
 
@@ -147,11 +147,11 @@ def test_without_battery_data_the_aircraft_file_is_believed_and_that_is_said(nex
     assert (shaft_scale, meter_scale) == pytest.approx((0.05, 0.02)), "docs/use/results.md promises these"
     assert [friction, copper] == pytest.approx(0.5 * train.parameters.values[1:3], abs=0.002)
     V, n, truth = elsewhere(nexstar, propeller)
-    found = predicted(train, propeller, V, n)
-    assert np.all((found.lo <= truth) & (truth <= found.hi))
-    assert found.value == pytest.approx(truth, rel=0.01), "the simulator's motor is that of the file"
+    result = predicted(train, propeller, V, n)
+    assert np.all((result.lo <= truth) & (truth <= result.hi))
+    assert result.value == pytest.approx(truth, rel=0.01), "the simulator's motor is that of the file"
     measured = fit_power_train(steady_points(nexstar, propeller), nexstar.propulsion, propeller, **NO_CORRECTION)
-    assert np.all(found.standard_error > 1.5 * predicted(measured, propeller, V, n).standard_error)
+    assert np.all(result.standard_error > 1.5 * predicted(measured, propeller, V, n).standard_error)
 
 
 def test_a_few_seconds_are_no_measurement(nexstar, propeller) -> None:

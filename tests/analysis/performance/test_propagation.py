@@ -18,19 +18,21 @@ PARAMETERS = ParameterVector(("a", "b"), np.array([3.0, -1.0]), COVARIANCE)
 def test_a_linear_function_gets_its_exact_standard_error() -> None:
     points = PARAMETERS.sigma_points()
     x = np.linspace(-2, 2, 9)
-    found = from_sigma_points(2 * points["a"] + x * points["b"])
+    uncertain_value = from_sigma_points(2 * points["a"] + x * points["b"])
     gradient = np.stack([np.full_like(x, 2.0), x], axis=1)
-    assert found.value == pytest.approx(6 - x, rel=1e-12)
-    assert found.standard_error == pytest.approx(np.sqrt(np.einsum("ni,ij,nj->n", gradient, COVARIANCE, gradient)))
+    assert uncertain_value.value == pytest.approx(6 - x, rel=1e-12)
+    assert uncertain_value.standard_error == pytest.approx(
+        np.sqrt(np.einsum("ni,ij,nj->n", gradient, COVARIANCE, gradient))
+    )
 
 
 def test_a_curved_function_gets_that_of_many_draws() -> None:
     """sin(a) exp(b/3): with these covariances draws scatter within 6 % of what first order says."""
     points = PARAMETERS.sigma_points()
-    found = from_sigma_points((np.sin(points["a"]) * np.exp(points["b"] / 3))[:, 0])
+    uncertain_value = from_sigma_points((np.sin(points["a"]) * np.exp(points["b"] / 3))[:, 0])
     draws = np.random.default_rng(1).multivariate_normal(PARAMETERS.values, COVARIANCE, 200_000)
     scatter = np.std(np.sin(draws[:, 0]) * np.exp(draws[:, 1] / 3))
-    assert float(found.standard_error) == pytest.approx(scatter, rel=0.06)
+    assert float(uncertain_value.standard_error) == pytest.approx(scatter, rel=0.06)
 
 
 def test_independent_numbers_stand_side_by_side() -> None:

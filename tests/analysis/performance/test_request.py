@@ -12,10 +12,10 @@ def test_nothing_asked_is_the_default() -> None:
 
 
 def test_units_are_understood() -> None:
-    asked = parse_request("74", "0.7", "3.8 kg, 9lbf,40 N", "0 m, 5000 ft, -200m")
-    assert asked.battery_Wh == 74.0 and asked.usable == 0.7
-    assert asked.weights_N == pytest.approx((3.8 * 9.80665, 9 * 4.4482216, 40.0))
-    assert asked.density_altitudes_m == pytest.approx((0.0, 1524.0, -200.0))
+    request = parse_request("74", "0.7", "3.8 kg, 9lbf,40 N", "0 m, 5000 ft, -200m")
+    assert request.battery_Wh == 74.0 and request.usable == 0.7
+    assert request.weights_N == pytest.approx((3.8 * 9.80665, 9 * 4.4482216, 40.0))
+    assert request.density_altitudes_m == pytest.approx((0.0, 1524.0, -200.0))
 
 
 @pytest.mark.parametrize(

@@ -29,5 +29,5 @@ def test_power_and_climb_are_the_same_after_writing_and_reading(nexstar, propell
     np.testing.assert_allclose(after.standard_error, before.standard_error, rtol=1e-9)
     assert (read.full_throttle.parameters is not None) is with_full_throttle
     if with_full_throttle:
-        climbs = [full_throttle_performance(one, at).climb.value for one in (model, read)]
+        climbs = [full_throttle_performance(this_model, at).climb.value for this_model in (model, read)]
         np.testing.assert_allclose(climbs[1], climbs[0], rtol=1e-9)

@@ -20,30 +20,35 @@ def values(**given: object) -> FlightValues:
 
 
 def by_name(flight: FlightValues) -> dict[str, tuple[float, float, float]]:
-    return {one.name: (one.value, one.lo, one.hi) for one in typed_in(flight)[0]}
+    return {item.name: (item.value, item.lo, item.hi) for item in typed_in(flight)[0]}
 
 
 def test_each_firmware_has_its_unit() -> None:
-    found = by_name(values(cruise_power=around(96.0, 10.0)))
-    assert found["AIRSPEED_CRUISE"] == found["FW_AIRSPD_TRIM"] == (15.0, 14.0, 16.0)
-    assert found["TRIM_ARSPD_CM"] == found["nav_fw_cruise_speed"] == (1500.0, 1400.0, 1600.0)
-    assert found["cruise_power"][0] == 9600.0  # hundredths of a watt
-    assert found["SOAR_POLAR_K"][0] == pytest.approx(16 * 37.7 / 9.80665 / 0.46, rel=2e-3)  # ArduPilot's own rule
+    result = by_name(values(cruise_power=around(96.0, 10.0)))
+    assert result["AIRSPEED_CRUISE"] == result["FW_AIRSPD_TRIM"] == (15.0, 14.0, 16.0)
+    assert result["TRIM_ARSPD_CM"] == result["nav_fw_cruise_speed"] == (1500.0, 1400.0, 1600.0)
+    assert result["cruise_power"][0] == 9600.0  # hundredths of a watt
+    assert result["SOAR_POLAR_K"][0] == pytest.approx(16 * 37.7 / 9.80665 / 0.46, rel=2e-3)  # ArduPilot's own rule
 
 
 def test_the_pitots_ratio_goes_with_the_square_of_airspeed() -> None:
     """Airspeed that reads 10 % high by a ratio of 2."""
     flight = values(airspeed_factor=around(1 / 1.1, 0.01), logged={"ARSPD_RATIO": 2.0})
-    found = {one.name: one for one in typed_in(flight)[0]}
-    assert found["ARSPD_RATIO"].value == pytest.approx(2.0 / 1.21) and found["ARSPD_RATIO"].logged == 2.0
-    assert found["ASPD_SCALE_1"].value == pytest.approx(1 / 1.1)
+    results = {item.name: item for item in typed_in(flight)[0]}
+    assert results["ARSPD_RATIO"].value == pytest.approx(2.0 / 1.21) and results["ARSPD_RATIO"].logged == 2.0
+    assert results["ASPD_SCALE_1"].value == pytest.approx(1 / 1.1)
 
 
 def test_what_is_not_known_is_withheld_with_what_it_takes() -> None:
     parameters, withheld = typed_in(values(sink=around(0.6, 0.5), CD0=around(0.03, 0.005)))
-    assert not {one.name for one in parameters} & {"FW_T_SINK_MIN", "SOAR_POLAR_CD0", "cruise_power", "ARSPD_RATIO"}
-    told = " ".join(withheld)
-    assert all(name in told for name in ("FW_T_SINK_MIN", "SOAR_POLAR_CD0", "cruise_power", "ARSPD_RATIO"))
+    assert not {parameter.name for parameter in parameters} & {
+        "FW_T_SINK_MIN",
+        "SOAR_POLAR_CD0",
+        "cruise_power",
+        "ARSPD_RATIO",
+    }
+    message = " ".join(withheld)
+    assert all(name in message for name in ("FW_T_SINK_MIN", "SOAR_POLAR_CD0", "cruise_power", "ARSPD_RATIO"))
 
 
 def curve_of(use: object = None, best: tuple[float | None, float | None, float | None] = (15.0, 14.0, 16.5)) -> object:
@@ -59,8 +64,8 @@ def curve_of(use: object = None, best: tuple[float | None, float | None, float |
     )
 
 
-def told(results: object) -> dict[str, tuple[float, float, float]]:
-    return {one.name: (one.value, one.lo, one.hi) for one in of_power_required(results)[0]}  # type: ignore[arg-type]
+def parameters_of(results: object) -> dict[str, tuple[float, float, float]]:
+    return {item.name: (item.value, item.lo, item.hi) for item in of_power_required(results)[0]}  # type: ignore[arg-type]
 
 
 TO_EQUIVALENT = (1.0 / SEA_LEVEL_DENSITY) ** 0.5
@@ -78,14 +83,14 @@ TO_EQUIVALENT = (1.0 / SEA_LEVEL_DENSITY) ** 0.5
 )
 def test_the_cruise_is_that_of_best_range_among_the_speeds_flown(best, cruise) -> None:
     """As equivalent airspeed."""
-    found = told(curve_of(best=best))
-    assert found["FW_AIRSPD_TRIM"] == pytest.approx(tuple(v * TO_EQUIVALENT for v in cruise))
-    assert found["FW_AIRSPD_MIN"] == pytest.approx((12.0 * TO_EQUIVALENT,) * 3)
-    assert found["FW_AIRSPD_MAX"] == pytest.approx((20.0 * TO_EQUIVALENT,) * 3)
+    result = parameters_of(curve_of(best=best))
+    assert result["FW_AIRSPD_TRIM"] == pytest.approx(tuple(v * TO_EQUIVALENT for v in cruise))
+    assert result["FW_AIRSPD_MIN"] == pytest.approx((12.0 * TO_EQUIVALENT,) * 3)
+    assert result["FW_AIRSPD_MAX"] == pytest.approx((20.0 * TO_EQUIVALENT,) * 3)
 
 
 def test_sink_is_power_required_over_weight() -> None:
-    assert told(curve_of())["FW_T_SINK_MIN"] == pytest.approx((150 / 40.0, 135 / 40.0, 165 / 40.0))
+    assert parameters_of(curve_of())["FW_T_SINK_MIN"] == pytest.approx((150 / 40.0, 135 / 40.0, 165 / 40.0))
 
 
 def test_the_cruise_s_power_is_as_uncertain_as_the_range() -> None:
@@ -93,17 +98,17 @@ def test_the_cruise_s_power_is_as_uncertain_as_the_range() -> None:
     distance = SimpleNamespace(value=40e3, lo=30e3, hi=50e3)
     cruise = SimpleNamespace(value=16.0, lo=15.0, hi=17.0)
     case = SimpleNamespace(range_speed_mps=cruise, range_power_W=200.0, range_m=distance)
-    found = told(curve_of(SimpleNamespace(loadings=[case])))
-    assert found["cruise_power"] == pytest.approx((20_000.0, 16_000.0, 20_000.0 * 4 / 3))
-    assert found["FW_AIRSPD_TRIM"] == pytest.approx(tuple(v * TO_EQUIVALENT for v in (16.0, 15.0, 17.0)))
+    result = parameters_of(curve_of(SimpleNamespace(loadings=[case])))
+    assert result["cruise_power"] == pytest.approx((20_000.0, 16_000.0, 20_000.0 * 4 / 3))
+    assert result["FW_AIRSPD_TRIM"] == pytest.approx(tuple(v * TO_EQUIVALENT for v in (16.0, 15.0, 17.0)))
     case.range_m = SimpleNamespace(value=40e3, lo=-1.0, hi=90e3)
-    assert "cruise_power" not in told(curve_of(SimpleNamespace(loadings=[case])))
+    assert "cruise_power" not in parameters_of(curve_of(SimpleNamespace(loadings=[case])))
 
 
 def test_a_wing_loading_is_as_uncertain_as_a_weighed_mass() -> None:
     """0.5 %, 1 sigma; 2 W/(rho_0 S)."""
-    found = wing_loading_of(40.0, 0.5)
-    assert (found.value, found.lo, found.hi) == pytest.approx(
+    interval = wing_loading_of(40.0, 0.5)
+    assert (interval.value, interval.lo, interval.hi) == pytest.approx(
         tuple(f * 160 / SEA_LEVEL_DENSITY for f in (1, 0.9902, 1.0098))
     )
 

@@ -60,19 +60,21 @@ def balance(drag=DragWithheld(), **of):
 
 
 def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed() -> None:
-    found = curve()
-    assert found.endurance_s.value == pytest.approx(BATTERY.usable_J / 50.0)
-    assert found.range_m.value == pytest.approx(BATTERY.usable_J / np.min(POWER_W / V))
-    for interval in (found.endurance_s, found.range_m):
+    result = curve()
+    assert result.endurance_s.value == pytest.approx(BATTERY.usable_J / 50.0)
+    assert result.range_m.value == pytest.approx(BATTERY.usable_J / np.min(POWER_W / V))
+    for interval in (result.endurance_s, result.range_m):
         ends = interval.value / (1 + 1.96 * 0.03), interval.value / (1 - 1.96 * 0.03)
         assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # 400 draws
     assert curve(battery=None).endurance_s is None
 
 
 def test_efficiency_is_told_at_the_speed_where_it_is_known_best_and_never_of_a_simulation() -> None:
-    found = balance().thrust_efficiency
+    thrust_efficiency = balance().thrust_efficiency
     times = np.exp(NORMAL_95 * 0.02)
-    assert (found.value, found.lo, found.hi) == pytest.approx((0.66, 0.66 / times, 0.66 * times))
+    assert (thrust_efficiency.value, thrust_efficiency.lo, thrust_efficiency.hi) == pytest.approx(
+        (0.66, 0.66 / times, 0.66 * times)
+    )
     nowhere = estimate()
     nowhere.shown_efficiency = Uncertain(np.full(len(V), np.nan), np.eye(len(V)), {})
     assert _balance(EnergyBalanceFindings(FLOWN, nowhere, DragWithheld(), "")).thrust_efficiency is None
@@ -81,25 +83,25 @@ def test_efficiency_is_told_at_the_speed_where_it_is_known_best_and_never_of_a_s
 
 def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_meter() -> None:
     """A scale of all power moves neither; noise moves both."""
-    found = curve()
-    assert found.least_power_speed.speed_mps == 14.0 and found.best_range_speed.speed_mps == V[np.argmin(POWER_W / V)]
-    assert (found.least_power_speed.lo_mps, found.least_power_speed.hi_mps) == (14.0, 14.0)
-    assert found.best_range_speed.lo_mps == found.best_range_speed.hi_mps == found.best_range_speed.speed_mps > 15.5
+    result = curve()
+    assert result.least_power_speed.speed_mps == 14.0 and result.best_range_speed.speed_mps == V[np.argmin(POWER_W / V)]
+    assert (result.least_power_speed.lo_mps, result.least_power_speed.hi_mps) == (14.0, 14.0)
+    assert result.best_range_speed.lo_mps == result.best_range_speed.hi_mps == result.best_range_speed.speed_mps > 15.5
     noisy = curve(noise_W=1.0).least_power_speed
     assert 12.0 < noisy.lo_mps < 13.5 and 14.5 < noisy.hi_mps < 16.0 and noisy.inside_flown_range
 
 
 def test_a_power_of_less_than_a_tenth_is_not_believed() -> None:
     """A curve that is known to 60 % only has no longer endurance than ten times that of its value."""
-    found = curve(share=0.6)
-    assert found.endurance_s.hi == pytest.approx(10 * found.endurance_s.value)
-    assert found.range_m.hi == pytest.approx(10 * found.range_m.value)
+    result = curve(share=0.6)
+    assert result.endurance_s.hi == pytest.approx(10 * result.endurance_s.value)
+    assert result.range_m.hi == pytest.approx(10 * result.range_m.value)
 
 
 def test_a_best_speed_at_the_slowest_flown_has_no_lower_end() -> None:
     rising = V.copy()
-    found = speed_of_least(V, rising, np.stack([rising] * 10))
-    assert (found.speed_mps, found.lo_mps, found.inside_flown_range) == (10.0, None, False)
+    least = speed_of_least(V, rising, np.stack([rising] * 10))
+    assert (least.speed_mps, least.lo_mps, least.inside_flown_range) == (10.0, None, False)
     # A twentieth of the draws at the slowest speed: more than the 2.5 % beyond the interval; of one in a hundred, less.
     mixed = np.stack([rising] * 5 + [(V - 14.0) ** 2] * 95)
     assert speed_of_least(V, (V - 14.0) ** 2, mixed).lo_mps is None
@@ -111,8 +113,8 @@ def test_a_best_speed_at_the_slowest_flown_has_no_lower_end() -> None:
 
 
 def test_what_is_beside_the_curve_has_intervals_of_95_per_cent() -> None:
-    found = curve(noise_W=2.0)
-    first, systematic_W = found.interval_parts[0], 0.03 * POWER_W[0]
+    result = curve(noise_W=2.0)
+    first, systematic_W = result.interval_parts[0], 0.03 * POWER_W[0]
     assert (first.noise_W, first.systematic_W) == pytest.approx((NORMAL_95 * 2.0, NORMAL_95 * systematic_W))
     of_balance = balance()
     scale = of_balance.airspeed_scale
@@ -143,12 +145,12 @@ def test_the_basis_of_thrust_tells_the_efficiency_in_per_cent() -> None:
             measured_speed=measured,
             motor_efficiency=0.72,
         )
-        found = balance(drag)
-        assert "an efficiency of 72 %" in found.thrust_basis and text in found.thrust_basis
+        result = balance(drag)
+        assert "an efficiency of 72 %" in result.thrust_basis and text in result.thrust_basis
 
 
 @pytest.mark.parametrize(
-    ("of", "said"),
+    ("of", "messages"),
     [
         ({}, []),
         ({"scale": 0.031}, ["Airspeed reads 3 % too high by GPS"]),
@@ -158,9 +160,11 @@ def test_the_basis_of_thrust_tells_the_efficiency_in_per_cent() -> None:
         ({"share": 0.128}, ["The interval is wider than ±25 % at 100 % of the speeds"]),
     ],
 )
-def test_what_a_reader_must_know_is_said_from_its_limit_on(of: dict, said: list[str]) -> None:
-    found = _warnings(estimate(**of))
-    assert len(found) == len(said) and all(text.startswith(begin) for text, begin in zip(found, said, strict=True))
+def test_what_a_reader_must_know_is_said_from_its_limit_on(of: dict, messages: list[str]) -> None:
+    warnings = _warnings(estimate(**of))
+    assert len(warnings) == len(messages) and all(
+        text.startswith(begin) for text, begin in zip(warnings, messages, strict=True)
+    )
 
 
 GIVEN = FlightConditions(3.0, 0.5, 1.1, 4.0)
@@ -180,8 +184,8 @@ def source(**more):
 def values(drag=None, best=(14.0, 13.5, 14.2), **of):
     speed, lo, hi = best
     best_range = SpeedInterval(speed_mps=speed, lo_mps=lo, hi_mps=hi, inside_flown_range=True)
-    found = source(**(vars(estimate(**of)) | {"conditions": GIVEN}))
-    return flight_values(found, best_range, {}, drag)
+    result = source(**(vars(estimate(**of)) | {"conditions": GIVEN}))
+    return flight_values(result, best_range, {}, drag)
 
 
 def test_a_glide_is_with_the_idling_propeller_unless_its_table_gives_the_drag() -> None:
@@ -189,10 +193,10 @@ def test_a_glide_is_with_the_idling_propeller_unless_its_table_gives_the_drag() 
     weight_N = 3.0 * GRAVITY_MPS2
     qS = 1.1 * 14.0**2 / 2 * 0.5
     for drag, CD0 in ((None, 0.05), (source(), 0.04)):
-        found = values(drag)
-        assert found.CD0.value == pytest.approx(CD0) and found.B.value == pytest.approx(0.06)
-        assert found.sink.value == pytest.approx((CD0 + 0.06 * (weight_N / qS) ** 2) * qS * 14.0 / weight_N)
-        for quantity in (found.CD0, found.B, found.sink):
+        result = values(drag)
+        assert result.CD0.value == pytest.approx(CD0) and result.B.value == pytest.approx(0.06)
+        assert result.sink.value == pytest.approx((CD0 + 0.06 * (weight_N / qS) ** 2) * qS * 14.0 / weight_N)
+        for quantity in (result.CD0, result.B, result.sink):
             assert quantity.hi / quantity.value - 1 == pytest.approx(0.03 * NORMAL_95)
             assert 1 - quantity.lo / quantity.value == pytest.approx(0.03 * NORMAL_95)
 
@@ -200,8 +204,8 @@ def test_a_glide_is_with_the_idling_propeller_unless_its_table_gives_the_drag() 
 def test_equivalent_airspeeds_have_the_error_of_scale_and_zero() -> None:
     """A zero of 2 Pa at 10 m/s is 2/(rho V^2) of the speed."""
     to_equivalent = np.sqrt(1.1 / SEA_LEVEL_DENSITY)
-    found = values()
-    for interval, speed in ((found.slowest, 10.0), (found.fastest, 20.0)):
+    result = values()
+    for interval, speed in ((result.slowest, 10.0), (result.fastest, 20.0)):
         share = NORMAL_95 * np.hypot(0.01, 2.0 / (1.1 * speed**2))
         assert interval.value == pytest.approx(speed * to_equivalent)
         assert (interval.lo, interval.hi) == pytest.approx(
@@ -224,11 +228,11 @@ def test_the_cruise_s_interval_is_that_of_its_optimum_or_of_the_airspeed_if_that
 
 
 def test_powers_and_the_factor_of_airspeed_have_intervals_of_95_per_cent() -> None:
-    found = values(share=0.04)
+    result = values(share=0.04)
     half = NORMAL_95 * 0.04 * 50.0
-    assert (found.cruise_power.lo, found.cruise_power.hi) == pytest.approx((50 - half, 50 + half))
-    assert found.idle_power.value == 4.0 and found.idle_power.lo == 4.0 - NORMAL_95 * 1.0
-    assert found.idle_power.hi == pytest.approx(4.0 + NORMAL_95 * 1.0)
-    assert found.airspeed_factor.value == pytest.approx(1 / 1.02)
-    assert found.airspeed_factor.hi - found.airspeed_factor.value == pytest.approx(NORMAL_95 * 0.01)
+    assert (result.cruise_power.lo, result.cruise_power.hi) == pytest.approx((50 - half, 50 + half))
+    assert result.idle_power.value == 4.0 and result.idle_power.lo == 4.0 - NORMAL_95 * 1.0
+    assert result.idle_power.hi == pytest.approx(4.0 + NORMAL_95 * 1.0)
+    assert result.airspeed_factor.value == pytest.approx(1 / 1.02)
+    assert result.airspeed_factor.hi - result.airspeed_factor.value == pytest.approx(NORMAL_95 * 0.01)
     assert values(wind_mps=None).airspeed_factor is None

@@ -33,12 +33,12 @@ def test_the_wind_is_the_mean_over_the_runs_and_named_by_where_it_comes_from(nor
     )
     flown.index = [t for t in T_S if 110 <= t < 110.8]
     wind = trajectory(np.where(during, north, 50.0), np.where(during, east, 50.0))
-    found = air_found(wind, flown, Condition(40.0, 1.1, 0.5))
-    assert (found.wind_mps, found.wind_from_deg) == pytest.approx((5.0, from_deg), abs=0.01)
-    assert (found.gust_mps, found.gust_length) == (0.4, 0.7)
-    assert found.wind_standard_error_mps == pytest.approx(0.2)
-    assert (found.lowest_height_m, found.highest_height_m, found.temperature_K) == (31.0, 55.0, 282.0)
-    assert found.density_altitude_m == pytest.approx(1110, abs=15)  # ISO 2533
+    result = air_found(wind, flown, Condition(40.0, 1.1, 0.5))
+    assert (result.wind_mps, result.wind_from_deg) == pytest.approx((5.0, from_deg), abs=0.01)
+    assert (result.gust_mps, result.gust_length) == (0.4, 0.7)
+    assert result.wind_standard_error_mps == pytest.approx(0.2)
+    assert (result.lowest_height_m, result.highest_height_m, result.temperature_K) == (31.0, 55.0, 282.0)
+    assert result.density_altitude_m == pytest.approx(1110, abs=15)  # ISO 2533
     flown.index = [1.0, 2.0, 3.0, 4.0]
     all_of_it = air_found(wind, flown, Condition(40.0, 1.1, 0.5))
     aloft = np.where(during, north, 50.0)[:100].mean(), np.where(during, east, 50.0)[:100].mean()
@@ -52,11 +52,11 @@ def test_residuals_are_measured_less_modeled_and_their_correlation_reaches_four_
     measured = modeled + residual
     measured[7] = np.nan
     fit = SimpleNamespace(run="1 acceleration", t_s=T_S, measured={DRAG: measured}, modeled={DRAG: modeled})
-    (found,) = run_residuals(SimpleNamespace(fits=[fit]), {"1 acceleration": "acceleration"})
-    assert (found.points, found.step_s) == (199, pytest.approx(0.2))
-    assert found.rms_mps2 == pytest.approx(0.3 / np.sqrt(2), rel=0.01)
-    assert len(found.autocorrelation) == 21  # 0 to 4 s
-    half, whole = found.autocorrelation[10], found.autocorrelation[20]
+    (run_residual,) = run_residuals(SimpleNamespace(fits=[fit]), {"1 acceleration": "acceleration"})
+    assert (run_residual.points, run_residual.step_s) == (199, pytest.approx(0.2))
+    assert run_residual.rms_mps2 == pytest.approx(0.3 / np.sqrt(2), rel=0.01)
+    assert len(run_residual.autocorrelation) == 21  # 0 to 4 s
+    half, whole = run_residual.autocorrelation[10], run_residual.autocorrelation[20]
     assert half == pytest.approx(-0.95, abs=0.02) and whole == pytest.approx(0.9, abs=0.02)  # of n - k products
 
 
@@ -68,7 +68,7 @@ def test_the_autocorrelation_is_about_zero_and_not_about_the_mean() -> None:
 @pytest.mark.parametrize(("samples", "points"), [(600, 600), (601, 301), (200, 200)])
 def test_a_track_has_at_most_six_hundred_points(samples: int, points: int) -> None:
     t = np.arange(samples) * 0.2
-    found = track(SimpleNamespace(states=pd.DataFrame({"v_north": 2 * t, "v_east": -3.0}, index=t)))
-    assert len(found.t_s) == len(found.north_m) == len(found.east_m) == points
-    assert found.north_m == pytest.approx(np.square(found.t_s), abs=0.051)
-    assert found.east_m == pytest.approx(-3.0 * np.array(found.t_s), abs=0.051)
+    result = track(SimpleNamespace(states=pd.DataFrame({"v_north": 2 * t, "v_east": -3.0}, index=t)))
+    assert len(result.t_s) == len(result.north_m) == len(result.east_m) == points
+    assert result.north_m == pytest.approx(np.square(result.t_s), abs=0.051)
+    assert result.east_m == pytest.approx(-3.0 * np.array(result.t_s), abs=0.051)

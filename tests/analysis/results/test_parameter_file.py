@@ -48,7 +48,7 @@ def results(largest_CL: float | None = None, logged: dict[str, float] | None = N
         wing_loading=around(132.7, 1.0), cruise_power=around(74.66, 2.0), idle_power=around(8.0, 0.5),
         sink=around(1.2, 0.05), CD0=around(0.0405, 0.001), B=around(0.0510, 0.001), logged=logged or {},
     )  # fmt: skip
-    found, withheld = typed_in(values)
+    result, withheld = typed_in(values)
     at = ConditionResult(weight_N=37.66, air_density_kgpm3=1.19)
     slowest = largest_CL and SlowestFlown(speed_mps=11.0, lift_coefficient=1.1, largest_lift_coefficient=largest_CL)
     return Results(
@@ -57,7 +57,7 @@ def results(largest_CL: float | None = None, logged: dict[str, float] | None = N
                 name="a", title="A", wing_area_m2=0.4636, span_m=1.75, propeller=""
             ), "test": at, "kind": Kind.POWER_REQUIRED,
             "curves": {Kind.POWER_REQUIRED: CurveResult(condition=at, points=changed.pop("points", []))},
-            "slowest_flown": slowest or None, "autopilot_parameters": found, "autopilot_parameters_withheld": withheld,
+            "slowest_flown": slowest or None, "autopilot_parameters": result, "autopilot_parameters_withheld": withheld,
         }
         | changed
     )  # fmt: skip
@@ -78,9 +78,9 @@ def read(text: str, firmware: For) -> dict[str, float]:
 
 @pytest.mark.parametrize("firmware", For)
 def test_the_values_are_those_of_the_flight(firmware: For) -> None:
-    found = results()
-    values = read(parameter_file(found, firmware, NO_STALL), firmware)
-    own = {one.name: one.value for one in found.autopilot_parameters}
+    result = results()
+    values = read(parameter_file(result, firmware, NO_STALL), firmware)
+    own = {parameter.name: parameter.value for parameter in result.autopilot_parameters}
     assert len(values) >= 3
     for name, value in values.items():
         assert value == pytest.approx(own[name], rel=2e-3)
@@ -98,9 +98,9 @@ def test_of_two_names_of_one_parameter_the_log_decides() -> None:
 @pytest.mark.parametrize("stall_mps", [None, 9.0, 12.345])
 def test_no_airspeed_is_below_the_stall_margin(firmware: For, stall_mps: float | None) -> None:
     """In meters or centimeters per second, and after rounding; what lies above it stays."""
-    found = results(largest_CL=1.3)
+    result = results(largest_CL=1.3)
     at_stall = float(speed_at(1.3, Condition(37.66, 1.225, 0.4636))) if stall_mps is None else stall_mps
-    values = read(parameter_file(found, firmware, StallMargin(stall_mps, 1.2)), firmware)
+    values = read(parameter_file(result, firmware, StallMargin(stall_mps, 1.2)), firmware)
     for name in values.keys() & (SLOWEST | CRUISE | FASTEST):
         scale = 100.0 if firmware is For.INAV else 1.0
         assert values[name] >= 1.2 * at_stall * scale
@@ -112,9 +112,9 @@ def test_no_airspeed_is_below_the_stall_margin(firmware: For, stall_mps: float |
 def test_where_no_stall_is_known_the_slowest_flown_stands_for_it(firmware: For) -> None:
     """As for a route: an autopilot's log tells no largest lift coefficient. 12 m/s true are 11.83 m/s equivalent."""
     points = [PowerPoint(speed_mps=v, power_W=80.0, power_lo_W=70.0, power_hi_W=90.0) for v in (12.0, 22.0)]
-    found = results()
-    curve = CurveResult(condition=found.test, points=points)
-    electrical = msgspec.structs.replace(found, kind=Kind.ELECTRICAL, curves={Kind.ELECTRICAL: curve})
+    result = results()
+    curve = CurveResult(condition=result.test, points=points)
+    electrical = msgspec.structs.replace(result, kind=Kind.ELECTRICAL, curves={Kind.ELECTRICAL: curve})
     text = parameter_file(electrical, firmware)
     least = 1.2 * 12.0 * (1.19 / 1.225) ** 0.5
     for name, value in read(text, firmware).items():
@@ -138,14 +138,16 @@ def test_a_stall_margin_beyond_the_fastest_flown_is_refused() -> None:
 def test_what_does_not_follow_is_named_in_the_names_of_the_firmware_alone(firmware: For) -> None:
     """A pilot of INAV need not know what ArduPlane calls its throttle."""
     text = parameter_file(results(), firmware, NO_STALL)
-    others = {one.name for one in ENTRIES if one.firmware != FIRMWARE[firmware]}
-    others |= {name for name, said in THROTTLE.items() if name != FIRMWARE[firmware] for name in [said.split()[0]]}
+    others = {entry.name for entry in ENTRIES if entry.firmware != FIRMWARE[firmware]}
+    others |= {
+        name for name, message in THROTTLE.items() if name != FIRMWARE[firmware] for name in [message.split()[0]]
+    }
     comments = "".join(line for line in text.splitlines(keepends=True) if line.startswith("#"))
     assert {name for name in others if name in comments} == set()
     assert not any(word in text for word in FIRMWARE.values() if word != FIRMWARE[firmware])
     assert f"# {THROTTLE[FIRMWARE[firmware]]} does not follow: it requires a throttle" in comments
-    given = {one.name for one in results().autopilot_parameters}
-    own = {one.name for one in ENTRIES if one.firmware == FIRMWARE[firmware]}
+    given = {parameter.name for parameter in results().autopilot_parameters}
+    own = {entry.name for entry in ENTRIES if entry.firmware == FIRMWARE[firmware]}
     assert all(f"{name} is withheld" in text for name in own - given)
     assert own - given == {For.PX4: {"ASPD_SCALE_1"}, For.ARDUPILOT: {"ARSPD_RATIO"}, For.INAV: set()}[firmware]
 

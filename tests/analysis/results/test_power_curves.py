@@ -23,9 +23,9 @@ POLAR = Polar(np.array([CD0, 0.0, K]), np.diag([0.001**2, 0.0, 0.0]))
 
 def test_the_curve_is_drag_times_speed_with_a_95_percent_interval() -> None:
     """An A0 known to 0.001 is power known to rho V^3 S / 2 times that."""
-    found = power_curves.power_curve(POLAR, AT, (0.3, 0.9)).points()
-    assert found[0].speed_mps < found[-1].speed_mps
-    for point in found:
+    points = power_curves.power_curve(POLAR, AT, (0.3, 0.9)).points()
+    assert points[0].speed_mps < points[-1].speed_mps
+    for point in points:
         qS_N = AT.rho * point.speed_mps**2 / 2 * AT.wing_area_m2
         CL = AT.weight_N / qS_N
         assert 0.3 * (1 - 1e-9) <= CL <= 0.9 * (1 + 1e-9)
@@ -36,24 +36,24 @@ def test_the_curve_is_drag_times_speed_with_a_95_percent_interval() -> None:
 
 
 def test_a_point_of_a_method_keeps_its_coefficients_at_another_weight_and_density() -> None:
-    found = _point(SteadyPoint(CL=0.5, CD=0.06, CD_error=0.002, start_s=7.0), AT)
+    point = _point(SteadyPoint(CL=0.5, CD=0.06, CD_error=0.002, start_s=7.0), AT)
     qS_N = AT.weight_N / 0.5
-    assert AT.rho * found.speed_mps**2 / 2 * AT.wing_area_m2 == pytest.approx(qS_N)
-    assert found.power_W == pytest.approx(qS_N * 0.06 * found.speed_mps)
-    assert found.power_hi_W is not None and found.power_lo_W is not None and found.start_s == 7.0
-    assert found.power_hi_W - found.power_W == pytest.approx(1.96 * qS_N * 0.002 * found.speed_mps, rel=1e-4)
-    assert found.power_W - found.power_lo_W == pytest.approx(1.96 * qS_N * 0.002 * found.speed_mps, rel=1e-4)
+    assert AT.rho * point.speed_mps**2 / 2 * AT.wing_area_m2 == pytest.approx(qS_N)
+    assert point.power_W == pytest.approx(qS_N * 0.06 * point.speed_mps)
+    assert point.power_hi_W is not None and point.power_lo_W is not None and point.start_s == 7.0
+    assert point.power_hi_W - point.power_W == pytest.approx(1.96 * qS_N * 0.002 * point.speed_mps, rel=1e-4)
+    assert point.power_W - point.power_lo_W == pytest.approx(1.96 * qS_N * 0.002 * point.speed_mps, rel=1e-4)
 
 
 def test_optimum_speeds_are_those_of_the_textbook_and_marked_outside_the_flown_range() -> None:
     """CDi = 3 CD0 at least power (1.6), CDi = CD0 at least drag (1.10)."""
     slow = polar_curve(POLAR, AT, (0.3, 1.6)).best(Cost.POWER)
     far = polar_curve(POLAR, AT, (0.9, 1.6)).best(Cost.ENERGY_PER_METER)
-    for found, CL, inside in ((slow, np.sqrt(3 * CD0 / K), True), (far, np.sqrt(CD0 / K), False)):
+    for result, CL, inside in ((slow, np.sqrt(3 * CD0 / K), True), (far, np.sqrt(CD0 / K), False)):
         V = np.sqrt(2 * AT.weight_N / (AT.rho * CL * AT.wing_area_m2))
-        assert found.speed_mps == pytest.approx(V)
-        assert found.lo_mps is not None and found.hi_mps is not None and found.lo_mps < V < found.hi_mps
-        assert found.inside_flown_range == inside
+        assert result.speed_mps == pytest.approx(V)
+        assert result.lo_mps is not None and result.hi_mps is not None and result.lo_mps < V < result.hi_mps
+        assert result.inside_flown_range == inside
 
 
 def test_an_optimum_slower_than_was_flown_is_not_named() -> None:
@@ -110,11 +110,13 @@ def test_the_two_parts_of_an_interval_are_those_of_their_covariances(nexstar) ->
 
 
 def test_the_drag_polar_in_both_forms_is_the_same(nexstar) -> None:
-    found = power_curves.drag_polar(Polar(np.array([0.05, -0.02, 0.06]), np.zeros((3, 3))), nexstar)
+    drag_polar = power_curves.drag_polar(Polar(np.array([0.05, -0.02, 0.06]), np.zeros((3, 3))), nexstar)
     CL = np.array([0.2, 0.6, 1.0])
-    assert found.A0 + found.A1 * CL + found.A2 * CL**2 == pytest.approx(found.CD0 + found.K * (CL - found.CL_minD) ** 2)
-    assert found.oswald_efficiency == pytest.approx(1 / (np.pi * 0.06 * nexstar.aspect_ratio))
-    assert found.maximum_lift_to_drag == pytest.approx(
+    assert drag_polar.A0 + drag_polar.A1 * CL + drag_polar.A2 * CL**2 == pytest.approx(
+        drag_polar.CD0 + drag_polar.K * (CL - drag_polar.CL_minD) ** 2
+    )
+    assert drag_polar.oswald_efficiency == pytest.approx(1 / (np.pi * 0.06 * nexstar.aspect_ratio))
+    assert drag_polar.maximum_lift_to_drag == pytest.approx(
         np.max(
             np.linspace(0.5, 1.5, 9999)
             / (0.05 - 0.02 * np.linspace(0.5, 1.5, 9999) + 0.06 * np.linspace(0.5, 1.5, 9999) ** 2)
@@ -127,16 +129,16 @@ def test_the_polar_of_two_terms_is_the_nearest_and_its_interval_that_of_the_pola
     """Exact where A1 = 0. A1 alone is known to 0.01 there: C_L is nearly a line in C_L^2, by least squares."""
     flown = (0.3, 1.1)
     exact = Polar(np.array([0.04, 0.0, 0.06]), np.diag([0.002**2, 0.0, 0.005**2]))
-    for found, value, error in zip(
+    for result, value, error in zip(
         power_curves.two_term_polar(exact, flown), (0.04, 0.06), (0.002, 0.005), strict=True
     ):
         half = NORMAL_95 * error
-        assert (found.value, found.lo, found.hi) == pytest.approx((value, value - half, value + half))
+        assert (result.value, result.lo, result.hi) == pytest.approx((value, value - half, value + half))
     CL = np.linspace(*flown, 61)
     slope, start = np.polyfit(CL**2, CL, 1)
     curved = Polar(np.array([0.04, -0.02, 0.06]), np.diag([0.0, 0.01**2, 0.0]))
-    for found, value, share in zip(
+    for results, value, share in zip(
         power_curves.two_term_polar(curved, flown), (0.04, 0.06), (start, slope), strict=True
     ):
-        assert found.value == pytest.approx(value - 0.02 * share)
-        assert found.hi - found.value == pytest.approx(NORMAL_95 * 0.01 * share)
+        assert results.value == pytest.approx(value - 0.02 * share)
+        assert results.hi - results.value == pytest.approx(NORMAL_95 * 0.01 * share)

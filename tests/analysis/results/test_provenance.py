@@ -62,14 +62,14 @@ def made(
 
 
 def test_date_place_and_health_are_those_of_the_log(log: Log) -> None:
-    found = made(log)
-    assert (found.start_utc, found.clock) == ("2016-05-14T09:29:50Z", "satellites"), "ten seconds before the fix"
-    assert (found.latitude_deg, found.longitude_deg, found.height_msl_m) == (-35.5, 78.25, 100.0)
-    assert (found.ticks, found.ticks_missed, found.duration_s) == (2, 3, 60.0)
-    imu = next(sensor for sensor in found.sensors if sensor.topic == "/imu")
+    result = made(log)
+    assert (result.start_utc, result.clock) == ("2016-05-14T09:29:50Z", "satellites"), "ten seconds before the fix"
+    assert (result.latitude_deg, result.longitude_deg, result.height_msl_m) == (-35.5, 78.25, 100.0)
+    assert (result.ticks, result.ticks_missed, result.duration_s) == (2, 3, 60.0)
+    imu = next(sensor for sensor in result.sensors if sensor.topic == "/imu")
     assert (imu.messages, imu.measurements, imu.faults) == (3, 2, {"corrupt": 1})
-    assert found.events == ["30 s: gps lost"]
-    assert found.log_sha256 == hashlib.sha256(b"recorded").hexdigest()
+    assert result.events == ["30 s: gps lost"]
+    assert result.log_sha256 == hashlib.sha256(b"recorded").hexdigest()
 
 
 def test_implausible_readings_last_until_they_are_plausible_again_or_the_log_ends(log: Log) -> None:
@@ -83,8 +83,8 @@ def test_implausible_readings_last_until_they_are_plausible_again_or_the_log_end
         event(15, "warning", Comparison.AIRSPEED), event(20, "info", Comparison.AIRSPEED),
         event(25, "info", Comparison.GPS), event(50, "warning", Comparison.MOTOR),
     ])  # fmt: skip
-    found = [(one.compared, one.start_s, one.end_s) for one in made(log).implausible]
-    assert found == [(Comparison.AIRSPEED, 10.0, 20.0), (Comparison.MOTOR, 50.0, 60.0)]
+    results = [(item.compared, item.start_s, item.end_s) for item in made(log).implausible]
+    assert results == [(Comparison.AIRSPEED, 10.0, 20.0), (Comparison.MOTOR, 50.0, 60.0)]
 
 
 def written_with(provenance: Provenance) -> bytes:
@@ -182,18 +182,18 @@ def test_the_track_is_the_integral_of_velocity() -> None:
     """A circle of 100 m at 10 m/s closes after 2 pi 100/10 s, and is 200 m wide."""
     t = np.linspace(0, 20 * np.pi, 3001)
     states = pd.DataFrame({"v_north": 10 * np.cos(t / 10), "v_east": 10 * np.sin(t / 10)}, index=t)
-    found = track(SimpleNamespace(states=states))
-    assert len(found.t_s) <= 600
-    assert max(found.east_m) == pytest.approx(200, abs=0.2) and max(found.north_m) == pytest.approx(100, abs=0.2)
-    assert abs(found.north_m[-1]) < 2 and abs(found.east_m[-1]) < 1
+    result = track(SimpleNamespace(states=states))
+    assert len(result.t_s) <= 600
+    assert max(result.east_m) == pytest.approx(200, abs=0.2) and max(result.north_m) == pytest.approx(100, abs=0.2)
+    assert abs(result.north_m[-1]) < 2 and abs(result.east_m[-1]) < 1
 
 
 def test_errors_of_parameters_are_correlated_by_noise_and_what_is_common_and_not_with_one_that_is_exact() -> None:
     noise, systematic = np.zeros((5, 5)), np.zeros((5, 5))
     noise[:2, :2] = [[3.0, -1.0], [-1.0, 8.0]]
     systematic[:2, :2] = [[1.0, -2.0], [-2.0, 1.0]]
-    found = parameter_correlation(SimpleNamespace(noise=noise, systematic=systematic))  # type: ignore[arg-type]
-    assert found.names[:2] == ["A0", "A1"] and len(found.names) == 5
+    correlation = parameter_correlation(SimpleNamespace(noise=noise, systematic=systematic))  # type: ignore[arg-type]
+    assert correlation.names[:2] == ["A0", "A1"] and len(correlation.names) == 5
     expected = np.zeros((5, 5))
     expected[:2, :2] = [[1.0, -0.5], [-0.5, 1.0]]  # -3 over the roots of 4 and 9
-    assert np.array(found.matrix) == pytest.approx(expected)
+    assert np.array(correlation.matrix) == pytest.approx(expected)

@@ -60,41 +60,43 @@ def electrical() -> dict[str, Any]:
         "speed_mps": [14.0], "power_W": [50.0], "own_covariance": [[1.0]],
         "shared": {"prior 0": [0.1], "prior 11": [0.3], "current": [0.2]},
     }  # fmt: skip
-    found = {
+    results = {
         "least_power_speed": SPEED, "best_range_speed": SPEED, "interval_parts": [PART], "residual_W": 3.0,
         "endurance_s": {"value": 4320.0, "lo": 4000.0, "hi": 5000.0}, "range_m": None, "idle_power_W": 4.0,
         "airspeed_scale": None, "wind_mps": 5.0, "wind_from_deg": 180.0, "flown_s": 600.0, "withheld": ["climb"],
         "shaft_power": [{**POINT, "power_W": 40.0}], "pooling": statistics, "battery_energy_Wh": 75.0,
     }  # fmt: skip
-    return of_format_2(electrical_power=[POINT], power_required=[{**POINT, "power_W": 30.0}], electrical=found)
+    return of_format_2(electrical_power=[POINT], power_required=[{**POINT, "power_W": 30.0}], electrical=results)
 
 
 def test_a_flight_with_runs_of_format_2_has_its_fields_where_they_are_now(tmp_path: Path) -> None:
     path = tmp_path / "results.json"
     path.write_text(json.dumps(drag()), "utf-8")
-    found = read_results(path)
-    required = found.curves[Kind.POWER_REQUIRED]
-    assert found.kind is Kind.POWER_REQUIRED and found.main is required and isinstance(found.pooling, PoolingStatistics)
-    assert found.power_required[0].power_W == 50.0 and found.power_required_standard[0].power_W == 48.0
-    assert found.minimum_power_speed.speed_mps == 14.0 and found.best_range_speed.speed_mps is None
-    assert found.interval_parts[0].systematic_W == 2.0 and found.electrical_power[0].power_W == 90.0
-    assert (found.air.wind_mps, found.air_temperature_K, found.air_pressure_Pa) == (3.0, 288.0, 1e5)
-    assert found.battery is not None and (found.battery.energy_Wh, found.battery.usable) == (74.0, 0.7)
-    assert found.use is not None and found.use.power_train.measured
+    result = read_results(path)
+    required = result.curves[Kind.POWER_REQUIRED]
+    assert (
+        result.kind is Kind.POWER_REQUIRED and result.main is required and isinstance(result.pooling, PoolingStatistics)
+    )
+    assert result.power_required[0].power_W == 50.0 and result.power_required_standard[0].power_W == 48.0
+    assert result.minimum_power_speed.speed_mps == 14.0 and result.best_range_speed.speed_mps is None
+    assert result.interval_parts[0].systematic_W == 2.0 and result.electrical_power[0].power_W == 90.0
+    assert (result.air.wind_mps, result.air_temperature_K, result.air_pressure_Pa) == (3.0, 288.0, 1e5)
+    assert result.battery is not None and (result.battery.energy_Wh, result.battery.usable) == (74.0, 0.7)
+    assert result.use is not None and result.use.power_train.measured
 
 
 def test_a_flight_of_electrical_power_of_format_2_too_and_its_shared_errors_have_names() -> None:
-    found = read_results(electrical())
-    curve = found.main
-    assert found.kind is Kind.ELECTRICAL and curve.points[0].power_W == 50.0 and curve.idle_power_W == 4.0
+    result = read_results(electrical())
+    curve = result.main
+    assert result.kind is Kind.ELECTRICAL and curve.points[0].power_W == 50.0 and curve.idle_power_W == 4.0
     assert isinstance(curve.statistics, PowerStatistics) and curve.statistics.shared == {
         "prior of zero-lift drag": [0.1], "prior of angle over thrust": [0.3], "current": [0.2],
     }  # fmt: skip
-    assert found.points(Kind.SHAFT)[0].power_W == 40.0 and found.power_required[0].power_W == 30.0
-    assert (found.air.wind_mps, found.air.pressure_Pa, found.withheld) == (5.0, 1e5, ["climb"])
-    assert found.balance is not None and (found.balance.residual_W, found.balance.flown_s) == (3.0, 600.0)
-    assert found.battery is not None and found.battery.energy_Wh == 75.0
-    assert found.battery.usable == pytest.approx(0.8), "4320 s at 50 W are 60 Wh of 75"
+    assert result.points(Kind.SHAFT)[0].power_W == 40.0 and result.power_required[0].power_W == 30.0
+    assert (result.air.wind_mps, result.air.pressure_Pa, result.withheld) == (5.0, 1e5, ["climb"])
+    assert result.balance is not None and (result.balance.residual_W, result.balance.flown_s) == (3.0, 600.0)
+    assert result.battery is not None and result.battery.energy_Wh == 75.0
+    assert result.battery.usable == pytest.approx(0.8), "4320 s at 50 W are 60 Wh of 75"
 
 
 def test_what_is_written_is_read_as_it_was(tmp_path: Path) -> None:
@@ -108,12 +110,14 @@ def test_what_is_written_is_read_as_it_was(tmp_path: Path) -> None:
 def test_results_of_a_version_without_verdict_are_doubtful() -> None:
     content = drag()
     del content["evidence"], content["trust"]
-    found = read_results(content)
-    assert found.trust is Trust.DOUBTFUL and [one.kind for one in found.evidence] == [EvidenceKind.NO_VERDICT]
+    result = read_results(content)
+    assert result.trust is Trust.DOUBTFUL and [evidence.kind for evidence in result.evidence] == [
+        EvidenceKind.NO_VERDICT
+    ]
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"format": "flightpower-results-9"}, "format 'flightpower-results-9' is not supported"),
         ({"test": None}, "not results of `analyze`"),
@@ -121,8 +125,8 @@ def test_results_of_a_version_without_verdict_are_doubtful() -> None:
         ({"air": 3}, "not results of `analyze`"),
     ],
 )
-def test_what_is_no_result_is_refused_in_one_line(change: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=said) as error:
+def test_what_is_no_result_is_refused_in_one_line(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
         read_results({**drag(), **change}, "a.json")
     assert str(error.value).startswith("a.json: ") and "\n" not in str(error.value)
     with pytest.raises(InputError):

@@ -92,7 +92,7 @@ def swinging(**change: float) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"q_radps": 57.3}, "degrees per second"),
         ({"q_radps": -1.0}, "wrong sign; write it positive nose up"),
@@ -106,9 +106,9 @@ def swinging(**change: float) -> pd.DataFrame:
         ({"gps_north_mps": 0.01}, "write m/s"),
     ],
 )
-def test_a_sensor_that_contradicts_mechanics_is_refused(change: dict[str, float], said: str) -> None:
+def test_a_sensor_that_contradicts_mechanics_is_refused(change: dict[str, float], message: str) -> None:
     check_axes(swinging(), "flight.mcap")
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         check_axes(swinging(**change), "flight.mcap")
 
 
@@ -147,16 +147,16 @@ def with_correlation(name: str, correlation: float) -> pd.DataFrame:
         "ay_mps2": -table["beta_rad"] * table["qbar_Pa"],
         "ax_mps2": table["V_mps"].diff().fillna(0.0) / 0.04 + 9.8 * -table["gps_down_mps"] / table["V_mps"],
     }[name]
-    found = blended(demanded, correlation)
+    az_mps2 = blended(demanded, correlation)
     if name == "ax_mps2":  # along the path, as the check has it
-        found = (found - table["az_mps2"] * np.sin(table["alpha_rad"])) / np.cos(table["alpha_rad"])
+        az_mps2 = (az_mps2 - table["az_mps2"] * np.sin(table["alpha_rad"])) / np.cos(table["alpha_rad"])
     if name == "dp_beta_Pa":
-        found = found / demanded.mean() * table["q_c_Pa"].mean() * table["q_c_Pa"] / table["q_c_Pa"].mean()
-    return table.assign(**{name: found})
+        az_mps2 = az_mps2 / demanded.mean() * table["q_c_Pa"].mean() * table["q_c_Pa"] / table["q_c_Pa"].mean()
+    return table.assign(**{name: az_mps2})
 
 
 @pytest.mark.parametrize(
-    ("name", "small", "large", "said"),
+    ("name", "small", "large", "message"),
     [
         ("q_radps", -0.2, -0.5, "positive nose up"),  # -0.35
         ("alpha_rad", -0.4, -0.65, "the angle of attack falls where lift rises"),  # -0.5
@@ -164,9 +164,9 @@ def with_correlation(name: str, correlation: float) -> pd.DataFrame:
         ("ay_mps2", -0.3, -0.5, "points to where the air comes from"),  # 0.4 against
     ],
 )
-def test_from_a_correlation_on_a_sensor_is_reversed(name: str, small: float, large: float, said: str) -> None:
+def test_from_a_correlation_on_a_sensor_is_reversed(name: str, small: float, large: float, message: str) -> None:
     assert judged(with_correlation(name, small)) == ""
-    assert said in judged(with_correlation(name, large))
+    assert message in judged(with_correlation(name, large))
 
 
 def test_alpha_and_beta_are_exchanged_if_beta_follows_the_lift_and_much_better_than_alpha() -> None:
@@ -206,8 +206,8 @@ def test_only_motion_that_is_there_is_judged() -> None:
         level = {"az_mps2": -9.8 * lift, "V_mps": 18.0, "height_m": 60.0, "q_radps": 0.0}
         # qbar all but constant: its least tenths are left out
         level |= {"q_c_Pa": 200.0, "qbar_Pa": np.linspace(200, 200.001, len(lift)), "alpha_rad": -0.05 * lift}
-        said = judged(swinging().assign(**level, dp_alpha_Pa=-100 * lift, gps_down_mps=0.0))
-        assert ("falls where lift rises" in said) == refused
+        message = judged(swinging().assign(**level, dp_alpha_Pa=-100 * lift, gps_down_mps=0.0))
+        assert ("falls where lift rises" in message) == refused
 
 
 @pytest.mark.parametrize(("slope", "refused"), [(0.026, True), (0.035, False)])
@@ -222,8 +222,8 @@ def test_alphas_pressure_changes_with_the_lift_by_some_per_cent_of_the_dynamic_p
 def test_the_ground_speed_is_that_of_the_air_and_a_wind(ratio: float, refused: bool) -> None:
     table = swinging()
     counted = table["V_mps"][table["qbar_Pa"] > table["qbar_Pa"].quantile(0.15)].median()
-    said = judged(table.assign(gps_north_mps=ratio * 0.6 * counted, gps_east_mps=ratio * 0.8 * counted))
-    assert ("m/s (median of the flight) at" in said) == refused
+    message = judged(table.assign(gps_north_mps=ratio * 0.6 * counted, gps_east_mps=ratio * 0.8 * counted))
+    assert ("m/s (median of the flight) at" in message) == refused
 
 
 @pytest.mark.parametrize(

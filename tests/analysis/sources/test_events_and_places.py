@@ -77,21 +77,21 @@ def ulog(path: Path) -> FlightRecording:
     ("suffix", "names"), [(".BIN", ["MANUAL", "FBWA", "QLOITER"]), (".ulg", ["Manual", "Stabilized", "Loiter"])]
 )
 def test_modes_and_messages_stand_at_their_times(tmp_path: Path, suffix: str, names: list[str]) -> None:
-    found = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}")
-    switched = [one for one in found.events if one.kind is EventKind.MODE]
-    assert [one.text for one in switched] == names
-    assert [one.t_s for one in switched] == pytest.approx([10.0, 30.0, 50.0], abs=0.21)
-    (message,) = (one for one in found.events if one.kind is EventKind.MESSAGE)
+    result = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}")
+    switched = [event for event in result.events if event.kind is EventKind.MODE]
+    assert [event.text for event in switched] == names
+    assert [event.t_s for event in switched] == pytest.approx([10.0, 30.0, 50.0], abs=0.21)
+    (message,) = (event for event in result.events if event.kind is EventKind.MESSAGE)
     assert message.text == MESSAGE
     assert message.t_s == pytest.approx(T_S[-1] if suffix == ".ulg" else T_S[100], abs=1e-6)
-    assert list(found.events) == sorted(found.events)
+    assert list(result.events) == sorted(result.events)
 
 
 @pytest.mark.parametrize("suffix", [".BIN", ".log", ".ulg"])
 def test_positions_are_distances_from_the_first(tmp_path: Path, suffix: str) -> None:
     """Also across the date line, and by a text log's degrees as by the packed integers of the others."""
-    found = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}")
-    north, east = (found.place[name] for name in recording.PLACE)
+    result = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}")
+    north, east = (result.place[name] for name in recording.PLACE)
     assert north.value == pytest.approx(NORTH_MPS * (north.t_s - T_S[0]), abs=0.05)
     assert east.value == pytest.approx(-EAST_MPS * (east.t_s - T_S[0]), abs=0.05)
 
@@ -130,29 +130,29 @@ def test_the_clock_of_telemetry_is_the_autopilot_s_or_else_the_computer_s(tmp_pa
 
     def written(kept: list[object]) -> recording.Fix:
         plane = mavlink.MAVLink(None, 1, 1)
-        times_us = [BOOTED_US + 1_000_000 * (k // 5) for k, one in enumerate(frames) if one in kept]
-        content = [at.to_bytes(8, "big") + bytes(one.pack(plane)) for at, one in zip(times_us, kept, strict=True)]
+        times_us = [BOOTED_US + 1_000_000 * (k // 5) for k, frame in enumerate(frames) if frame in kept]
+        content = [at.to_bytes(8, "big") + bytes(item.pack(plane)) for at, item in zip(times_us, kept, strict=True)]
         path.write_bytes(b"".join(content))
         return read(path).fix
 
     fix = written(frames)
     assert fix.by_satellites and fix.unix_at_zero_s == pytest.approx(100.0)
     assert (fix.latitude_deg, fix.longitude_deg, fix.height_msl_m) == pytest.approx((LATITUDE, LONGITUDE, HEIGHT_M))
-    undated = written([one for one in frames if not isinstance(one, mavlink.MAVLink_system_time_message)])
+    undated = written([frame for frame in frames if not isinstance(frame, mavlink.MAVLink_system_time_message)])
     assert not undated.by_satellites and undated.unix_at_zero_s == 0.0
 
 
 def test_results_say_date_and_place_of_the_first_sample(tmp_path: Path) -> None:
     """The log's clock starts at boot, ten seconds before its first message."""
-    found = dataflash(tmp_path / "flight.BIN")
-    origin = provenance_of_file(found.path, "", None, "", found)
+    result = dataflash(tmp_path / "flight.BIN")
+    origin = provenance_of_file(result.path, "", None, "", result)
     assert (origin.start_utc, origin.clock, origin.duration_s) == (
         "2024-05-01T12:00:10Z",
         Clock.SATELLITES,
         pytest.approx(59.8, abs=1e-5),
     )
     assert (origin.latitude_deg, origin.height_msl_m) == (pytest.approx(LATITUDE), HEIGHT_M)
-    undated = provenance_of_file(found.path, "", None, "", replace(found, fix=recording.Fix()))
+    undated = provenance_of_file(result.path, "", None, "", replace(result, fix=recording.Fix()))
     assert (undated.start_utc, undated.clock, undated.latitude_deg) == (None, Clock.NONE, None)
 
 
@@ -177,13 +177,13 @@ def test_a_ground_station_s_recording_has_modes_and_messages(tmp_path: Path) -> 
         for t_s, frame in frames:
             stream.write((BOOTED_US + int(1e6 * t_s)).to_bytes(8, "big") + bytes(frame.pack(plane)))
     events = read(path).events
-    assert [one.text for one in events] == ["MANUAL", MESSAGE, "RTL"]
+    assert [event.text for event in events] == ["MANUAL", MESSAGE, "RTL"]
     assert events[1].t_s - events[0].t_s == pytest.approx(30.0)
 
 
 def test_a_mode_is_one_event_until_it_changes_and_an_unknown_one_keeps_its_number() -> None:
-    found = modes([0.0, 1.0, 2.0, np.nan, 3.0, 4.0], [10, 10, 99, 5, 99, 10], {10: "AUTO"})
-    assert [(one.t_s, one.text) for one in found] == [(0.0, "AUTO"), (2.0, "mode 99"), (4.0, "AUTO")]
+    all_modes = modes([0.0, 1.0, 2.0, np.nan, 3.0, 4.0], [10, 10, 99, 5, 99, 10], {10: "AUTO"})
+    assert [(mode.t_s, mode.text) for mode in all_modes] == [(0.0, "AUTO"), (2.0, "mode 99"), (4.0, "AUTO")]
     assert modes([], [], {}) == []
 
 
@@ -194,11 +194,11 @@ def test_every_number_of_a_log_can_be_drawn(tmp_path: Path, suffix: str) -> None
     (ulog if suffix == ".ulg" else dataflash)(path)
     autopilot = autopilot_of(path)
     assert autopilot is not None
-    found = all_channels(path, autopilot)
+    channels = all_channels(path, autopilot)
     names = {".ulg": ("airspeed.indicated_airspeed_m_s", "vehicle_status.nav_state")}
-    speed, mode = (found[name]() for name in names.get(suffix, ("ARSP.Airspeed", "MODE.Rsn")))
+    speed, mode = (channels[name]() for name in names.get(suffix, ("ARSP.Airspeed", "MODE.Rsn")))
     assert speed.t_s == pytest.approx(T_S, abs=1e-5) and speed.value == pytest.approx(15 + np.sin(T_S), rel=1e-6)
-    assert mode.t_s[0] == pytest.approx(10.0) and "MSG.Message" not in found
+    assert mode.t_s[0] == pytest.approx(10.0) and "MSG.Message" not in channels
 
 
 def test_telemetry_is_drawn_by_mavlink_s_own_names(tmp_path: Path) -> None:
@@ -207,15 +207,15 @@ def test_telemetry_is_drawn_by_mavlink_s_own_names(tmp_path: Path) -> None:
     frames = [(0.0, mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_FIXED_WING, 3, 0, 11, 0, 3))]
     frames += [(0.1 * k, mavlink.MAVLink_attitude_message(0, 0.01 * k, 0, 0, 0, 0, 0)) for k in range(50)]
     path.write_bytes(
-        b"".join((BOOTED_US + int(1e6 * t)).to_bytes(8, "big") + bytes(one.pack(plane)) for t, one in frames)
+        b"".join((BOOTED_US + int(1e6 * t)).to_bytes(8, "big") + bytes(item.pack(plane)) for t, item in frames)
     )
-    found = all_channels(path, Autopilot.ARDUPILOT)
-    assert found["ATTITUDE.roll"]().value == pytest.approx(0.01 * np.arange(50), abs=1e-7)
+    channels = all_channels(path, Autopilot.ARDUPILOT)
+    assert channels["ATTITUDE.roll"]().value == pytest.approx(0.01 * np.arange(50), abs=1e-7)
 
 
 def test_paparazzi_s_unknown_fields_have_numbers(tmp_path: Path) -> None:
     path = tmp_path / "flight.data"
     path.write_text("".join(f"{k}.0 20 DL_VALUE 3 {k / 2}\n{k}.5 20 ENERGY 55 11.5 1.7\n" for k in range(40)))
-    found = all_channels(path, Autopilot.PAPARAZZI)
-    assert list(found["DL_VALUE.2"]().value) == [k / 2 for k in range(40)]
-    assert set(found["ENERGY.voltage_V"]().value) == {11.5}
+    channels = all_channels(path, Autopilot.PAPARAZZI)
+    assert list(channels["DL_VALUE.2"]().value) == [k / 2 for k in range(40)]
+    assert set(channels["ENERGY.voltage_V"]().value) == {11.5}

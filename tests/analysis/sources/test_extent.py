@@ -29,9 +29,9 @@ def ulog(path: Path, seconds: float = 700.0) -> None:
 def test_an_ardupilot_log_has_its_length(tmp_path: Path, suffix: str, kind: str) -> None:
     path = tmp_path / f"flight{suffix}"
     {".BIN": write_dataflash, ".log": write_text, ".tlog": write_telemetry}[suffix](path, flight())
-    found = extent(path)
-    assert found.kind == kind and found.length_s == pytest.approx(LENGTH_S, abs=0.11)
-    assert found.start_s == (pytest.approx(BOOTED_US / 1e6 + 10) if suffix == ".tlog" else None)
+    result = extent(path)
+    assert result.kind == kind and result.length_s == pytest.approx(LENGTH_S, abs=0.11)
+    assert result.start_s == (pytest.approx(BOOTED_US / 1e6 + 10) if suffix == ".tlog" else None)
 
 
 def test_a_px4_log_is_read_at_its_ends(tmp_path: Path) -> None:
@@ -56,8 +56,8 @@ def test_telemetry_of_paparazzi_also_compressed(tmp_path: Path) -> None:
 def test_a_log_of_the_daemon_has_date_and_length(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(demo_log())
-    found = extent(path)
-    assert found.kind == "flightpower" and 100 < (found.length_s or 0) < 3000
+    result = extent(path)
+    assert result.kind == "flightpower" and 100 < (result.length_s or 0) < 3000
     path.write_bytes(demo_log()[:-1000])
     assert extent(path) == Extent("flightpower")
 

@@ -73,24 +73,24 @@ def test_the_text_of_a_log_has_its_channels(tmp_path: Path, by_dataflash: Flight
     assert text.channels.keys() == by_dataflash.channels.keys() and text.parameters == pytest.approx(
         {"ARSPD_RATIO": 1.9}
     )
-    for name, one in by_dataflash.channels.items():
-        assert text.channels[name].t_s == pytest.approx(one.t_s, abs=1e-9)
-        assert text.channels[name].value == pytest.approx(one.value, rel=1e-5, abs=1e-5), name
+    for name, channel in by_dataflash.channels.items():
+        assert text.channels[name].t_s == pytest.approx(channel.t_s, abs=1e-9)
+        assert text.channels[name].value == pytest.approx(channel.value, rel=1e-5, abs=1e-5), name
 
 
 def test_telemetry_has_the_channels_in_its_own_steps(tmp_path: Path, by_dataflash: FlightRecording) -> None:
     heard = read(tmp_path, ".tlog", flight())
     assert heard.channels.keys() == by_dataflash.channels.keys()
     for name, step in STEPS.items():
-        one, other = by_dataflash.channels[name], heard.channels[name]
-        assert np.diff(other.t_s) == pytest.approx(np.diff(one.t_s), abs=1e-6)
-        assert other.value == pytest.approx(one.value, abs=step), name
+        channel, other = by_dataflash.channels[name], heard.channels[name]
+        assert np.diff(other.t_s) == pytest.approx(np.diff(channel.t_s), abs=1e-6)
+        assert other.value == pytest.approx(channel.value, abs=step), name
     assert heard.parameters == pytest.approx({"ARSPD_RATIO": 1.9})
     assert heard.thermometers["ARSP 0"].value == pytest.approx(12.5 + 273.15)
 
 
 def test_without_differential_pressure_the_airspeed_shown_is_no_sensors(tmp_path: Path) -> None:
-    kinds = [one for one in flight() if one.name != "ARSP"]
+    kinds = [item for item in flight() if item.name != "ARSP"]
     assert recording.AIRSPEED_PRESSURE not in read(tmp_path, ".tlog", kinds).channels
 
 
@@ -159,10 +159,10 @@ def test_a_log_in_gzip_has_the_channels_of_the_log(tmp_path: Path, suffix: str) 
     plain = read(tmp_path, suffix, flight())
     packed = tmp_path / f"flight{suffix}.gz"
     packed.write_bytes(gzip.compress(plain.path.read_bytes()))
-    found = read_ardupilot(packed)
-    assert found.path == packed and found.channels.keys() == plain.channels.keys()
-    for name, one in plain.channels.items():
-        np.testing.assert_array_equal(found.channels[name], one)
+    recording = read_ardupilot(packed)
+    assert recording.path == packed and recording.channels.keys() == plain.channels.keys()
+    for name, channel in plain.channels.items():
+        np.testing.assert_array_equal(recording.channels[name], channel)
     packed.write_bytes(packed.read_bytes()[:-2000])
     with pytest.raises(InputError, match=rf"{packed.name}: cannot be unpacked .*: copy or download it again"):
         read_ardupilot(packed)
@@ -178,7 +178,7 @@ def test_what_unpacks_to_more_than_a_log_has_is_refused(tmp_path: Path, monkeypa
 
 def test_a_damaged_multiplier_is_left_out(tmp_path: Path) -> None:
     """A factor of 1e300 on the voltage, a whole number, overflowed with a warning of NumPy."""
-    kinds = [one for one in flight() if one.name != "BAT"]
+    kinds = [item for item in flight() if item.name != "BAT"]
     time_us = kinds[2].columns["TimeUS"]
     whole = {"Volt": np.full(600, 1200.0), "Curr": np.full(600, 500.0)}
     path = tmp_path / "flight.BIN"
@@ -200,9 +200,9 @@ def test_a_term_named_like_an_instance_is_none(tmp_path: Path) -> None:
     place = DataflashMessages("POS", "QLL", {"TimeUS": t_us, "Lat": integral * 0 + 48.1234567, "Lng": integral})
     path = tmp_path / "flight.BIN"
     write_dataflash(path, [*flight(), controller, place])
-    found = all_channels(path)
-    assert [name for name in found if name.startswith("PIDR")] == ["PIDR.TimeUS", "PIDR.Tar", "PIDR.I"]
-    np.testing.assert_allclose(found["PIDR.I"]().value, integral, rtol=1e-6)
-    assert found["POS.Lat"]().value[0] == pytest.approx(48.1234567) and found["POS.Lng"]().value[-1] == pytest.approx(
-        2.0
-    )
+    channels = all_channels(path)
+    assert [name for name in channels if name.startswith("PIDR")] == ["PIDR.TimeUS", "PIDR.Tar", "PIDR.I"]
+    np.testing.assert_allclose(channels["PIDR.I"]().value, integral, rtol=1e-6)
+    assert channels["POS.Lat"]().value[0] == pytest.approx(48.1234567) and channels["POS.Lng"]().value[
+        -1
+    ] == pytest.approx(2.0)

@@ -35,13 +35,15 @@ def battery(name: str, current_A: float) -> Battery:
 
 
 @pytest.mark.parametrize(
-    ("second_A", "said"),
+    ("second_A", "messages"),
     [(1.5, ["b carries 15 % of the power of a"]), (0.5, []), (30.0, ["b measures", "a carries 33 %"])],
 )
-def test_the_battery_of_most_power_is_taken_and_a_tenth_beside_it_is_told(second_A: float, said: list[str]) -> None:
+def test_the_battery_of_most_power_is_taken_and_a_tenth_beside_it_is_told(second_A: float, messages: list[str]) -> None:
     taken, notes = measuring_battery([battery("a", 10.0), battery("b", second_A)])
     assert taken is not None and taken.name == ("b" if second_A > 10 else "a")
-    assert len(notes) == len(said) and all(note.startswith(text) for note, text in zip(notes, said, strict=True))
+    assert len(notes) == len(messages) and all(
+        note.startswith(text) for note, text in zip(notes, messages, strict=True)
+    )
 
 
 def test_two_packs_that_feed_the_motor_are_added_and_one_measured_twice_is_counted_once() -> None:
@@ -106,8 +108,8 @@ def test_ardupilots_monitor_of_kind_ten_sums_those_of_its_mask_or_all_later_ones
     parameters: dict[str, float], summed: list[str]
 ) -> None:
     monitors = {(kind, i): battery(f"{kind} {i}", 1.0) for kind, i in [("BAT", 0), ("BAT", 1), ("BAT", 2), ("BAT2", 0)]}
-    found = ardupilot._with_sums(monitors, parameters)
-    assert sorted({name for one in found for name in one.sum_of}) == summed
+    batteries = ardupilot._with_sums(monitors, parameters)
+    assert sorted({name for battery in batteries for name in battery.sum_of}) == summed
 
 
 def test_a_battery_without_discharge_does_not_measure() -> None:
@@ -116,8 +118,8 @@ def test_a_battery_without_discharge_does_not_measure() -> None:
 
 
 def test_the_one_motor_that_turns_is_taken() -> None:
-    found, notes = turning_motor([constant(1.0), constant(80.0)])
-    assert found is not None and found.value[0] == 80.0 and notes == []
+    result, notes = turning_motor([constant(1.0), constant(80.0)])
+    assert result is not None and result.value[0] == 80.0 and notes == []
     assert turning_motor([constant(4.0)]) == (None, [])
     none, (note,) = turning_motor([constant(80.0), constant(90.0)])
     assert none is None and note.startswith("2 motors turn")

@@ -36,13 +36,15 @@ def written(compressed: bool) -> bytes:
 @pytest.mark.parametrize("compressed", [False, True])
 def test_variables_are_those_of_a_second_reader(compressed: bool) -> None:
     data = written(compressed)
-    found, other = read_mat(data), loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False)
+    variables, other = read_mat(data), loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False)
     for name in ("t", "matrix", "small", "whole", "single", "scalar"):
-        assert found[name] == pytest.approx(other[name]) and found[name].dtype == np.asarray(other[name]).dtype, name
-    assert found["text"] == other["text"] and found["rows"].tolist() == [one.rstrip() for one in other["rows"]]
-    assert found["labels"].tolist() == other["labels"].tolist() == ["TimeUS", "I", "Airspeed"]
-    assert found["log"]["air"]["speed"] == pytest.approx(other["log"].air.speed)
-    assert found["empty"].size == 0
+        assert (
+            variables[name] == pytest.approx(other[name]) and variables[name].dtype == np.asarray(other[name]).dtype
+        ), name
+    assert variables["text"] == other["text"] and variables["rows"].tolist() == [row.rstrip() for row in other["rows"]]
+    assert variables["labels"].tolist() == other["labels"].tolist() == ["TimeUS", "I", "Airspeed"]
+    assert variables["log"]["air"]["speed"] == pytest.approx(other["log"].air.speed)
+    assert variables["empty"].size == 0
 
 
 def test_what_is_not_read_is_left_out() -> None:

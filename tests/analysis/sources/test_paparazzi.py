@@ -52,7 +52,7 @@ def test_fields_have_their_units(tmp_path: Path) -> None:
     path = written(tmp_path / "log.data", lines())
     assert autopilot_of(path) == Autopilot.PAPARAZZI
     read = read_paparazzi(path)
-    median = {name: float(np.median(one.value)) for name, one in read.channels.items()}
+    median = {name: float(np.median(channel.value)) for name, channel in read.channels.items()}
     assert median[recording.AIRSPEED_PRESSURE] == pytest.approx(0.5 * 1.225 * 144 + 3, abs=0.01)
     assert (median[recording.VOLTAGE], median[recording.CURRENT]) == (11.5, 1.74)
     assert median[recording.THROTTLE] == 0.55
@@ -77,12 +77,12 @@ def test_a_damaged_number_spoils_no_other(tmp_path: Path, damaged: str) -> None:
     text[0] = text[0].replace("-1. ", f"{damaged} ", 1)
     read = read_paparazzi(written(tmp_path / "log.data", text))
     assert np.median(read.channels[recording.GPS[1]].value) == pytest.approx(12.0)
-    assert all(len(one.t_s) == 97 and np.ptp(one.value) == 0 for one in read.place.values())
+    assert all(len(item.t_s) == 97 and np.ptp(item.value) == 0 for item in read.place.values())
 
 
 def test_two_messages_of_one_sensor_are_used_together(tmp_path: Path) -> None:
     both = read_paparazzi(written(tmp_path / "log.data", lines())).channels[recording.AIRSPEED_PRESSURE]
-    alone = read_paparazzi(written(tmp_path / "alone.data", [one for one in lines() if "AIRSPEED" not in one]))
+    alone = read_paparazzi(written(tmp_path / "alone.data", [line for line in lines() if "AIRSPEED" not in line]))
     assert len(both.t_s) == 2 * len(alone.channels[recording.AIRSPEED_PRESSURE].t_s)
     assert np.ptp(both.value) < 0.01  # one zero, that of the raw pressure
 
@@ -95,20 +95,20 @@ def test_compressed_file_is_recognized_by_its_content(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (sorted(lines(20) + lines(7)), "2 aircraft, (20, 7|7, 20)"),
-        ([one.replace("ENERGY 55 11.5 1.74 20.0 0.1 1.0", "ENERGY 11.5 1.74") for one in lines()], "ENERGY"),
+        ([line.replace("ENERGY 55 11.5 1.74 20.0 0.1 1.0", "ENERGY 11.5 1.74") for line in lines()], "ENERGY"),
     ],
 )
-def test_refused_in_one_line(tmp_path: Path, text: list[str], told: str) -> None:
-    with pytest.raises(InputError, match=told) as raised:
+def test_refused_in_one_line(tmp_path: Path, text: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message) as raised:
         read_paparazzi(written(tmp_path / "log.data", text))
     assert "\n" not in str(raised.value)
 
 
 def test_a_log_of_gaps_is_refused_for_its_gaps(tmp_path: Path) -> None:
-    kept = [one for one in lines(seconds=600) if float(one.split()[0]) % 30 < 15]
+    kept = [line for line in lines(seconds=600) if float(line.split()[0]) % 30 < 15]
     with pytest.raises(InputError, match=r"broken up by gaps, for 1\d s at most"):
         flight_table(read_paparazzi(written(tmp_path / "log.data", kept)), WEIGHT_N, WING_AREA_M2)
 
@@ -116,16 +116,16 @@ def test_a_log_of_gaps_is_refused_for_its_gaps(tmp_path: Path) -> None:
 @pytest.mark.slow
 @needs(FLOWN)
 @pytest.mark.parametrize(
-    "without", [None, *(pytest.param(one, marks=pytest.mark.thorough) for one in (AIR_DATA, AIRSPEED))]
+    "without", [None, *(pytest.param(item, marks=pytest.mark.thorough) for item in (AIR_DATA, AIRSPEED))]
 )
 def test_either_airspeed_message_gives_the_curve_of_level_windows(tmp_path: Path, without: bytes | None) -> None:
     """Mean battery power in level windows of 8 s of the same flight, by measured airspeed."""
     path = tmp_path / "flight.data"
     with gzip.open(FLOWN) as stream:
         path.write_bytes(b"".join(line for line in stream if without is None or without not in line))
-    found = estimate(flight_table(read_paparazzi(path), WEIGHT_N, WING_AREA_M2), WEIGHT_N, WING_AREA_M2, SPAN_M)
+    electrical = estimate(flight_table(read_paparazzi(path), WEIGHT_N, WING_AREA_M2), WEIGHT_N, WING_AREA_M2, SPAN_M)
     measured_mps = np.array([12.4, 12.7, 13.1, 13.4])
-    power_W = np.interp(measured_mps / (1 + found.airspeed.scale), found.V_mps, found.power_W)
+    power_W = np.interp(measured_mps / (1 + electrical.airspeed.scale), electrical.V_mps, electrical.power_W)
     assert power_W == pytest.approx([17.9, 19.7, 20.4, 21.5], rel=0.08)
 
 
@@ -138,6 +138,6 @@ def test_a_sensor_that_is_added_makes_no_curve_of_a_real_flight_worse(tmp_path: 
     read = read_paparazzi(unpacked)
     level_W = np.array([17.9, 19.7, 20.4, 21.5])
     aircraft = Flown(WEIGHT_N, WING_AREA_M2, SPAN_M, np.array([12.4, 12.7, 13.1, 13.4]), lambda _: level_W)
-    found = curves_by_sensors(SENSORS, lambda sensors: with_sensors(read, sensors), aircraft)
-    assert_more_is_never_less(found)
-    assert sum(curve is not None for curve in found.values()) == 4  # with pitot: its turns show no wind
+    sensors = curves_by_sensors(SENSORS, lambda sensors: with_sensors(read, sensors), aircraft)
+    assert_more_is_never_less(sensors)
+    assert sum(curve is not None for curve in sensors.values()) == 4  # with pitot: its turns show no wind

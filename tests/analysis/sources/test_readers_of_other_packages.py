@@ -62,9 +62,9 @@ def test_its_logs_are_read_and_found_in_folders(install: Install, tmp_path: Path
         raise InputError(find_logs([str(tmp_path)]).failures[0])
     install(PACKAGE)
     assert suffixes()[-1] == ".xyz" and find_logs([str(tmp_path)]).logs == [path]
-    found = open_source(path)
-    assert isinstance(found, FlightRecording)
-    assert found.channels[VOLTAGE].value[[0, -1]] == pytest.approx([16, 15])
+    source = open_source(path)
+    assert isinstance(source, FlightRecording)
+    assert source.channels[VOLTAGE].value[[0, -1]] == pytest.approx([16, 15])
 
 
 def test_it_takes_no_log_that_is_read_here(install: Install, tmp_path: Path) -> None:
@@ -77,7 +77,7 @@ def test_it_takes_no_log_that_is_read_here(install: Install, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("source", "said"),
+    ("source", "message"),
     [
         ("import nothing_of_this_name", "cannot be loaded"),
         ("suffixes = ()", "has not all of suffixes, recognizes and read"),
@@ -86,9 +86,9 @@ def test_it_takes_no_log_that_is_read_here(install: Install, tmp_path: Path) -> 
         (PACKAGE.replace("start.startswith", "start.begins"), "AttributeError"),
     ],
 )
-def test_a_bad_one_costs_a_line_that_names_it(source: str, said: str, install: Install, tmp_path: Path) -> None:
+def test_a_bad_one_costs_a_line_that_names_it(source: str, message: str, install: Install, tmp_path: Path) -> None:
     path = log(tmp_path)
     install(source)
-    with pytest.raises(InputError, match=said) as raised:
+    with pytest.raises(InputError, match=message) as raised:
         open_source(path)
     assert "xyz of xyzlogger 0.1.0" in str(raised.value) and "\n" not in str(raised.value)

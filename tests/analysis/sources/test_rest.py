@@ -41,10 +41,10 @@ def log_table(seed: int = 0, drift: dict[str, float] | None = None) -> pd.DataFr
 
 def test_both_stands_are_found_and_nothing_else() -> None:
     table = log_table()
-    found = [(table.index[s.start], table.index[s.stop - 1]) for s in rest_segments(table, RATE_HZ)]
-    assert len(found) == 2
-    assert found[0][0] < 1.5 and 18 < found[0][1] < 20
-    assert 80 < found[1][0] < 82 and found[1][1] > 88.5
+    results = [(table.index[s.start], table.index[s.stop - 1]) for s in rest_segments(table, RATE_HZ)]
+    assert len(results) == 2
+    assert results[0][0] < 1.5 and 18 < results[0][1] < 20
+    assert 80 < results[1][0] < 82 and results[1][1] > 88.5
 
 
 def test_noise_of_the_transducer_is_no_wind() -> None:
@@ -52,9 +52,9 @@ def test_noise_of_the_transducer_is_no_wind() -> None:
     table = log_table()
     noise = np.random.default_rng(1).normal(0, 12.0, len(table))
     table["q_c_Pa"] = 5 * ((table["q_c_Pa"] + noise) / 5).round()
-    found = [(table.index[s.start], table.index[s.stop - 1]) for s in rest_segments(table, RATE_HZ)]
-    assert len(found) == 2
-    assert found[0][0] < 1.5 and 18 < found[0][1] < 20 and found[1][1] > 88.5
+    results = [(table.index[s.start], table.index[s.stop - 1]) for s in rest_segments(table, RATE_HZ)]
+    assert len(results) == 2
+    assert results[0][0] < 1.5 and 18 < results[0][1] < 20 and results[1][1] > 88.5
     windy = table.index < 10
     table.loc[windy, "q_c_Pa"] += 40 * np.sin(2 * np.pi * table.index[windy].to_numpy())
     first, *_ = rest_segments(table, RATE_HZ)
@@ -141,32 +141,32 @@ def zero_file(**readings: float) -> bytes:
         "q_c_Pa": ("/probe/airspeed", pressure),
         "q_radps": ("/imu", "angular_rate_y_radps"),
     }
-    found: dict = {}
+    result: dict = {}
     for name, mean in readings.items():
         topic, field = of[name]
-        found.setdefault(topic, {})[field] = {"mean": mean, "standard_deviation": 0.1, "samples": 250}
+        result.setdefault(topic, {})[field] = {"mean": mean, "standard_deviation": 0.1, "samples": 250}
     whole = {
         "format": "flightpower-zero-1",
         "taken_unix_ns": 1,
         "seconds": 10.0,
         "temperature_K": {},
-        "readings": found,
+        "readings": result,
     }
     return json.dumps(whole).encode()
 
 
 def test_what_the_daemon_saves_is_what_the_analysis_reads() -> None:
-    one = {f: ZeroReading(mean=k + 0.5, standard_deviation=0.1, samples=250) for k, f in enumerate(daq_zero.RATES)}
+    item = {f: ZeroReading(mean=k + 0.5, standard_deviation=0.1, samples=250) for k, f in enumerate(daq_zero.RATES)}
     pressure = {daq_zero.DIFFERENCE: ZeroReading(mean=-2.0, standard_deviation=0.5, samples=250)}
     saved = daq_zero.Zero(
         format=daq_zero.FORMAT,
         taken_unix_ns=10**18,
         seconds=10.0,
         temperature_K={},
-        readings={"/imu": one, "/probe/beta": pressure},
+        readings={"/imu": item, "/probe/beta": pressure},
     )
-    found = ZERO_FILE.parsed(msgspec.json.encode(saved), "zero.json").by_channel()
-    assert found == {"p_radps": 0.5, "q_radps": 1.5, "r_radps": 2.5, "dp_beta_Pa": -2.0}
+    result = ZERO_FILE.parsed(msgspec.json.encode(saved), "zero.json").by_channel()
+    assert result == {"p_radps": 0.5, "q_radps": 1.5, "r_radps": 2.5, "dp_beta_Pa": -2.0}
 
 
 def test_without_rest_the_zero_of_the_log_is_used_and_what_it_lacks_is_said() -> None:

@@ -49,13 +49,15 @@ def test_a_sensor_that_is_added_makes_no_curve_worse(sensors: tuple[str, ...], c
 
     def recorded(sensors: Sensors) -> FlightRecording:
         names = {name for sensor in sensors for name in SENSORS[sensor]} | set(ALWAYS)
-        return recording_of(as_log(path, {quantity: one for quantity, one in channels.items() if quantity in names}))
+        return recording_of(
+            as_log(path, {quantity: channel for quantity, channel in channels.items() if quantity in names})
+        )
 
     V = np.linspace(14.0, 18.0, 5)
     aircraft = Flown(MASS_KG * g, AREA_M2, SPAN_M, V, lambda found: level_power_W(V, found.conditions.rho))
-    found = curves_by_sensors(sensors, recorded, aircraft)
-    assert_more_is_never_less(found)
-    assert sum(curve is not None for curve in found.values()) >= curves
+    result = curves_by_sensors(sensors, recorded, aircraft)
+    assert_more_is_never_less(result)
+    assert sum(curve is not None for curve in result.values()) >= curves
 
 
 def test_the_sensors_of_drag_take_no_electrical_curve_away(tmp_path: Path) -> None:

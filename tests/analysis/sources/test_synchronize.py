@@ -93,8 +93,8 @@ def test_a_motor_that_speeds_up_is_not_found_to_lag() -> None:
         rpm = Rpm(period_us=round(1e6 * period_s), motor_speed_revps=10 / 7 / period_s)
         rows.append(LogEntry(10**18 + tick * 40_000_000, tick, rpm))
     log.entries["/rpm"] = entries_of(rows)
-    found = synchronize(log).table["n_revps"].loc[2:14]
-    off = found - (speed + more * found.index.to_numpy())
+    result = synchronize(log).table["n_revps"].loc[2:14]
+    off = result - (speed + more * result.index.to_numpy())
     assert abs(off.mean()) < 0.004 and off.std() < 0.03
 
 
@@ -114,12 +114,12 @@ def test_a_fast_motor_s_speed_is_the_mean_over_all_pulses_since_the_last_frame(c
         frame = np.searchsorted(frame_s, tick / 25 + late_ms / 1000) - 1
         n = int(newest[frame] - newest[frame - 1])
         period_s = (pulse_s[newest[frame]] - pulse_s[newest[frame - 1]]) / n
-        told = {"pulses_captured": n + 1, "pulses_rejected": 2, "pulses_inserted": 1} if counted else {}
-        rpm = Rpm(period_us=round(1e7 * period_s), motor_speed_revps=1 / 7 / period_s, **told)
+        message = {"pulses_captured": n + 1, "pulses_rejected": 2, "pulses_inserted": 1} if counted else {}
+        rpm = Rpm(period_us=round(1e7 * period_s), motor_speed_revps=1 / 7 / period_s, **message)
         rows.append(LogEntry(10**18 + tick * 40_000_000 + late_ms * 1_000_000, tick, rpm))
     log.entries["/rpm"] = entries_of(rows)
-    found = synchronize(log).table["n_revps"].loc[2:14]
-    off = found - (speed + more * found.index.to_numpy())
+    result = synchronize(log).table["n_revps"].loc[2:14]
+    off = result - (speed + more * result.index.to_numpy())
     assert off.std() < 0.03
     assert abs(off.mean()) < 0.003 if counted else off.mean() < -0.005
 

@@ -71,7 +71,7 @@ def test_numbers_are_those_that_were_written(habit: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (text_of(FEW).replace("t_s,", "", 1), "21 names for 22 cells in a row"),
         (text_of(FEW).replace("t_s,", "t_s,more,", 1), "23 names for 22 cells in most rows"),
@@ -79,9 +79,9 @@ def test_numbers_are_those_that_were_written(habit: str, tmp_path: Path) -> None
         ("a,b\n" + "1,2,3\n" * 50, "2 names for 3 cells"),
     ],
 )
-def test_cells_without_a_name_are_no_column(text: str, told: str, tmp_path: Path) -> None:
+def test_cells_without_a_name_are_no_column(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "flight.csv").write_text(text)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         read_columns(tmp_path / "flight.csv")
 
 
@@ -127,9 +127,9 @@ def test_a_known_name_is_known_with_its_unit_in_brackets(named: str, quantity: s
     table = TRUE[kept].assign(**{column: scale * TRUE[column]}).rename(columns={column: named})
     table.to_csv(tmp_path / "flight.csv", index=False)
     (tmp_path / "map.toml").write_text(draft(tmp_path / "flight.csv"))
-    found = load_map(tmp_path / "map.toml").columns
-    assert {name.value: one for name, one in found.items()}[quantity].column == named
-    assert found[quantity].unit == unit  # type: ignore[index]
+    columns = load_map(tmp_path / "map.toml").columns
+    assert {name.value: column for name, column in columns.items()}[quantity].column == named
+    assert columns[quantity].unit == unit  # type: ignore[index]
 
 
 @pytest.mark.parametrize("named", ["Curr used (mAh)", "servo current (A)", "current time", "TxBat(V)", "Climb (ft)"])
@@ -203,19 +203,19 @@ KNOWN = {"EdgeTX": radio(False), "EdgeTX with ELRS": radio(True), "blackbox": bl
 def test_a_table_of_a_known_program_needs_no_map(recorder: str, tmp_path: Path) -> None:
     path = tmp_path / "flight.csv"
     KNOWN[recorder].to_csv(path, index=False)
-    found = recording_of(open_source(path))  # type: ignore[arg-type]
-    t_s, volt = found.channels["battery_V"]
-    power = volt * np.interp(t_s, *found.channels["battery_A"])
+    flight_recording = recording_of(open_source(path))  # type: ignore[arg-type]
+    t_s, volt = flight_recording.channels["battery_V"]
+    power = volt * np.interp(t_s, *flight_recording.channels["battery_A"])
     true_W = (TRUE["voltage_V"] * TRUE["current_A"]).to_numpy()
     assert np.mean(power) == pytest.approx(np.mean(true_W), rel=0.005)
     for name, column in (("static_Pa", "ps_Pa"), ("gps_north_mps", "vn_mps"), ("gps_east_mps", "ve_mps")):
-        one = found.channels[name]
-        shown = np.interp(TRUE["t_s"], one.t_s - one.t_s[0], one.value)
+        channel = flight_recording.channels[name]
+        shown = np.interp(TRUE["t_s"], channel.t_s - channel.t_s[0], channel.value)
         assert np.corrcoef(shown, TRUE[column])[0, 1] > 0.98, name
     if recorder != "blackbox":
-        pitot = found.channels["airspeed_pressure_Pa"]
+        pitot = flight_recording.channels["airspeed_pressure_Pa"]
         assert np.mean(np.sqrt(2 * pitot.value / SEA_LEVEL_DENSITY)) == pytest.approx(INDICATED_MPS.mean(), rel=0.003)
-    assert any("names of" in note for note in found.notes)
+    assert any("names of" in note for note in flight_recording.notes)
 
 
 @pytest.mark.parametrize(
@@ -274,9 +274,9 @@ def test_a_structure_of_matlab_is_drafted(tmp_path: Path) -> None:
     path = tmp_path / "flight.mat"
     savemat(path, {"log": inside})
     (tmp_path / "flight.mat.columns.toml").write_text(draft(path))
-    found = recording_of(open_source(path))  # type: ignore[arg-type]
-    assert found.channels["battery_A"].value == pytest.approx(TRUE["current_A"].to_numpy())
-    assert found.channels["gps_down_mps"].value == pytest.approx(TRUE["vd_mps"].to_numpy())
+    flight_recording = recording_of(open_source(path))  # type: ignore[arg-type]
+    assert flight_recording.channels["battery_A"].value == pytest.approx(TRUE["current_A"].to_numpy())
+    assert flight_recording.channels["gps_down_mps"].value == pytest.approx(TRUE["vd_mps"].to_numpy())
 
 
 def test_telemetry_that_mission_planner_wrote_as_a_mat_file_is_told(tmp_path: Path) -> None:

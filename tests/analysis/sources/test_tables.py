@@ -46,17 +46,17 @@ AIRCRAFT = ["--mass", f"{MASS_KG} kg", "--wing-area", f"{AREA_M2} m^2", "--span"
 
 def curve_errors(path: Path) -> np.ndarray:
     flight = flight_table(recording_of(log_of_table(path)), MASS_KG * g, AREA_M2)
-    found = estimate(flight, MASS_KG * g, AREA_M2, SPAN_M)
-    V = np.linspace(found.V_mps[0], found.V_mps[-1], 5)
-    truth = level_power_W(V, found.conditions.rho)
-    return np.asarray(np.interp(V, found.V_mps, found.power_W) / truth - 1)
+    electrical = estimate(flight, MASS_KG * g, AREA_M2, SPAN_M)
+    V = np.linspace(electrical.V_mps[0], electrical.V_mps[-1], 5)
+    truth = level_power_W(V, electrical.conditions.rho)
+    return np.asarray(np.interp(V, electrical.V_mps, electrical.power_W) / truth - 1)
 
 
 GPS_BY_COURSE = {"ground_speed": ("gs", "m/s"), "course": ("track", "deg")}
 WITHOUT_IMU = {name: MAP[name] for name in ("time", "true_airspeed", "height", "battery_voltage", "battery_current")}
 VELOCITIES = {name: MAP[name] for name in ("velocity_north", "velocity_east", "velocity_down")}
 POSITION = {"latitude": ("lat_deg", "deg"), "longitude": ("lon_deg", "deg")}
-BY_POSITION = {name: one for name, one in MAP.items() if name not in VELOCITIES} | POSITION
+BY_POSITION = {name: item for name, item in MAP.items() if name not in VELOCITIES} | POSITION
 
 
 def with_position(digits: int = 7, every: int = 1) -> pd.DataFrame:
@@ -77,16 +77,16 @@ def with_position(digits: int = 7, every: int = 1) -> pd.DataFrame:
         (MAP, 0.05),
         (WITHOUT_IMU, 0.06),
         pytest.param(
-            {name: one for name, one in MAP.items() if name not in ("height", "static_pressure")},
+            {name: item for name, item in MAP.items() if name not in ("height", "static_pressure")},
             0.05,
             marks=pytest.mark.thorough,
         ),
         pytest.param({**WITHOUT_IMU, **GPS_BY_COURSE}, 0.06, marks=pytest.mark.thorough),
         pytest.param(
-            {name: one for name, one in MAP.items() if name != "true_airspeed"}, 0.08, marks=pytest.mark.thorough
+            {name: item for name, item in MAP.items() if name != "true_airspeed"}, 0.08, marks=pytest.mark.thorough
         ),
         pytest.param(
-            {name: one for name, one in BY_POSITION.items() if name != "true_airspeed"},
+            {name: item for name, item in BY_POSITION.items() if name != "true_airspeed"},
             0.08,
             marks=pytest.mark.thorough,
         ),
@@ -106,8 +106,8 @@ def test_velocity_by_position(digits: int, every: int, within_mps: float) -> Non
     table = with_position(digits, every)
     t_s = TRUE["t_s"].to_numpy()
     position = (Channel(t_s, np.radians(table[name].to_numpy())) for name in ("lat_deg", "lon_deg"))
-    for found, true in zip(velocity_by_position(*position), ("vn_mps", "ve_mps"), strict=True):
-        error = np.interp(t_s, *found) - TRUE[true].to_numpy()
+    for channel, true in zip(velocity_by_position(*position), ("vn_mps", "ve_mps"), strict=True):
+        error = np.interp(t_s, *channel) - TRUE[true].to_numpy()
         assert np.sqrt(np.mean(error[50:-50] ** 2)) < within_mps
 
 
@@ -134,10 +134,10 @@ def test_a_delay_in_the_map_is_taken_out(tmp_path: Path) -> None:
 def test_current_keeps_its_own_times_where_voltage_is_slower(tmp_path: Path) -> None:
     """Voltage in every hundredth row, every 10 s, and current in each."""
     slow = TRUE.assign(voltage_V=TRUE["voltage_V"].where(TRUE.index % 100 == 0))
-    found = recording_of(log_of_table(written(tmp_path, slow))).channels["battery_A"]
-    assert np.interp(TRUE["t_s"], found.t_s + TRUE["t_s"].iloc[0] - found.t_s[0], found.value) == pytest.approx(
-        TRUE["current_A"].to_numpy(), abs=1e-6
-    )
+    battery_A = recording_of(log_of_table(written(tmp_path, slow))).channels["battery_A"]
+    assert np.interp(
+        TRUE["t_s"], battery_A.t_s + TRUE["t_s"].iloc[0] - battery_A.t_s[0], battery_A.value
+    ) == pytest.approx(TRUE["current_A"].to_numpy(), abs=1e-6)
 
 
 def test_one_of_two_motors_counts_twice(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_thrust_and_vane_become_motor_speed_and_probe(tmp_path: Path) -> None:
     from flightpower.flight.aircraft import parse_aircraft
 
     thrust = 3 + np.sin(0.1 * TRUE["t_s"])
-    text = map_text({name: one for name, one in MAP.items() if name != "motor_speed"} | {"thrust": ("T_N", "N")})
+    text = map_text({name: item for name, item in MAP.items() if name != "motor_speed"} | {"thrust": ("T_N", "N")})
     log = log_of_table(written(tmp_path, TRUE.assign(T_N=thrust), text))
     aircraft = parse_aircraft(
         f'name = "a"\n[geometry]\nspan = "{SPAN_M} m"\nwing_area = "{AREA_M2} m^2"\n[mass]\nweight = "{MASS_KG} kg"\n'
@@ -199,16 +199,19 @@ def drafted(tmp_path: Path, table: pd.DataFrame) -> dict[str, tuple[str, str, fl
     path = tmp_path / "flight.csv"
     write_csv(path, table)
     (tmp_path / "map.toml").write_text(draft(path))
-    return {name: (one.column, one.unit, one.factor) for name, one in load_map(tmp_path / "map.toml").columns.items()}
+    return {
+        name: (column.column, column.unit, column.factor)
+        for name, column in load_map(tmp_path / "map.toml").columns.items()
+    }
 
 
 def test_a_draft_by_names(tmp_path: Path) -> None:
-    assert drafted(tmp_path, TRUE) == {name: (*one, 1.0) for name, one in MAP.items()}
+    assert drafted(tmp_path, TRUE) == {name: (*item, 1.0) for name, item in MAP.items()}
 
 
 def test_a_draft_takes_position_for_velocity(tmp_path: Path) -> None:
     table = with_position().drop(columns=[column for column, _ in VELOCITIES.values()])
-    assert drafted(tmp_path, table) == {name: (*one, 1.0) for name, one in BY_POSITION.items()}
+    assert drafted(tmp_path, table) == {name: (*item, 1.0) for name, item in BY_POSITION.items()}
 
 
 @pytest.mark.slow
@@ -224,8 +227,8 @@ def test_a_draft_by_physics(tmp_path: Path) -> None:
             "voltage": TRUE["voltage_V"] * 1000, "current": TRUE["current_A"], "rpm": TRUE["motor_rpm"],
         }
     )  # fmt: skip
-    found = drafted(tmp_path, table.iloc[:2000])
-    units = {name: (unit, factor) for name, (_, unit, factor) in found.items()}
+    result = drafted(tmp_path, table.iloc[:2000])
+    units = {name: (unit, factor) for name, (_, unit, factor) in result.items()}
     assert units["time"] == ("ms", 1)
     assert units["true_airspeed"] == ("knot", 1)
     assert units["height"] == ("ft", 1)
@@ -253,11 +256,11 @@ def test_a_tailsitter_from_its_file_as_it_is(tmp_path: Path) -> None:
     """One of two motors is measured: half the power; published: 0.87 of it are shaft power."""
     (tmp_path / "map.toml").write_text(draft(CYCLONE).replace('"A"', '"A"\nfactor = 2'))
     flight = flight_table(recording_of(log_of_table(CYCLONE, tmp_path / "map.toml")), 1.0 * g, 0.18)
-    found = estimate(flight, 1.0 * g, 0.18, 0.9)
+    electrical = estimate(flight, 1.0 * g, 0.18, 0.9)
     table = flight.table[flight.flown]
     level = table[np.abs(np.gradient(table["height_m"], table.index)) < 0.5]
-    at = np.interp(16.5, found.V_mps, found.power_W)
-    half = 1.96 * np.interp(16.5, found.V_mps, found.standard_error_W)
+    at = np.interp(16.5, electrical.V_mps, electrical.power_W)
+    half = 1.96 * np.interp(16.5, electrical.V_mps, electrical.standard_error_W)
     assert abs(at - level["power_W"].median()) < half < 0.3 * at
 
 
@@ -266,7 +269,7 @@ def test_the_draft_of_a_large_aircraft_finds_the_sign_of_its_vertical_force(tmp_
     (tmp_path / "map.toml").write_text(draft(CITATION))
     columns = load_map(tmp_path / "map.toml").columns
     assert {"true_airspeed", "height", "angle_of_attack", "thrust", "roll", "pitch", "yaw_rate"} <= set(columns)
-    assert all(one.factor == (-1 if name == "specific_force_down" else 1) for name, one in columns.items())
+    assert all(column.factor == (-1 if name == "specific_force_down" else 1) for name, column in columns.items())
 
 
 def test_a_table_of_blackbox_decode_needs_no_map_by_hand(tmp_path: Path) -> None:
@@ -288,12 +291,12 @@ def test_a_table_of_blackbox_decode_needs_no_map_by_hand(tmp_path: Path) -> None
     path.write_text("\n".join([", ".join(columns), *lines]) + "\n", "utf-8")
     beside_it = Path(f"{path}.columns.toml")
     beside_it.write_text(draft(path), "utf-8")
-    found = {quantity.value: one for quantity, one in load_map(beside_it).columns.items()}
+    results = {quantity.value: column for quantity, column in load_map(beside_it).columns.items()}
     assert {"battery_voltage", "battery_current", "indicated_airspeed", "velocity_north", "specific_force_down"} <= set(
-        found
+        results
     )
-    assert found["height"].unit == found["velocity_down"].unit.partition("/")[0] == "cm"
-    assert found["velocity_down"].factor == found["specific_force_down"].factor == -1
+    assert results["height"].unit == results["velocity_down"].unit.partition("/")[0] == "cm"
+    assert results["velocity_down"].factor == results["specific_force_down"].factor == -1
     assert np.abs(curve_errors(path)).max() < 0.06
 
 
@@ -350,10 +353,10 @@ def test_steps_of_pressure_and_a_slow_heave_contradict_nothing(tmp_path: Path) -
     """Without the straight lines between steps the angle of attack has a correlation of 0.8 with pitch less path, and
     the load factor is late by more than a second against the pitch rate."""
     table = large_slow_aircraft()
-    entries = {name: one for name, one in MAP.items() if one[0] in table}
+    entries = {name: item for name, item in MAP.items() if item[0] in table}
     path = written(tmp_path, table, map_text(entries))
     assert log_of_table(path).entries["/static"]
-    without_alpha = {name: one for name, one in entries.items() if name != "angle_of_attack"}
+    without_alpha = {name: entry for name, entry in entries.items() if name != "angle_of_attack"}
     assert log_of_table(written(tmp_path, table, map_text(without_alpha))).entries["/imu"]
 
 
@@ -361,7 +364,7 @@ def test_straight_lines_through_steps_are_nearer_to_the_truth() -> None:
     t_s = np.arange(0, 100, 0.04)
     true = 52_000 + 400 * np.sin(0.1 * t_s)
     steps = Channel(t_s, 26 * np.round(true / 26))
-    error, left = (one.value - true for one in (steps, without_steps(steps)))
+    error, left = (item.value - true for item in (steps, without_steps(steps)))
     assert np.std(error) == pytest.approx(26 / np.sqrt(12), rel=0.1) and np.std(left) < 0.6 * np.std(error)
     assert np.std(left[10:] - left[:-10]) < np.std(error[10:] - error[:-10]) / 4  # of the slope, over 0.4 s
     noisy = Channel(t_s, true + np.random.default_rng(0).normal(size=len(t_s)))

@@ -24,7 +24,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """Two topics that are read, one in two instances, and one that is not."""
     t = 1_000_000 + 10_000 * np.arange(900, dtype=np.uint64)
     rng = np.random.default_rng(1)
-    found = [
+    results = [
         UlogTopic("airspeed", t[::3], {"indicated_airspeed_m_s": rng.normal(15, 1, 300).astype(np.float32)}),
         UlogTopic("battery_status", t[::9], {"voltage_v": rng.normal(12, 1, 100).astype(np.float32)}),
         UlogTopic("battery_status", t[::9], {"voltage_v": rng.normal(5, 1, 100).astype(np.float32)}, 1),
@@ -32,7 +32,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     ]
     path = tmp_path_factory.mktemp("ulog") / "log.ulg"
     info = {"sys_name": "PX4", "sys_uuid": "0001"}
-    write_ulog(path, UlogContents(found, info, [], {"FW_AIRSPD_TRIM": 15.0}, ["a text of a crash"]))
+    write_ulog(path, UlogContents(results, info, [], {"FW_AIRSPD_TRIM": 15.0}, ["a text of a crash"]))
     return path.read_bytes()
 
 
@@ -40,12 +40,14 @@ def read_by(reader: Callable[[], ULog]) -> Any:
     """What the readers of this project look at; the name of the error where there is one."""
     try:
         with contextlib.redirect_stdout(io.StringIO()):
-            found = reader()
+            result = reader()
     except Exception as error:
         return type(error).__name__
-    topics = {(one.name, one.multi_id): {name: x.tolist() for name, x in one.data.items()} for one in found.data_list}
-    dropouts = [one.duration for one in found.dropouts]
-    return topics, found.file_corruption, dropouts, found.initial_parameters, found.msg_info_dict
+    topics = {
+        (item.name, item.multi_id): {name: x.tolist() for name, x in item.data.items()} for item in result.data_list
+    }
+    dropouts = [dropout.duration for dropout in result.dropouts]
+    return topics, result.file_corruption, dropouts, result.initial_parameters, result.msg_info_dict
 
 
 def both(data: bytes) -> tuple[Any, Any]:
@@ -59,7 +61,7 @@ def both(data: bytes) -> tuple[Any, Any]:
 def test_a_sound_log_is_read_from_block_to_block(log: bytes, monkeypatch: pytest.MonkeyPatch, block_bytes: int) -> None:
     monkeypatch.setattr(BlockwiseULog, "BLOCK_BYTES", block_bytes)
     mine, reference = both(log)
-    assert [len(one["timestamp"]) for one in mine[0].values()] == [300, 100, 100]
+    assert [len(item["timestamp"]) for item in mine[0].values()] == [300, 100, 100]
     assert mine == reference
 
 

@@ -40,17 +40,17 @@ def test_a_unit_s_factor_is_that_of_the_unit() -> None:
 @pytest.mark.parametrize(("unit", "per_second"), [("microseconds", 1e6), ("milliseconds", 1e3), ("seconds", 1.0)])
 def test_a_clock_s_unit_is_told_for_any_rate_of_a_daemon(interval_s: float, unit: str, per_second: float) -> None:
     """The number that should be nanoseconds: 200, 25 and 1 messages a second."""
-    said = _wrong_interval(interval_s * per_second / 1e9)
-    assert said.startswith(f"log_time is in {unit} ({interval_s * per_second:.0f} between messages)")
+    message = _wrong_interval(interval_s * per_second / 1e9)
+    assert message.startswith(f"log_time is in {unit} ({interval_s * per_second:.0f} between messages)")
 
 
 @pytest.mark.parametrize(
-    ("rate_Hz", "said"),
+    ("rate_Hz", "message"),
     [(math.inf, "most messages have the log_time of the one before"), (400.0, "400 messages a second are too many"),
      (0.5, "2 s between messages")],
 )  # fmt: skip
-def test_another_interval_is_told_as_it_is(rate_Hz: float, said: str) -> None:
-    assert _wrong_interval(1 / rate_Hz).startswith(said)
+def test_another_interval_is_told_as_it_is(rate_Hz: float, message: str) -> None:
+    assert _wrong_interval(1 / rate_Hz).startswith(message)
 
 
 DIAMETER_M = 0.3
@@ -158,9 +158,9 @@ IMPOSSIBLE: tuple[tuple[dict[str, Any], str], ...] = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(("changed", "said"), IMPOSSIBLE, ids=[said for _, said in IMPOSSIBLE])
-def test_what_physics_does_not_allow_is_refused_with_its_remedy(changed: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=said):
+@pytest.mark.parametrize(("changed", "message"), IMPOSSIBLE, ids=[message for _, message in IMPOSSIBLE])
+def test_what_physics_does_not_allow_is_refused_with_its_remedy(changed: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         check_units(log_of(**changed), DIAMETER_M)
 
 

@@ -189,7 +189,7 @@ def test_numbers_without_a_fraction_are_integers(tmp_path: Path) -> None:
 
 def test_all_that_a_log_lacks_is_named_at_once(tmp_path: Path) -> None:
     log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
-    message = lacking(log, Replacements())
+    message = missing(log, Replacements())
     assert message.startswith(f"{log.path}: no aircraft.toml, propeller.csv, probe.json in the log; attach them to the")
     assert all(option in message for option in ("--aircraft FILE", "--propeller NAME", "--probe FILE"))
 
@@ -198,7 +198,7 @@ def test_all_that_a_log_lacks_is_named_at_once(tmp_path: Path) -> None:
 def test_an_attachment_of_almost_the_name_is_named(tmp_path: Path, name: str) -> None:
     log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
     log.attachments[name] = b""
-    assert lacking(log, Replacements()) == f"{log.path}: the attachment {name} is not aircraft.toml: rename it"
+    assert missing(log, Replacements()) == f"{log.path}: the attachment {name} is not aircraft.toml: rename it"
 
 
 def test_the_few_messages_left_out_are_named_with_their_mistake(tmp_path: Path) -> None:
@@ -206,24 +206,24 @@ def test_the_few_messages_left_out_are_named_with_their_mistake(tmp_path: Path) 
     assert damage(log) == []
     log.undecodable_of["/rpm"] = Undecodable(b'{"motor_speed_revps": NaN}', "", 2)
     log.undecodable_of["/imu"] = Undecodable(b"[1]", "Expected `object`, got `array`", 1)
-    one, two = damage(log)
-    assert one.startswith("1 message is left out: /imu: a message is not a JSON object")
+    item, two = damage(log)
+    assert item.startswith("1 message is left out: /imu: a message is not a JSON object")
     assert two == "2 messages are left out: /rpm: NaN is not JSON; write null where nothing was measured."
 
 
 def test_only_what_a_log_lacks_is_named(tmp_path: Path) -> None:
     log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
     named = Replacements(aircraft=load_aircraft("nexstar"))  # its propeller is a shipped one
-    assert lacking(log, named).startswith(f"{log.path}: no probe.json in the log; attach it to the log")
+    assert missing(log, named).startswith(f"{log.path}: no probe.json in the log; attach it to the log")
     log.attachments["propeller.csv"] = b""
-    assert ": no aircraft.toml, probe.json in the log" in lacking(log, Replacements())
+    assert ": no aircraft.toml, probe.json in the log" in missing(log, Replacements())
 
 
 def test_a_malformed_aircraft_file_matters_only_where_no_other_is_given(tmp_path: Path) -> None:
     log = read_log(file_of(tmp_path / "flight.mcap", REQUIRED))
     log.attachments["aircraft.toml"] = b"[geometry"
-    assert "not valid TOML" in lacking(log, Replacements())
-    assert ": no probe.json in the log" in lacking(log, Replacements(aircraft=load_aircraft("nexstar")))
+    assert "not valid TOML" in missing(log, Replacements())
+    assert ": no probe.json in the log" in missing(log, Replacements(aircraft=load_aircraft("nexstar")))
 
 
 def test_messages_that_cannot_be_decoded_are_refused_before_missing_attachments(tmp_path: Path) -> None:
@@ -232,7 +232,7 @@ def test_messages_that_cannot_be_decoded_are_refused_before_missing_attachments(
         analyze_runs(log)
 
 
-def lacking(log: Log, replacements: Replacements) -> str:
+def missing(log: Log, replacements: Replacements) -> str:
     with pytest.raises(InputError) as caught:
         contents(log, replacements)
     return str(caught.value)

@@ -19,7 +19,7 @@ from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash,
 from tests.analysis.sources.firmware import firmware
 from tests.analysis.sources.test_ground_station_files import flight
 
-MEASURED = [one for one in flight() if one.name not in ("MSG", "PARM")]
+MEASURED = [item for item in flight() if item.name not in ("MSG", "PARM")]
 
 
 def parameters(**values: float) -> DataflashMessages:
@@ -33,7 +33,7 @@ def version(text: str) -> DataflashMessages:
 
 @pytest.mark.parametrize("write", [write_dataflash, write_text])
 @pytest.mark.parametrize(
-    "said",
+    "messages",
     [
         [],
         [firmware("System.Byte[]"), firmware("System.Byte[]")],
@@ -41,14 +41,14 @@ def version(text: str) -> DataflashMessages:
     ],
     ids=["nothing", "garbled texts", "of a copter alone"],
 )
-def test_a_vehicle_that_is_not_known_gives_no_curve(said: list[DataflashMessages], write, tmp_path: Path) -> None:
-    write(tmp_path / "log", [*said, *MEASURED])
+def test_a_vehicle_that_is_not_known_gives_no_curve(messages: list[DataflashMessages], write, tmp_path: Path) -> None:
+    write(tmp_path / "log", [*messages, *MEASURED])
     with pytest.raises(InputError, match="does not say which vehicle"):
         read_ardupilot(tmp_path / "log")
 
 
 @pytest.mark.parametrize(
-    "said",
+    "messages",
     [
         [firmware()],
         [firmware("System.Byte[]"), version("ArduPlane V4.6.0 (1a2b3c4d)")],
@@ -58,8 +58,8 @@ def test_a_vehicle_that_is_not_known_gives_no_curve(said: list[DataflashMessages
     ],
     ids=["text", "version", "old text", "parameter", "message of its controller"],
 )
-def test_a_plane_is_known_by_any_of_its_marks(said: list[DataflashMessages], tmp_path: Path) -> None:
-    write_dataflash(tmp_path / "log", [*said, *MEASURED])
+def test_a_plane_is_known_by_any_of_its_marks(messages: list[DataflashMessages], tmp_path: Path) -> None:
+    write_dataflash(tmp_path / "log", [*messages, *MEASURED])
     assert recording.VOLTAGE in read_ardupilot(tmp_path / "log").channels
 
 
@@ -95,22 +95,22 @@ def px4_telemetry(kind: int, seconds: int = 40, lifted_s: int = 0) -> bytes:
                 b"FW_AIRSPD_TRIM", 15.5, mavlink.MAV_PARAM_TYPE_REAL32, 2, 1)),
         ]  # fmt: skip
         at_us = 1_700_000_000_000_000 + 200_000 * i
-        frames += [at_us.to_bytes(8, "big") + bytes(one.pack(encoders[sender])) for sender, one in sent]
+        frames += [at_us.to_bytes(8, "big") + bytes(item.pack(encoders[sender])) for sender, item in sent]
     return b"".join(frames)
 
 
 def test_telemetry_of_px4_is_read(tmp_path: Path) -> None:
     (tmp_path / "a.tlog").write_bytes(px4_telemetry(mavlink.MAV_TYPE_FIXED_WING))
-    found = read_ardupilot(tmp_path / "a.tlog")
-    mean = {name: float(np.mean(one.value)) for name, one in found.channels.items()}
+    ardupilot = read_ardupilot(tmp_path / "a.tlog")
+    mean = {name: float(np.mean(channel.value)) for name, channel in ardupilot.channels.items()}
     assert mean[recording.STATIC] == pytest.approx(PRESSURE_PA, rel=1e-6)
     assert mean[recording.VOLTAGE] == pytest.approx(12 * 3.7) and mean[recording.CURRENT] == pytest.approx(
         12.0, abs=0.5
     )
     assert mean[recording.FORCE_Z] == pytest.approx(-g, abs=0.1) and mean[recording.FORCE_X] == pytest.approx(0.5)
-    speed = np.sqrt(2 * found.channels[recording.AIRSPEED_PRESSURE].value / 1.225)
+    speed = np.sqrt(2 * ardupilot.channels[recording.AIRSPEED_PRESSURE].value / 1.225)
     assert np.mean(speed) == pytest.approx(SPEED_MPS, abs=0.2) and np.ptp(speed) == pytest.approx(2.0, abs=0.1)
-    assert found.parameters == {"SYS_AUTOSTART": 2100.0, "FW_AIRSPD_TRIM": 15.5}
+    assert ardupilot.parameters == {"SYS_AUTOSTART": 2100.0, "FW_AIRSPD_TRIM": 15.5}
 
 
 def test_a_copter_of_px4_is_refused_by_its_telemetry(tmp_path: Path) -> None:
@@ -121,19 +121,19 @@ def test_a_copter_of_px4_is_refused_by_its_telemetry(tmp_path: Path) -> None:
 
 def test_hover_of_a_vtol_of_px4_is_left_out(tmp_path: Path) -> None:
     (tmp_path / "a.tlog").write_bytes(px4_telemetry(mavlink.MAV_TYPE_VTOL_TILTROTOR, lifted_s=15))
-    found = read_ardupilot(tmp_path / "a.tlog")
-    t_s = found.channels[recording.AIRSPEED_PRESSURE].t_s
-    assert t_s[0] - found.channels[recording.STATIC].t_s[0] == pytest.approx(15.8, abs=0.5)
+    ardupilot = read_ardupilot(tmp_path / "a.tlog")
+    t_s = ardupilot.channels[recording.AIRSPEED_PRESSURE].t_s
+    assert t_s[0] - ardupilot.channels[recording.STATIC].t_s[0] == pytest.approx(15.8, abs=0.5)
 
 
 def by_pymavlink(path: Path) -> dict[str, dict[str, list[object]]]:
     """The messages of a log by field, by a second reader."""
-    reader, found = DFReader.DFReader_binary(str(path)), dict[str, dict[str, list[object]]]()
+    reader, result = DFReader.DFReader_binary(str(path)), dict[str, dict[str, list[object]]]()
     while (message := reader.recv_match()) is not None:
-        columns = found.setdefault(message.get_type(), {})
+        columns = result.setdefault(message.get_type(), {})
         for field in message.get_fieldnames():
             columns.setdefault(field, []).append(getattr(message, field))
-    return found
+    return result
 
 
 def as_structures(messages: dict[str, dict[str, list[object]]]) -> dict[str, object]:
@@ -161,7 +161,7 @@ def test_a_log_converted_for_matlab_has_the_channels_of_the_log(
     monkeypatch.setattr(
         "flightpower.sim.dataflash_writer._units", lambda kinds, types: []
     )  # pymavlink stumbles over them first
-    bat = next(one for one in MEASURED if one.name == "BAT")
+    bat = next(item for item in MEASURED if item.name == "BAT")
     second = DataflashMessages(
         "BAT", bat.codes, bat.columns | {"Inst": bat.columns["Inst"] + 1, "Curr": bat.columns["Curr"] / 50}
     )
@@ -169,13 +169,13 @@ def test_a_log_converted_for_matlab_has_the_channels_of_the_log(
     write_dataflash(tmp_path / "log.BIN", kinds)
     savemat(tmp_path / "log.mat", converted(by_pymavlink(tmp_path / "log.BIN")))
     assert autopilot_of(tmp_path / "log.mat") is Autopilot.ARDUPILOT
-    expected, found = (open_source(tmp_path / name) for name in ("log.BIN", "log.mat"))
-    assert isinstance(expected, FlightRecording) and isinstance(found, FlightRecording)
-    assert found.channels.keys() == expected.channels.keys()
-    for name, one in expected.channels.items():
-        assert found.channels[name].t_s == pytest.approx(one.t_s)
-        assert found.channels[name].value == pytest.approx(one.value, rel=1e-6), name
-    assert found.parameters == pytest.approx(expected.parameters)
+    expected, result = (open_source(tmp_path / name) for name in ("log.BIN", "log.mat"))
+    assert isinstance(expected, FlightRecording) and isinstance(result, FlightRecording)
+    assert result.channels.keys() == expected.channels.keys()
+    for name, channel in expected.channels.items():
+        assert result.channels[name].t_s == pytest.approx(channel.t_s)
+        assert result.channels[name].value == pytest.approx(channel.value, rel=1e-6), name
+    assert result.parameters == pytest.approx(expected.parameters)
 
 
 def test_a_structure_of_other_fields_is_a_table_and_no_log(tmp_path: Path) -> None:
@@ -191,13 +191,13 @@ def test_a_number_that_no_quantity_has_is_damage(tmp_path: Path) -> None:
     parts = {"ARSP": np.column_stack([t_us, speed]), "ARSP_label": np.array(["TimeUS", "Airspeed"], dtype=object)}
     only = np.array([["TECS_CLMB_MAX", 5.0]], dtype=object)
     savemat(tmp_path / "log.mat", parts | {"PARM": only})
-    found = read_ardupilot(tmp_path / "log.mat")
-    pressure = found.channels[recording.AIRSPEED_PRESSURE]
+    ardupilot = read_ardupilot(tmp_path / "log.mat")
+    pressure = ardupilot.channels[recording.AIRSPEED_PRESSURE]
     assert pressure.value == pytest.approx(1.225 / 2 * np.delete(true, 30) ** 2)
-    assert found.parameters == {"TECS_CLMB_MAX": 5.0}
+    assert ardupilot.parameters == {"TECS_CLMB_MAX": 5.0}
 
 
 @pytest.mark.filterwarnings("error")
 def test_the_number_of_a_mode_that_damage_made_is_left_out() -> None:
-    found = recording.modes([0.0, 1.0, 2.0, 3.0], [10.0, 1e20, np.nan, 11.0], {10: "AUTO", 11: "RTL"})
-    assert [one.text for one in found] == ["AUTO", "RTL"]
+    modes = recording.modes([0.0, 1.0, 2.0, 3.0], [10.0, 1e20, np.nan, 11.0], {10: "AUTO", 11: "RTL"})
+    assert [mode.text for mode in modes] == ["AUTO", "RTL"]

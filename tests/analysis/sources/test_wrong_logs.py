@@ -120,9 +120,12 @@ def written(flown: Written) -> Log:
 
 def judged(log: Log) -> None:
     """The checks in the order of the pipeline."""
-    found = contents(log)
-    check_log(log, found.propeller.diameter_m)
-    check_axes(flight_data(log, found.aircraft, found.propeller, Calibrations(found.probe)).table, str(log.path))
+    log_contents = contents(log)
+    check_log(log, log_contents.propeller.diameter_m)
+    check_axes(
+        flight_data(log, log_contents.aircraft, log_contents.propeller, Calibrations(log_contents.probe)).table,
+        str(log.path),
+    )
 
 
 def refusal(log: Log) -> str:
@@ -139,8 +142,8 @@ def entries(change: Callable[[str, list[LogEntry]], list[LogEntry]], *topics: st
     return lambda log: replace(
         log,
         entries={
-            topic: entries_of(change(topic, found)) if topic in topics or not topics else found
-            for topic, found in log.entries.items()
+            topic: entries_of(change(topic, entry)) if topic in topics or not topics else entry
+            for topic, entry in log.entries.items()
         },
     )
 
@@ -178,7 +181,7 @@ def counted(tick: Callable[[int], int]) -> Change:
 def without(topic: str, *, unknown: str = "") -> Change:
     return lambda log: replace(
         log,
-        entries={name: found for name, found in log.entries.items() if name != topic},
+        entries={name: entry for name, entry in log.entries.items() if name != topic},
         unknown_topics={unknown: None} if unknown else {},
     )
 
@@ -231,8 +234,10 @@ accelerometer_offset = "0.5 m/s^2"
 
 @pytest.mark.parametrize("tick", [lambda tick: 0, lambda tick: 8 * tick], ids=["stays 0", "counts all messages"])
 def test_the_sequence_need_not_count_ticks(written: Log, tick: Callable[[int], int]) -> None:
-    found = contents(written)
-    data = flight_data(counted(tick)(written), found.aircraft, found.propeller, Calibrations(found.probe))
+    log_contents = contents(written)
+    data = flight_data(
+        counted(tick)(written), log_contents.aircraft, log_contents.propeller, Calibrations(log_contents.probe)
+    )
     assert len(data.table) == len(written.entries["/imu"])
 
 

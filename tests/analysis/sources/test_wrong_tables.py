@@ -25,20 +25,20 @@ def late(*quantities: str, seconds: float) -> Callable[[Table], Table]:
 
     def shifted(t: Table) -> Table:
         n = round(seconds / 0.1)
-        names = [COLUMN[one] for one in quantities]
+        names = [COLUMN[quantity] for quantity in quantities]
         return t.assign(**{name: t[name].shift(n) for name in names})
 
     return shifted
 
 
-def exchanged(one: str, other: str) -> Callable[[Table], Table]:
-    a, b = COLUMN[one], COLUMN[other]
+def exchanged(item: str, other: str) -> Callable[[Table], Table]:
+    a, b = COLUMN[item], COLUMN[other]
     return lambda t: t.assign(**{a: t[b], b: t[a]})
 
 
 def of_another_flight(*quantities: str) -> Callable[[Table], Table]:
     """Columns of a flight with the same statistics: the same one, backward."""
-    return lambda t: t.assign(**{COLUMN[one]: t[COLUMN[one]].to_numpy()[::-1] for one in quantities})
+    return lambda t: t.assign(**{COLUMN[quantity]: t[COLUMN[quantity]].to_numpy()[::-1] for quantity in quantities})
 
 
 GYROS = ("roll_rate", "pitch_rate", "yaw_rate")
@@ -103,13 +103,13 @@ def test_the_true_table_is_accepted(tmp_path: Path) -> None:
 def test_told_in_one_line(mistake: str, tmp_path: Path) -> None:
     with pytest.raises(InputError) as raised:
         log_of_table(written(tmp_path, WRONG[mistake](TRUE.copy())))
-    told = str(raised.value)
-    assert "\n" not in told
-    assert "flight.csv" in told
+    message = str(raised.value)
+    assert "\n" not in message
+    assert "flight.csv" in message
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (map_text().replace('"tas_mps"', '"airspeed"'), "has no column airspeed"),
         (map_text().replace('unit = "m/s"', 'unit = "kg"', 1), "true_airspeed.unit"),
@@ -120,8 +120,8 @@ def test_told_in_one_line(mistake: str, tmp_path: Path) -> None:
         ("[time", "not a TOML file"),
     ],
 )
-def test_a_wrong_map_is_told_in_one_line(text: str, told: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=told) as raised:
+def test_a_wrong_map_is_told_in_one_line(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message) as raised:
         log_of_table(written(tmp_path, TRUE, text))
     assert "\n" not in str(raised.value)
 

@@ -11,7 +11,7 @@ from flightpower.analysis.trajectory.consistency import calibrate, notes_on
 PRIOR = 0.01
 
 
-def found(*, error: float = 0.2 * PRIOR, converged: bool = True, gps: bool = True):
+def calibrated(*, error: float = 0.2 * PRIOR, converged: bool = True, gps: bool = True):
     """The calibration of a flight around a box, from a trajectory with this standard error of the scale."""
     rows = np.arange(40)
     states = pd.DataFrame({"psi": np.repeat([0.0, 1.57, 3.14, -1.57], 10), "wind_north": 3.0, "wind_east": -4.0})
@@ -27,8 +27,8 @@ def found(*, error: float = 0.2 * PRIOR, converged: bool = True, gps: bool = Tru
 
 
 def test_a_determined_scale_is_supported() -> None:
-    assert found().unsupported == "" and found().notes == []
-    assert (found().wind_mps, found().wind_from_deg) == pytest.approx((5.0, 126.87), rel=1e-3)
+    assert calibrated().unsupported == "" and calibrated().notes == []
+    assert (calibrated().wind_mps, calibrated().wind_from_deg) == pytest.approx((5.0, 126.87), rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -40,8 +40,8 @@ def test_a_determined_scale_is_supported() -> None:
     ],
 )
 def test_otherwise_one_line_says_what_is_missing(flight: dict, cause: str) -> None:
-    assert cause in found(**flight).unsupported and "\n" not in found(**flight).unsupported
-    assert found(error=0.79 * PRIOR).unsupported == ""
+    assert cause in calibrated(**flight).unsupported and "\n" not in calibrated(**flight).unsupported
+    assert calibrated(error=0.79 * PRIOR).unsupported == ""
 
 
 def test_what_limits_a_scale_is_told_in_per_cent() -> None:
@@ -50,4 +50,4 @@ def test_what_limits_a_scale_is_told_in_per_cent() -> None:
     (one_way,) = notes_on(0.8, 0.001, PRIOR)
     assert one_way.startswith("Nearly all was flown in one direction")
     assert notes_on(0.7, 0.001, PRIOR) == []
-    assert found().one_way < 0.01 and found().scale == 0.004
+    assert calibrated().one_way < 0.01 and calibrated().scale == 0.004

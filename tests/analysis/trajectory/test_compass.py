@@ -18,7 +18,7 @@ from flightpower.analysis.trajectory.equations import (
     EquationInputs,
 )
 from flightpower.analysis.trajectory.linearized_equations import Equations
-from flightpower.analysis.trajectory.observability import Lacking, heading_notes, sensor_error_estimates
+from flightpower.analysis.trajectory.observability import MissingExcitation, heading_notes, sensor_error_estimates
 from flightpower.analysis.trajectory.priors import PRIOR_SIGMA
 from flightpower.analysis.trajectory.reconstruction import reconstruct
 from flightpower.flight.motion import body_from_earth, earth_from_body
@@ -101,9 +101,9 @@ def test_the_field_across_north_is_zero_and_depends_on_heading_only() -> None:
 def test_without_gps_the_compass_holds_the_heading(without_gps) -> None:
     """Half the uncertainty or less, and the true heading (the simulator's declination is zero) within it all along."""
     calibration, air, still, alone, truth = without_gps
-    field, said = compass(air, calibration)
+    field, message = compass(air, calibration)
     trajectory = reconstruct(air, still, compass=field)
-    assert trajectory.converged and said == []
+    assert trajectory.converged and message == []
     off, error = heading_error(trajectory, truth)
     assert np.abs(off / error).max() < WITHIN
     assert error.mean() < 0.5 * heading_error(alone, truth)[1].mean()
@@ -170,8 +170,8 @@ def test_a_board_mounted_back_to_front_is_reported_and_has_no_effect_on_power(wi
     assert np.degrees(np.abs(trajectory.states["psi"] - alone.states["psi"])).max() < 1.0
     for name in ("alpha_bias", "alpha_scale", "V_scale"):
         assert abs(trajectory.value(name) - alone.value(name)) < 0.05 * alone.standard_error(name)
-    (said,) = heading_notes(trajectory, calibrated=True)
-    assert "contradicts GPS" in said and "mounted" in said
+    (note,) = heading_notes(trajectory, calibrated=True)
+    assert "contradicts GPS" in note and "mounted" in note
 
 
 def test_an_uncalibrated_magnetometer_is_not_used_and_is_noted_only_without_gps(with_gps, without_gps) -> None:
@@ -183,9 +183,9 @@ def test_an_uncalibrated_magnetometer_is_not_used_and_is_noted_only_without_gps(
         assert trajectory.standard_error("heading_bias") == pytest.approx(
             trajectory.prior_standard_error("heading_bias")
         )
-        said = heading_notes(trajectory, calibrated=False)
-        assert len(said) == (0 if gps else 1)
-        assert all("not determined" in note and "not its calibration" in note for note in said)
+        notes = heading_notes(trajectory, calibrated=False)
+        assert len(notes) == (0 if gps else 1)
+        assert all("not determined" in note and "not its calibration" in note for note in notes)
         bare = dataclasses.replace(trajectory, block_means=BlockMeans(air.drop(columns=MAG)))
         assert not any("agnetometer" in note for note in heading_notes(bare, calibrated=False))
 
@@ -196,7 +196,7 @@ def test_the_offset_of_the_compass_is_determined_with_gps_only(with_gps, without
         trajectory = reconstruct(air, still, compass=compass(air, calibration)[0])
         offset = next(error for error in sensor_error_estimates(trajectory) if error.name == "heading_bias")
         assert offset.determined == gps
-        assert offset.missing == ([] if gps else [Lacking.GPS])
+        assert offset.missing == ([] if gps else [MissingExcitation.GPS])
         assert (trajectory.prior_standard_error("heading_bias") == PRIOR_SIGMA["heading_bias"]) == gps
         assert all("held the heading" in note for note in heading_notes(trajectory, calibrated=True))
         assert len(heading_notes(trajectory, calibrated=True)) == (0 if gps else 1)

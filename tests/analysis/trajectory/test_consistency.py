@@ -28,7 +28,7 @@ from flightpower.analysis.trajectory.equations import (
 )
 from flightpower.analysis.trajectory.observability import (
     FlightExcitation,
-    Lacking,
+    MissingExcitation,
     excitation,
     gust_notes,
     heading_notes,
@@ -239,13 +239,13 @@ def exact_airspeed_without_climb(exact) -> np.ndarray:
 def test_reasons_begin_where_a_flight_lacks_excitation() -> None:
     """Headings within a quarter circle, a speed ratio below 1.25, gusts above 0.1 m/s."""
     enough = FlightExcitation(gps=True, sideslip=True, mean_heading_vector=0.65, speed_ratio=1.3, gust_mps=0.09)
-    lacking = {
-        "mean_heading_vector": (0.75, Lacking.HEADINGS),
-        "speed_ratio": (1.2, Lacking.SPEEDS),
-        "gust_mps": (0.11, Lacking.CALM_AIR),
+    cases = {
+        "mean_heading_vector": (0.75, MissingExcitation.HEADINGS),
+        "speed_ratio": (1.2, MissingExcitation.SPEEDS),
+        "gust_mps": (0.11, MissingExcitation.CALM_AIR),
     }
-    assert missing("V_scale", enough) == (Lacking.DURATION,)
-    for name, (value, reason) in lacking.items():
+    assert missing("V_scale", enough) == (MissingExcitation.DURATION,)
+    for name, (value, reason) in cases.items():
         assert missing("V_scale", enough._replace(**{name: value})) == (reason,)
 
 
@@ -271,14 +271,16 @@ def test_an_aircraft_that_never_flew_has_one_heading_and_one_speed(exact) -> Non
     assert (parked.mean_heading_vector, parked.speed_ratio) == (1.0, 1.0)
 
 
-@pytest.mark.parametrize(("error_deg", "gust_mps", "said"), [(0.31, 0.31, True), (0.29, 0.31, False),
+@pytest.mark.parametrize(("error_deg", "gust_mps", "expected"), [(0.31, 0.31, True), (0.29, 0.31, False),
                                                              (0.31, 0.29, False), (0.55, 0.5, True)])  # fmt: skip
-def test_gusts_are_said_to_limit_the_angle_of_attack_from_0_3_deg_in_0_3_mps(exact, error_deg, gust_mps, said) -> None:
+def test_gusts_are_said_to_limit_the_angle_of_attack_from_0_3_deg_in_0_3_mps(
+    exact, error_deg, gust_mps, expected
+) -> None:
     """For a single run that is an error: a degree is 20 % of power near the stall."""
     known = np.radians(error_deg) / PRIOR_SIGMA["alpha_bias"]
     trajectory = trajectory_of(exact.table, exact.states, {}, known, gust_mps=gust_mps)
-    assert bool(gust_notes(trajectory, 4, "log")) == said
-    if said:
+    assert bool(gust_notes(trajectory, 4, "log")) == expected
+    if expected:
         with pytest.raises(InputError, match=f"gusts of {gust_mps:.1f} m/s .* uncertain by {error_deg:.1f} deg"):
             gust_notes(trajectory, 1, "log")
 

@@ -24,9 +24,9 @@ def test_mean_wind_profile_is_the_standards_and_constant_outside_its_layer() -> 
 def test_longitudinal_gusts_have_the_standards_intensity_and_length() -> None:
     heights = np.array([5.0, 40.0, 100.0])
     scales = gust_scales(4.0, heights)
-    found = dryden.longitudinal(0.4, heights, 15.0)
-    assert found.sigma_mps == pytest.approx(scales.sigma_u)
-    assert found.time_s == pytest.approx(scales.L_u / 15.0)
+    longitudinal = dryden.longitudinal(0.4, heights, 15.0)
+    assert longitudinal.sigma_mps == pytest.approx(scales.sigma_u)
+    assert longitudinal.time_s == pytest.approx(scales.L_u / 15.0)
 
 
 def test_lateral_gusts_are_as_longitudinal_ones_and_vertical_ones_as_long_as_the_height() -> None:
@@ -53,10 +53,10 @@ def test_a_discrete_step_is_that_of_drydens_second_order_filter(height: float, V
     stays, once, twice = dryden.vertical(sigma, height, V).discretize(step)
     # As the path's equations have it: g2 follows the mean of g1 before and after.
     follows = (1 - stays) / 2
-    found = np.array([[stays, 0.0], [follows * (1 + stays), stays]])
+    result = np.array([[stays, 0.0], [follows * (1 + stays), stays]])
     new = np.array([[1.0], [follows]]) * once
     spread = new @ new.T + np.diag([0.0, float(twice) ** 2])
-    assert found == pytest.approx(moves, abs=(step / T) ** 2)
+    assert result == pytest.approx(moves, abs=(step / T) ** 2)
     assert spread == pytest.approx(noise, rel=3 * step / T)
 
 

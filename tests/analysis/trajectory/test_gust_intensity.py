@@ -50,8 +50,8 @@ def test_the_intensity_of_simulated_gusts_is_found_whatever_the_noise(noise) -> 
     middle = 0.8
     three = [minus_twice_log_likelihood(y, unit._replace(sigma_mps=unit.sigma_mps * s), noise)
              for s in (middle / 2, middle, middle * 2)]  # fmt: skip
-    found = intensity_of(vertex(*three), middle, [ObservedGust(unit, noise)], STEP_S)
-    assert found == pytest.approx(sigma, rel=0.03 if noise < 0.2 else 0.06)
+    intensity = intensity_of(vertex(*three), middle, [ObservedGust(unit, noise)], STEP_S)
+    assert intensity == pytest.approx(sigma, rel=0.03 if noise < 0.2 else 0.06)
     if noise < 0.1:
         assert middle * 2 ** vertex(*three) < 0.97 * sigma
 
@@ -75,6 +75,6 @@ def test_the_vertex_is_that_of_the_parabola() -> None:
 def test_a_measurement_that_never_was_tells_nothing() -> None:
     """Without any, the vertex itself is the answer."""
     gust = GUSTS[0]
-    one = intensity_of(0.1, 0.4, [ObservedGust(gust, 0.1)], STEP_S)
-    assert intensity_of(0.1, 0.4, [ObservedGust(gust, 0.1), ObservedGust(GUSTS[1], np.inf)], STEP_S) == one
+    intensity = intensity_of(0.1, 0.4, [ObservedGust(gust, 0.1)], STEP_S)
+    assert intensity_of(0.1, 0.4, [ObservedGust(gust, 0.1), ObservedGust(GUSTS[1], np.inf)], STEP_S) == intensity
     assert intensity_of(0.1, 0.4, [ObservedGust(gust, np.inf)], STEP_S) == pytest.approx(0.4 * 2**0.1)

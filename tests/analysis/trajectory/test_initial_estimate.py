@@ -59,17 +59,17 @@ INSIDE = slice(10, -10)
 
 
 def test_attitude_is_angle_of_attack_and_climb_and_the_heading_the_ground_track() -> None:
-    found = states(circling())
-    assert found["phi"] == pytest.approx(np.full(N - 20, BANK))
-    assert found["theta"] == pytest.approx(np.full(N - 20, ALPHA + np.arcsin(CLIMB / V)))
+    result = states(circling())
+    assert result["phi"] == pytest.approx(np.full(N - 20, BANK))
+    assert result["theta"] == pytest.approx(np.full(N - 20, ALPHA + np.arcsin(CLIMB / V)))
     still = states(circling(), airspeed_mps=ground_speed(circling()))
     assert np.unwrap(still["psi"]) == pytest.approx(HEADING[INSIDE], abs=1e-9)
-    assert found["v_down"] == pytest.approx(np.full(N - 20, -CLIMB))
-    assert found["height"] == pytest.approx((100 + CLIMB * (T_S - T_S[0]))[INSIDE])
+    assert result["v_down"] == pytest.approx(np.full(N - 20, -CLIMB))
+    assert result["height"] == pytest.approx((100 + CLIMB * (T_S - T_S[0]))[INSIDE])
     # A mean over three blocks of a velocity that turns by 0.04 rad from one to the next.
     shrunk = V * (1 + 2 * np.cos(TURN * STEP_S)) / 3
-    assert found["v_north"] == pytest.approx(shrunk * np.cos(HEADING)[INSIDE], abs=1e-9)
-    assert found["v_east"] == pytest.approx(shrunk * np.sin(HEADING)[INSIDE], abs=1e-9)
+    assert result["v_north"] == pytest.approx(shrunk * np.cos(HEADING)[INSIDE], abs=1e-9)
+    assert result["v_east"] == pytest.approx(shrunk * np.sin(HEADING)[INSIDE], abs=1e-9)
 
 
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (-4.0, 9.0), (-12.0, 12.0)])
@@ -81,11 +81,11 @@ def test_the_ground_speed_tells_the_wind_also_one_faster_than_the_aircraft(wind:
     blocks = circling()
     for i, axis in enumerate(("gps_north_mps", "gps_east_mps")):
         blocks[axis] = blocks[axis] + wind[i]
-    found = states(blocks)
+    result = states(blocks)
     # In this motion the wind does not change in the 90 m of climb, in the first trajectory it does by 6 %.
-    assert np.unwrap(found["psi"]) == pytest.approx(HEADING[INSIDE], abs=0.06 * np.hypot(*wind) / V + 1e-5)
-    assert (found["wind_north"].mean(), found["wind_east"].mean()) == pytest.approx(wind, abs=0.1)
-    assert np.ptp(found["wind_east"]) == pytest.approx(abs(wind[1]) * 0.07, rel=0.2, abs=1e-3), "more at height: 60 m"
+    assert np.unwrap(result["psi"]) == pytest.approx(HEADING[INSIDE], abs=0.06 * np.hypot(*wind) / V + 1e-5)
+    assert (result["wind_north"].mean(), result["wind_east"].mean()) == pytest.approx(wind, abs=0.1)
+    assert np.ptp(result["wind_east"]) == pytest.approx(abs(wind[1]) * 0.07, rel=0.2, abs=1e-3), "more at height: 60 m"
 
 
 def test_one_heading_tells_no_wind_across_it_and_a_flight_without_air_data_none() -> None:
@@ -111,11 +111,11 @@ def test_without_gps_the_heading_is_the_integral_of_the_yaw_rate_and_the_compass
 
 def test_on_the_ground_the_aircraft_is_level_and_stands() -> None:
     parked = np.arange(N) < 100
-    found = states(circling(~parked, gps=False))
+    result = states(circling(~parked, gps=False))
     before = slice(0, 80)
     for name in ("phi", "theta", "v_north", "v_east"):
-        assert np.abs(found[name][before]).max() == 0.0
-    assert found["theta"][120] == pytest.approx(ALPHA + np.arcsin(CLIMB / V))
+        assert np.abs(result[name][before]).max() == 0.0
+    assert result["theta"][120] == pytest.approx(ALPHA + np.arcsin(CLIMB / V))
 
 
 @pytest.mark.parametrize(("ground_mps", "scale", "tracked"), [(5.2, 1.0, True), (4.8, 1.0, False), (2.6, 0.5, True),
@@ -123,9 +123,9 @@ def test_on_the_ground_the_aircraft_is_level_and_stands() -> None:
 def test_a_ground_track_is_a_heading_from_5_meters_a_second_on(ground_mps: float, scale: float, tracked: bool) -> None:
     """Times the speed scale. Slower, the heading stays the integral; an offset needs at least one fast block."""
     blocks = circling(ground_mps=ground_mps, scale=scale)
-    found = states(blocks, airspeed_mps=ground_speed(blocks))
+    result = states(blocks, airspeed_mps=ground_speed(blocks))
     offset = 0.0 if tracked else -0.4
-    assert found["psi"] == pytest.approx(HEADING[INSIDE] + offset, abs=1e-6)
+    assert result["psi"] == pytest.approx(HEADING[INSIDE] + offset, abs=1e-6)
 
 
 def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
@@ -138,11 +138,11 @@ def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
             blocks[axis] = np.where(slow, 0.01 * blocks[axis], blocks[axis])
         speed = np.hypot(*(np.convolve(blocks[a], np.ones(3) / 3, "same") for a in ("gps_north_mps", "gps_east_mps")))
         assert (speed > 5.0).sum() == fast
-        found = states(blocks, airspeed_mps=np.maximum(speed, 0.1))["psi"]
+        psi = states(blocks, airspeed_mps=np.maximum(speed, 0.1))["psi"]
         if tracked:
-            assert np.ptp(found[:100]) == 0.0
+            assert np.ptp(psi[:100]) == 0.0
         else:
-            assert found == pytest.approx(HEADING[INSIDE], abs=0.02)
+            assert psi == pytest.approx(HEADING[INSIDE], abs=0.02)
 
 
 def test_the_compass_offset_is_the_mean_direction_in_flight() -> None:
@@ -154,10 +154,10 @@ def test_the_compass_offset_is_the_mean_direction_in_flight() -> None:
 
     prior = np.linspace(0.1, 0.2, len(SENSOR_ERRORS))
     x = np.zeros((N, len(STATES)))
-    found = initial_sensor_errors(prior, circling(FLYING_HALF), x, Field())  # type: ignore[arg-type]
+    errors = initial_sensor_errors(prior, circling(FLYING_HALF), x, Field())  # type: ignore[arg-type]
     i = SENSOR_ERRORS.index("heading_bias")
-    assert abs(found[i]) == pytest.approx(np.pi, abs=1e-6)
-    assert np.delete(found, i) == pytest.approx(np.delete(prior, i))
+    assert abs(errors[i]) == pytest.approx(np.pi, abs=1e-6)
+    assert np.delete(errors, i) == pytest.approx(np.delete(prior, i))
     assert initial_sensor_errors(prior, circling(), x, None) == pytest.approx(prior)  # type: ignore[arg-type]
 
 
@@ -174,11 +174,11 @@ def test_the_initial_state_is_known_only_where_it_defines_north_or_the_aircraft_
     """Any attitude; height to 3 m, wind to 8 m/s, gusts to their standard deviation but at least to 1 cm/s."""
     for gust_mps, known in ((0.4, 0.4), (0.001, 0.01)):
         sigma = initial_state_sigma(gust_mps, heading_measured=heading_measured, at_rest=at_rest)
-        found = dict(zip(STATES, sigma, strict=True))
-        assert (found.pop("phi"), found.pop("theta"), found.pop("psi")) == (1.0, 0.5, heading_rad)
-        assert [found.pop(f"v_{axis}") for axis in ("north", "east", "down")] == [velocity_mps] * 3
-        assert found.pop("height") == 3.0 and [found.pop(f"wind_{axis}") for axis in ("north", "east")] == [8.0] * 2
-        assert list(found.values()) == [known] * 5
+        result = dict(zip(STATES, sigma, strict=True))
+        assert (result.pop("phi"), result.pop("theta"), result.pop("psi")) == (1.0, 0.5, heading_rad)
+        assert [result.pop(f"v_{axis}") for axis in ("north", "east", "down")] == [velocity_mps] * 3
+        assert result.pop("height") == 3.0 and [result.pop(f"wind_{axis}") for axis in ("north", "east")] == [8.0] * 2
+        assert list(result.values()) == [known] * 5
 
 
 def test_sensor_errors_that_no_file_states_have_their_priors() -> None:

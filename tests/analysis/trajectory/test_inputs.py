@@ -94,9 +94,9 @@ def test_the_error_of_a_zero_falls_with_the_time_at_rest_and_contains_slow_noise
     for i, channel in enumerate(zeros[:100]):
         table = pd.DataFrame(dict.fromkeys(BENCH_SIGMA, channel), index=t)
         rest = [slice(0, len(t))]
-        found = zeros_at_rest(table, rest, noise_at_rest(table, rest))
-        assert set(found) == set(ZEROS)
-        stated[i] = found["q_c_zero"]
+        result = zeros_at_rest(table, rest, noise_at_rest(table, rest))
+        assert set(result) == set(ZEROS)
+        stated[i] = result["q_c_zero"]
     actual = float(np.sqrt(np.mean(zeros.mean(axis=1) ** 2)))
     assert stated.mean() == pytest.approx(actual, rel=0.08)  # 0.25 Pa; an rms of 1,000 is known to 2.2 %
     assert zeros_at_rest(table, [], BENCH_SIGMA) == {}
@@ -283,15 +283,15 @@ STATED = Uncertainty(
 
 def test_priors_are_those_that_the_aircraft_file_states(exact) -> None:
     """The transducers' calibration replaces its own, and only those."""
-    found = TrajectoryProblem(exact.table, [slice(0, 0)], SensorPriors(stated=stated_sigma(STATED))).error_sigma
-    sigma = dict(zip(SENSOR_ERRORS, found, strict=True))
+    error_sigma = TrajectoryProblem(exact.table, [slice(0, 0)], SensorPriors(stated=stated_sigma(STATED))).error_sigma
+    sigma = dict(zip(SENSOR_ERRORS, error_sigma, strict=True))
     assert (sigma["alpha_bias"], sigma["alpha_scale"], sigma["V_scale"]) == (0.03, 0.05, 0.02)
     assert (sigma["air_data_lag"], sigma["ax_bias"], sigma["ay_bias"], sigma["az_bias"]) == (0.04, 0.4, 0.4, 0.4)
     assert {name for name in sigma if sigma[name] == PRIOR_SIGMA[name]} >= {"p_bias", "beta_bias", "gps_latency"}
     known = sensor_error_prior(
         SensorPriors(0.0, stated_sigma(STATED), {"V_scale": 0.004, "alpha_scale": 0.012}), gps=True
     )[1]
-    changed = {name for name, before, after in zip(SENSOR_ERRORS, found, known, strict=True) if before != after}
+    changed = {name for name, before, after in zip(SENSOR_ERRORS, error_sigma, known, strict=True) if before != after}
     assert {"V_scale", "alpha_scale"} == changed - {"heading_bias"}
     assert known[SENSOR_ERRORS.index("V_scale")] == pytest.approx(0.005)
 

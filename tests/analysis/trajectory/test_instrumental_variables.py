@@ -119,9 +119,9 @@ def test_regressors_of_airspeed_do_not_depend_on_measured_airspeed(probe) -> Non
         for s in (PREDICTION.slow_s, PREDICTION.rate_s)
     )
     past = np.column_stack([flying, V, V_rate])
-    for found in (calm, rough):
-        combined = np.linalg.lstsq(past, found.V_rate, rcond=None)[0]
-        assert found.V_rate == pytest.approx(past @ combined, abs=1e-8)
+    for result in (calm, rough):
+        combined = np.linalg.lstsq(past, result.V_rate, rcond=None)[0]
+        assert result.V_rate == pytest.approx(past @ combined, abs=1e-8)
     assert np.corrcoef(calm.V_rate[flying], actual.V_rate[flying])[0, 1] > 0.8
 
 

@@ -36,8 +36,8 @@ def test_the_gust_intensity_of_greatest_evidence_is_found(monkeypatch, gust_mps:
     """A parabola through three points of a parabola is exact, whichever side of the first intensity it lies on."""
     solve = evidence_with_maximum_at(gust_mps)
     monkeypatch.setattr(reconstruction, "_solve", solve)
-    found, nearest = _most_probable_gust(VERTEX, solve(None, None, None, 0.2))
-    assert found == pytest.approx(gust_mps)
+    result, nearest = _most_probable_gust(VERTEX, solve(None, None, None, 0.2))
+    assert result == pytest.approx(gust_mps)
     assert nearest.gust_mps == min(GUST_GRID_MPS, key=lambda tried: abs(np.log(tried / gust_mps)))
 
 
@@ -48,8 +48,8 @@ def test_gusts_are_neither_less_than_noise_nor_beyond_the_grid(monkeypatch, gust
     """In calm air the evidence is of noise: two analyses of one log would find gusts of 0.01 and of 0.03 m/s."""
     solve = evidence_with_maximum_at(gust_mps)
     monkeypatch.setattr(reconstruction, "_solve", solve)
-    found, _ = _most_probable_gust(VERTEX, solve(None, None, None, 0.2))
-    assert found == taken
+    result, _ = _most_probable_gust(VERTEX, solve(None, None, None, 0.2))
+    assert result == taken
 
 
 @pytest.fixture(scope="module")

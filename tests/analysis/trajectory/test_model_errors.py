@@ -26,7 +26,7 @@ MADE = {
 
 
 @pytest.fixture(scope="module")
-def found() -> Trajectory:
+def reconstructed() -> Trajectory:
     """A flight without noise whose motor changes its speed, with errors several times as large as assumed."""
     table, _ = exact_motion(40.0)
     t = table.index.to_numpy()
@@ -42,12 +42,12 @@ def found() -> Trajectory:
     return reconstruct(wrong, [slice(0, 0)], SensorPriors(factor=10.0))
 
 
-def test_offsets_by_vibration_and_bending_by_load_are_found(found: Trajectory) -> None:
+def test_offsets_by_vibration_and_bending_by_load_are_found(reconstructed: Trajectory) -> None:
     for name, value in MADE.items():
-        assert found.value(name) == pytest.approx(value, abs=max(0.1 * abs(value), 3 * found.standard_error(name))), (
-            name
-        )
-        assert found.standard_error(name) < 0.3 * abs(value), name
+        assert reconstructed.value(name) == pytest.approx(
+            value, abs=max(0.1 * abs(value), 3 * reconstructed.standard_error(name))
+        ), name
+        assert reconstructed.standard_error(name) < 0.3 * abs(value), name
 
 
 def test_turns_show_how_far_ahead_the_probe_sits_where_the_file_does_not_say() -> None:

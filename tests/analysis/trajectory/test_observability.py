@@ -15,7 +15,7 @@ from flightpower.analysis.trajectory.consistency import ANGLES, SPEED, consisten
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.observability import (
     FlightExcitation,
-    Lacking,
+    MissingExcitation,
     missing,
     sensor_error_estimates,
     sensor_error_notes,
@@ -122,9 +122,9 @@ def test_without_gps_the_latency_is_not_determined_and_the_reason_is_given(witho
     trajectory = without_gps
     latency = next(error for error in sensor_error_estimates(trajectory) if error.name == "gps_latency")
     assert not latency.determined
-    assert latency.missing == [Lacking.GPS]
-    said = path_result(trajectory, consistency(trajectory))
-    assert [check.before.unit for check in said.checks] == ["deg"], "nothing to compare airspeed with"
+    assert latency.missing == [MissingExcitation.GPS]
+    message = path_result(trajectory, consistency(trajectory))
+    assert [check.before.unit for check in message.checks] == ["deg"], "nothing to compare airspeed with"
 
 
 @pytest.mark.parametrize("turns", [False, True])
@@ -141,10 +141,10 @@ def test_in_gusts_turns_determine_the_airspeed_scale_and_one_heading_does_not(
     errors = sensor_error_estimates(reconstruct(air, still))
     scale = next(error for error in errors if error.name == "V_scale")
     assert scale.determined == turns
-    assert (Lacking.HEADINGS in scale.missing) == (not turns)
+    assert (MissingExcitation.HEADINGS in scale.missing) == (not turns)
     assert any("scale of airspeed" in note for note in sensor_error_notes(errors)) == (not turns)
     slope = next(error for error in errors if error.name == "alpha_scale")
-    assert Lacking.SPEEDS in slope.missing, "held at one speed, with turns or without"
+    assert MissingExcitation.SPEEDS in slope.missing, "held at one speed, with turns or without"
 
 
 @pytest.mark.slow
@@ -168,7 +168,7 @@ def test_in_gusts_porpoising_determines_the_slope_of_angle_of_attack(probe, tmp_
         )
         slopes.append(next(error for error in sensor_error_estimates(trajectory) if error.name == "alpha_scale"))
     without, porpoised = slopes
-    assert not without.determined and Lacking.PORPOISING in without.missing
+    assert not without.determined and MissingExcitation.PORPOISING in without.missing
     assert porpoised.determined
     surest = 1 / np.hypot(1 / 1.6, 1 / 3.0)  # percent: the bound and what was assumed, together
     assert porpoised.standard_error > surest
@@ -178,7 +178,7 @@ def test_every_sensor_error_has_a_reason_when_not_determined() -> None:
     complete = FlightExcitation(gps=True, sideslip=True, mean_heading_vector=0.0, speed_ratio=2.0, gust_mps=0.0)
     empty = FlightExcitation(gps=False, sideslip=False, mean_heading_vector=1.0, speed_ratio=1.0, gust_mps=2.0)
     for name in observability.SENSOR_ERROR_KINDS:
-        assert missing(name, complete) == (Lacking.DURATION,)
+        assert missing(name, complete) == (MissingExcitation.DURATION,)
         assert missing(name, empty)
     assert len(missing("beta_bias", empty)) == 4
 

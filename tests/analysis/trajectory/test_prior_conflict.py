@@ -30,30 +30,32 @@ def estimated(in_prior_sigmas: np.ndarray, *, known_to: float = 0.3, **residuals
 
 
 def test_errors_as_large_as_their_priors_are_no_conflict() -> None:
-    found = prior_conflict(estimated(np.resize([1.0, -1.0], len(PRIOR))))
-    assert not found.conflicting
-    assert conflict_notes(found, estimated(np.zeros(len(PRIOR)))) == []
+    conflict = prior_conflict(estimated(np.resize([1.0, -1.0], len(PRIOR))))
+    assert not conflict.conflicting
+    assert conflict_notes(conflict, estimated(np.zeros(len(PRIOR)))) == []
 
 
 def test_one_error_beyond_its_prior_is_named_and_gets_a_wider_one() -> None:
     errors = np.zeros(len(PRIOR))
     errors[SENSOR_ERRORS.index("alpha_scale")] = -4.0
     trajectory = estimated(errors)
-    found = prior_conflict(trajectory)
-    told = 1 - 0.3**2  # the estimate's variance over the prior's, if the prior is right
-    assert found.beyond == {"alpha_scale": pytest.approx(-4.0 / np.sqrt(told))}
-    assert found.factor[SENSOR_ERRORS.index("alpha_scale")] == pytest.approx(4.0 / told, rel=0.02)
-    assert found.together < 1.5 and np.sort(found.factor)[:-1] == pytest.approx(found.together), "others keep theirs"
-    (said,) = conflict_notes(found, trajectory)
-    assert "slope of angle of attack is -4.2 standard deviations (3 %)" in said
+    conflict = prior_conflict(trajectory)
+    message = 1 - 0.3**2  # the estimate's variance over the prior's, if the prior is right
+    assert conflict.beyond == {"alpha_scale": pytest.approx(-4.0 / np.sqrt(message))}
+    assert conflict.factor[SENSOR_ERRORS.index("alpha_scale")] == pytest.approx(4.0 / message, rel=0.02)
+    assert conflict.together < 1.5 and np.sort(conflict.factor)[:-1] == pytest.approx(conflict.together), (
+        "others keep theirs"
+    )
+    (note,) = conflict_notes(conflict, trajectory)
+    assert "slope of angle of attack is -4.2 standard deviations (3 %)" in note
 
 
 def test_errors_all_twice_their_priors_are_a_conflict_by_that_factor() -> None:
     """But for the updraft: its prior is of the air, not of the installation."""
-    found = prior_conflict(estimated(np.resize([2.0, -2.0], len(PRIOR)), known_to=0.05))
-    assert found.beyond == {}
+    conflict = prior_conflict(estimated(np.resize([2.0, -2.0], len(PRIOR)), known_to=0.05))
+    assert conflict.beyond == {}
     of_air = np.array(SENSOR_ERRORS) == "updraft"
-    assert found.factor == pytest.approx(np.where(of_air, 1.0, 2.0), rel=0.02)
+    assert conflict.factor == pytest.approx(np.where(of_air, 1.0, 2.0), rel=0.02)
 
 
 def test_errors_that_the_data_half_determine_tell_their_own_size() -> None:
@@ -61,33 +63,35 @@ def test_errors_that_the_data_half_determine_tell_their_own_size() -> None:
     j = 1 / 0.7**2 - 1
     count = len(PRIOR)
     for y in (1.6, 2.2):
-        found = prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7))
-        assert found.together == pytest.approx(np.sqrt((y * (1 + 1 / j)) ** 2 - 1 / j), abs=0.006)
+        conflict = prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7))
+        assert conflict.together == pytest.approx(np.sqrt((y * (1 + 1 / j)) ** 2 - 1 / j), abs=0.006)
     # The sum of squares over its variance is a chi square: one flight in a hundred is beyond its limit by chance.
     at_the_limit = np.sqrt(special.chdtri(count, 0.01) / count * (1 + 1 / j)) / (1 + 1 / j)
-    for share, found in ((0.99, False), (1.01, True)):
+    for share, conflict in ((0.99, False), (1.01, True)):
         y = share * at_the_limit
-        assert prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7)).conflicting is found
+        assert prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7)).conflicting is conflict
 
 
-@pytest.mark.parametrize("told", [0.5, 0.07, 0.02])
-def test_an_error_is_judged_by_what_its_estimate_varies_if_the_prior_is_right(told: float) -> None:
+@pytest.mark.parametrize("expected", [0.5, 0.07, 0.02])
+def test_an_error_is_judged_by_what_its_estimate_varies_if_the_prior_is_right(expected: float) -> None:
     """However little of the prior's variance the data tell: a boom that bends 33 times what was assumed is seen as
     9 standard deviations where they tell 7 %, and gets a prior of its size."""
     i = SENSOR_ERRORS.index("alpha_per_g")
-    for true, found in ((33.0, True), (2.4 / np.sqrt(told), False)):
+    for true, result in ((33.0, True), (2.4 / np.sqrt(expected), False)):
         errors = np.zeros(len(PRIOR))
-        errors[i] = -true * told  # the estimate is drawn to the prior's mean of zero
-        conflict = prior_conflict(estimated(errors, known_to=np.sqrt(1 - told)))
-        assert conflict.beyond == ({"alpha_per_g": pytest.approx(-33.0 * np.sqrt(told))} if found else {})
-        assert conflict.factor[i] == (pytest.approx(np.sqrt(true**2 - (1 - told) / told), rel=0.01) if found else 1.0)
+        errors[i] = -true * expected  # the estimate is drawn to the prior's mean of zero
+        conflict = prior_conflict(estimated(errors, known_to=np.sqrt(1 - expected)))
+        assert conflict.beyond == ({"alpha_per_g": pytest.approx(-33.0 * np.sqrt(expected))} if result else {})
+        assert conflict.factor[i] == (
+            pytest.approx(np.sqrt(true**2 - (1 - expected) / expected), rel=0.01) if result else 1.0
+        )
 
 
 def test_what_the_solver_s_last_step_moves_is_no_conflict() -> None:
     """The step, 0.02 prior standard deviations, would be 2 and 4 of those that an estimate has, were so little told."""
-    for told in (1e-4, 2.5e-5):
+    for message in (1e-4, 2.5e-5):
         moved = np.resize([0.02, -0.02], len(PRIOR))
-        assert not prior_conflict(estimated(moved, known_to=np.sqrt(1 - told))).conflicting
+        assert not prior_conflict(estimated(moved, known_to=np.sqrt(1 - message))).conflicting
 
 
 def test_an_error_that_took_a_part_of_the_worst_one_s_is_no_conflict() -> None:
@@ -101,28 +105,30 @@ def test_an_error_that_took_a_part_of_the_worst_one_s_is_no_conflict() -> None:
     alone = y / np.sqrt(np.maximum(1 - np.diag(P), 1e-9))
     assert alone[wrong] > alone[drawn] > 5, "by themselves both contradict"
     trajectory = replace(estimated(y), covariance=P * np.outer(PRIOR, PRIOR))
-    found = prior_conflict(trajectory)
-    assert set(found.beyond) == {"alpha_per_g"}
-    assert found.factor[wrong] == pytest.approx(30, rel=0.1)
+    conflict = prior_conflict(trajectory)
+    assert set(conflict.beyond) == {"alpha_per_g"}
+    assert conflict.factor[wrong] == pytest.approx(30, rel=0.1)
 
 
 def test_two_errors_below_their_limits_are_improbable_together() -> None:
     """Offset and slope of the angle of attack at -3.4 and -3.5 standard deviations, as in air that sinks: neither is
     beyond 3.8. The sum of two squares is a chi square, whose probability is exp(-x/2)."""
-    errors, told = np.zeros(len(PRIOR)), 1 - 0.3**2
+    errors, message = np.zeros(len(PRIOR)), 1 - 0.3**2
     for name, z in (("alpha_bias", -3.4), ("alpha_scale", -3.5)):
-        errors[SENSOR_ERRORS.index(name)] = z * np.sqrt(told)
-    found = prior_conflict(estimated(errors)).jointly
-    assert found.errors == {"alpha_bias": pytest.approx(-3.4), "alpha_scale": pytest.approx(-3.5)}
+        errors[SENSOR_ERRORS.index(name)] = z * np.sqrt(message)
+    joint_conflict = prior_conflict(estimated(errors)).jointly
+    assert joint_conflict.errors == {"alpha_bias": pytest.approx(-3.4), "alpha_scale": pytest.approx(-3.5)}
     pairs = len(PRIOR) * (len(PRIOR) - 1) / 2
-    assert found.probability == pytest.approx(2 * pairs * np.exp(-(3.4**2 + 3.5**2) / 2))
-    assert found.probability < 0.005 < prior_conflict(estimated(0.9 * errors)).jointly.probability
+    assert joint_conflict.probability == pytest.approx(2 * pairs * np.exp(-(3.4**2 + 3.5**2) / 2))
+    assert joint_conflict.probability < 0.005 < prior_conflict(estimated(0.9 * errors)).jointly.probability
 
 
 def test_all_errors_somewhat_large_are_improbable_together() -> None:
-    found = prior_conflict(estimated(np.resize([1.6, -1.6], len(PRIOR)))).jointly
-    assert set(found.errors) == set(SENSOR_ERRORS)
-    assert found.probability == pytest.approx(2 * special.chdtrc(len(PRIOR), 1.6**2 / (1 - 0.3**2) * len(PRIOR)))
+    joint_conflict = prior_conflict(estimated(np.resize([1.6, -1.6], len(PRIOR)))).jointly
+    assert set(joint_conflict.errors) == set(SENSOR_ERRORS)
+    assert joint_conflict.probability == pytest.approx(
+        2 * special.chdtrc(len(PRIOR), 1.6**2 / (1 - 0.3**2) * len(PRIOR))
+    )
     assert prior_conflict(estimated(np.resize([1.0, -1.0], len(PRIOR)))).jointly.errors == {}
 
 
@@ -148,9 +154,9 @@ def test_sound_flights_are_called_improbable_no_more_often_than_said() -> None:
 
 def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> None:
     trajectory = estimated(np.zeros(len(PRIOR)), V=2.0, alpha=1.0)
-    wider, (said,) = with_misfit(trajectory)
+    wider, (message,) = with_misfit(trajectory)
     assert wider.covariance == pytest.approx(4 * trajectory.covariance)
-    assert "airspeed by 2.0." in said
+    assert "airspeed by 2.0." in message
     # What the flight adds to the prior keeps its share; without the prior's factor it would be less than nothing.
     before, after = (np.linalg.inv(x.covariance) - np.diag(x.prior_sigma**-2.0) for x in (trajectory, wider))
     assert after == pytest.approx(before / 4)
@@ -183,9 +189,9 @@ def test_where_wider_priors_give_no_path_there_is_none(monkeypatch, second: str)
 
     monkeypatch.setattr(flight_steps, "trajectory_with", path)
     record = SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap", aircraft=STATES_ITS_UPDRAFT)
-    found = flight_steps.flight_path(record)
-    assert found.as_measured and found.trajectory.as_measured
-    assert "slope of angle of attack" in found.notes[0] and "No flight path explains" in found.notes[-1]
+    flight_path = flight_steps.flight_path(record)
+    assert flight_path.as_measured and flight_path.trajectory.as_measured
+    assert "slope of angle of attack" in flight_path.notes[0] and "No flight path explains" in flight_path.notes[-1]
 
 
 @pytest.mark.parametrize(
@@ -200,18 +206,20 @@ def test_noise_of_the_height_in_flight_is_taken_from_its_residuals(monkeypatch, 
 
     monkeypatch.setattr(flight_steps, "trajectory_with", path)
     record = SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap", aircraft=STATES_ITS_UPDRAFT)
-    found = flight_steps.flight_path(record)
-    assert found.trajectory.height_noise == pytest.approx(noise)
-    assert any("noise of the height is 4.0 times" in note for note in found.notes) == (noise > 1)
+    flight_path = flight_steps.flight_path(record)
+    assert flight_path.trajectory.height_noise == pytest.approx(noise)
+    assert any("noise of the height is 4.0 times" in note for note in flight_path.notes) == (noise > 1)
 
 
-@pytest.mark.parametrize(("measured", "said"), [((), True), (("gps_north_mps",), False), (("beta_rad",), False)])
-def test_without_velocity_and_sideslip_a_path_that_is_not_found_has_a_reason(monkeypatch, measured, said: bool) -> None:
+@pytest.mark.parametrize(("measured", "is_reported"), [((), True), (("gps_north_mps",), False), (("beta_rad",), False)])
+def test_without_velocity_and_sideslip_a_path_that_is_not_found_has_a_reason(
+    monkeypatch, measured, is_reported: bool
+) -> None:
     """Bank and the bias of the yaw gyro act alike on the airspeed: both turn the aircraft without another trace."""
     first = replace(
         estimated(np.zeros(len(PRIOR))), converged=False, block_means=SimpleNamespace(measured=measured.__contains__)
     )
     monkeypatch.setattr(flight_steps, "trajectory_with", lambda *_, **__: first)
-    found = flight_steps.flight_path(SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap"))
-    assert found.as_measured
-    assert ("cannot tell bank from the yaw gyro's bias" in found.notes[-1]) is said
+    flight_path = flight_steps.flight_path(SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap"))
+    assert flight_path.as_measured
+    assert ("cannot tell bank from the yaw gyro's bias" in flight_path.notes[-1]) is is_reported

@@ -45,10 +45,10 @@ def predicted(problem, states, errors=NO_ERRORS) -> dict[str, np.ndarray]:
 def test_predicted_airspeed_is_that_of_the_motion_through_the_wind(exact) -> None:
     """A steady acceleration: a straight line through the past predicts speed and acceleration exactly."""
     t = exact.table.index.to_numpy()
-    found = predicted(*straight_flight(exact, 10.0 + 0.2 * t))
+    result = predicted(*straight_flight(exact, 10.0 + 0.2 * t))
     V = (10.0 + 0.2 * t)[BLOCK // 2 :: BLOCK]
-    assert found["V_predicted"][INSIDE] == pytest.approx(V[INSIDE], abs=1e-3)
-    assert found["V_rate"][INSIDE] == pytest.approx(0.2, abs=1e-3)
+    assert result["V_predicted"][INSIDE] == pytest.approx(V[INSIDE], abs=1e-3)
+    assert result["V_rate"][INSIDE] == pytest.approx(0.2, abs=1e-3)
 
 
 def test_the_angle_of_attack_of_level_flight_is_predicted_from_speed_and_its_change(exact) -> None:
@@ -59,10 +59,10 @@ def test_the_angle_of_attack_of_level_flight_is_predicted_from_speed_and_its_cha
     t = exact.table.index.to_numpy()
     V, Vdot = 15.0 + 6.0 * np.sin(0.25 * t), 1.5 * np.cos(0.25 * t)
     alpha, rate = -0.05 + 25.0 / V**2, -50.0 * Vdot / V**3
-    found = predicted(*straight_flight(exact, V, alpha_rad=alpha))
+    result = predicted(*straight_flight(exact, V, alpha_rad=alpha))
     for name, true in (("V_rate", Vdot), ("alpha_by_slope", alpha), ("probe_alpha_rate", rate)):
         at_blocks = true[BLOCK // 2 :: BLOCK]
-        share = np.var((found[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
+        share = np.var((result[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
         assert share < 0.04, name
 
 
@@ -74,10 +74,10 @@ def test_turns_are_flown_at_the_lift_coefficient_of_their_bank(exact) -> None:
     problem, states = straight_flight(
         exact, V, bank[BLOCK // 2 :: BLOCK], alpha_rad=0.1 * lift, dlnV_dlndp_alpha=0.05 * lift
     )
-    found = predicted(problem, states)
+    result = predicted(problem, states)
     for name, true in (("alpha_by_slope", 0.1 * lift), ("dlnV_dlndp_alpha", 0.05 * lift)):
         at_blocks = true[BLOCK // 2 :: BLOCK]
-        share = np.var((found[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
+        share = np.var((result[name] - at_blocks)[INSIDE]) / np.var(at_blocks[INSIDE])
         assert share < 0.05, name
 
 

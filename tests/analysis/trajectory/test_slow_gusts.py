@@ -71,11 +71,11 @@ def _found(length: float, seconds: float, seed: int, prior: float = 1.4) -> np.n
 
 def test_gusts_as_assumed_have_a_ratio_of_one_in_the_mean() -> None:
     """Flights of four minutes, 80 of them; a flight in gusts as the planner expects them has the planner's ratios."""
-    found = np.array([_found(1.0, 240, seed, prior=1.0) for seed in range(80)])
-    assert np.mean(found, axis=0) == pytest.approx(1, abs=0.12)
-    assert np.std(found, axis=0).max() < 0.4
+    result = np.array([_found(1.0, 240, seed, prior=1.0) for seed in range(80)])
+    assert np.mean(result, axis=0) == pytest.approx(1, abs=0.12)
+    assert np.std(result, axis=0).max() < 0.4
     planned = planned_ratios(1200, STEP_S, STANDARD, 1.0)
-    assert planned == pytest.approx(np.mean(found, axis=0), abs=0.12)
+    assert planned == pytest.approx(np.mean(result, axis=0), abs=0.12)
 
 
 def test_the_ratio_is_the_mean_of_the_posterior_of_intensity_and_length() -> None:
@@ -105,8 +105,8 @@ def test_longer_gusts_of_the_same_fast_part_have_more_slow_power() -> None:
 def test_each_axis_has_an_intensity_of_its_own() -> None:
     """Longitudinal gusts of twice the assumed power, with the others as assumed."""
     twice = np.sqrt([2.0, 1.0, 1.0])[:, None]
-    found = [_ratios(twice * _gusts(1.0, 1200, seed)) for seed in range(12)]
-    assert np.mean(found, axis=0) == pytest.approx([2.0, 1.0, 1.0], rel=0.2)
+    ratios = [_ratios(twice * _gusts(1.0, 1200, seed)) for seed in range(12)]
+    assert np.mean(ratios, axis=0) == pytest.approx([2.0, 1.0, 1.0], rel=0.2)
 
 
 def test_what_the_reconstruction_smooths_away_is_counted_by_its_random_errors() -> None:
@@ -141,18 +141,18 @@ def _scale_length(length: float, seconds: float, seed: int, stated: float = 1.0)
     return scale_length(gust_spectra(gusts, errors, STEP_S, STANDARD, GUSTS.around_corner), stated)
 
 
-@pytest.mark.parametrize(("length", "denied"), [(1.0, False), (0.4, True), (2.5, False)])
-def test_four_minutes_show_short_gusts_at_the_corner_of_the_spectrum(length: float, denied: bool) -> None:
+@pytest.mark.parametrize(("length", "rejected"), [(1.0, False), (0.4, True), (2.5, False)])
+def test_four_minutes_show_short_gusts_at_the_corner_of_the_spectrum(length: float, rejected: bool) -> None:
     """Longer gusts differ below the corner, where four minutes have few periods."""
-    assert [_scale_length(length, 240, seed).assumed_length_rejected for seed in range(12)] == [denied] * 12
+    assert [_scale_length(length, 240, seed).assumed_length_rejected for seed in range(12)] == [rejected] * 12
 
 
 @pytest.mark.parametrize("length", [1.0, 0.6, 0.4])
 def test_twenty_minutes_show_the_scale_length_within_its_error(length: float) -> None:
-    found = [_scale_length(length, 1200, seed) for seed in range(12)]
-    log_error = np.log([one.ratio for one in found]) - np.log(length)
+    scale_lengths = [_scale_length(length, 1200, seed) for seed in range(12)]
+    log_error = np.log([scale_length.ratio for scale_length in scale_lengths]) - np.log(length)
     assert np.mean(log_error) == pytest.approx(0, abs=0.1)
-    assert 0.5 < np.std(log_error) / np.mean([one.log_sigma for one in found]) < 1.3
+    assert 0.5 < np.std(log_error) / np.mean([scale_length.log_sigma for scale_length in scale_lengths]) < 1.3
 
 
 def test_a_length_is_denied_beyond_three_standard_deviations() -> None:
@@ -181,11 +181,11 @@ def _estimate(factor: np.ndarray | float = 1.0) -> tuple[Estimate, Estimate, np.
 
 def test_the_estimate_is_that_of_data_with_larger_errors_where_gusts_look_like_the_error() -> None:
     """As if the data had stated larger errors, by the root of the ratio: the prior counts for more."""
-    found, prior, data, information = _estimate()
+    result, prior, data, information = _estimate()
     ratios, factor = np.array([4.0, 2.0, 3.0]), np.ones(len(SENSOR_ERRORS))
     for name, axis in GUST_AXIS_OF_ERROR.items():
         factor[SENSOR_ERRORS.index(name)] = np.sqrt(ratios[axis])
-    storm = with_slow_power(found, prior, 1e3, ratios)
+    storm = with_slow_power(result, prior, 1e3, ratios)
     less, of_prior = information / np.outer(factor, factor), np.linalg.inv(prior.covariance)
     assert np.linalg.inv(storm.covariance) == pytest.approx(less + of_prior, rel=1e-4, abs=1e-4)
     expected = storm.covariance @ (less @ data + of_prior @ prior.values)
@@ -193,17 +193,17 @@ def test_the_estimate_is_that_of_data_with_larger_errors_where_gusts_look_like_t
 
 
 def test_in_calm_air_the_estimate_stays() -> None:
-    found, prior, *_ = _estimate()
-    calm = with_slow_power(found, prior, 0.0, np.array([4.0, 2.0, 3.0]))
-    assert calm.values == pytest.approx(found.values, abs=1e-4)
-    assert calm.covariance == pytest.approx(found.covariance, abs=1e-4)
+    result, prior, *_ = _estimate()
+    calm = with_slow_power(result, prior, 0.0, np.array([4.0, 2.0, 3.0]))
+    assert calm.values == pytest.approx(result.values, abs=1e-4)
+    assert calm.covariance == pytest.approx(result.covariance, abs=1e-4)
 
 
 def test_what_the_data_do_not_show_stays_at_its_prior() -> None:
     """The data know nothing of an error: neither its estimate nor its standard error moves."""
     factor = np.ones(len(SENSOR_ERRORS))
     factor[0] = 1e5
-    found, prior, *_ = _estimate(factor)
-    storm = with_slow_power(found, prior, 1e3, np.array([4.0, 2.0, 3.0]))
+    result, prior, *_ = _estimate(factor)
+    storm = with_slow_power(result, prior, 1e3, np.array([4.0, 2.0, 3.0]))
     assert storm.values[0] == pytest.approx(prior.values[0], abs=2e-3)
     assert storm.covariance[0, 0] == pytest.approx(prior.covariance[0, 0], rel=1e-3)

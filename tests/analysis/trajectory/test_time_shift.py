@@ -61,9 +61,11 @@ def test_a_late_probe_is_reported_and_a_punctual_one_is_not(flight, whole, delay
     air, as_it_is = whole
     assert time_shift_notes(as_it_is) == []
     assert any("The probe is" in note and "late against the IMU" in note for note in time_shift_notes(delayed))
-    found = {s.error: s for s in time_shifts(delayed)}
-    assert found["air_data_lag"].determined and found["gps_latency"].determined
-    assert abs(found["gps_latency"].delay_s - errors.values.gps_latency_s) < 4 * found["gps_latency"].standard_error_s
+    results = {s.error: s for s in time_shifts(delayed)}
+    assert results["air_data_lag"].determined and results["gps_latency"].determined
+    assert (
+        abs(results["gps_latency"].delay_s - errors.values.gps_latency_s) < 4 * results["gps_latency"].standard_error_s
+    )
 
     # And what `calibrate airspeed` says of the same flight, whose legs go both ways.
     speed = calibrate(air, as_it_is)

@@ -78,9 +78,9 @@ def test_wind_rises_along_the_slope():
 
 
 def test_at_noon_more_runs_and_more_wind_meet_more_eddies():
-    one, four, ten = (sigma(runs, NOON) for runs in (1, 4, 10))
-    assert 0.1 < one < 0.2
-    assert one > four > 1.2 * ten > 0.05
+    item, four, ten = (sigma(runs, NOON) for runs in (1, 4, 10))
+    assert 0.1 < item < 0.2
+    assert item > four > 1.2 * ten > 0.05
     assert sigma(10, NOON, wind_mps=1.0) > 1.2 * ten
     assert sigma(4, math.radians(20.0)) < 0.7 * four
 
@@ -137,28 +137,28 @@ def reconstructed(air: AirOf, sigma_mps: float) -> Trajectory:
 
 def test_a_flight_at_several_speeds_shows_a_steady_updraft(in_rising_air):
     """It acts on the angle of attack as 1/V: otherwise than an offset and a slope."""
-    found = reconstructed(in_rising_air, 1.0)
-    assert abs(found.value("updraft") - RISING_MPS) < 3 * found.standard_error("updraft") < 0.15
+    result = reconstructed(in_rising_air, 1.0)
+    assert abs(result.value("updraft") - RISING_MPS) < 3 * result.standard_error("updraft") < 0.15
     assert "updraft" in prior_conflict(reconstructed(in_rising_air, 0.02)).beyond
 
 
 def test_by_day_air_that_rose_is_not_taken_for_an_offset_of_the_angle_of_attack(in_rising_air):
     """The prior of noon, 0.1 m/s, is denied, and one that allows the updraft finds it; before sunrise there are no
     eddies, and a flight without an updraft denies nothing."""
-    found = reconstructed(in_rising_air, Uncertainty().updraft_mps)
-    by_day = updraft.updraft_by_day(found, NOON)
-    assert by_day.denied and by_day.z > 2.5 and 0.1 < by_day.sigma_mps < 0.6
-    allowed = found.with_prior("updraft", by_day.sigma_mps)
+    result = reconstructed(in_rising_air, Uncertainty().updraft_mps)
+    by_day = updraft.updraft_by_day(result, NOON)
+    assert by_day.contradicted and by_day.z > 2.5 and 0.1 < by_day.sigma_mps < 0.6
+    allowed = result.with_prior("updraft", by_day.sigma_mps)
     assert abs(allowed.value("updraft") - RISING_MPS) < 3 * allowed.standard_error("updraft") < 0.3
-    assert abs(found.value("updraft") - RISING_MPS) > 0.2
+    assert abs(result.value("updraft") - RISING_MPS) > 0.2
     assert "have risen by" in by_day.note
-    assert updraft.updraft_by_day(found, DAWN) is updraft.updraft_by_day(found, None) is None
+    assert updraft.updraft_by_day(result, DAWN) is updraft.updraft_by_day(result, None) is None
 
 
 def test_by_day_a_flight_that_denies_nothing_has_the_prior_of_the_hour(in_rising_air):
-    found = reconstructed(in_rising_air, Uncertainty().updraft_mps)
-    still = updraft.updraft_by_day(replace(found, sensor_errors=np.zeros(len(found.sensor_errors))), NOON)
-    assert not still.denied and still.z == 0
+    result = reconstructed(in_rising_air, Uncertainty().updraft_mps)
+    still = updraft.updraft_by_day(replace(result, sensor_errors=np.zeros(len(result.sensor_errors))), NOON)
+    assert not still.contradicted and still.z == 0
     assert 0.05 < still.sigma_mps < 0.15
 
 
@@ -166,19 +166,19 @@ def test_by_day_a_flight_that_denies_nothing_has_the_prior_of_the_hour(in_rising
 def test_a_flight_that_tells_little_is_as_wide_as_the_air_may_sink(in_rising_air, sunk_mps):
     """Gusts hide the updraft to 0.4 m/s: the prior of noon draws it to a twentieth, two of its deviations and no
     contradiction. The prior becomes as wide as the sink, and the estimate with it reaches the sink."""
-    found = reconstructed(in_rising_air, Uncertainty().updraft_mps)
+    result = reconstructed(in_rising_air, Uncertainty().updraft_mps)
     i, of_hour = SENSOR_ERRORS.index("updraft"), updraft.updraft_by_day(
-        replace(found, sensor_errors=np.zeros(len(found.sensor_errors))), NOON).sigma_mps  # fmt: skip
+        replace(result, sensor_errors=np.zeros(len(result.sensor_errors))), NOON).sigma_mps  # fmt: skip
     information_of_data = 1 / 0.4**2
-    variance = 1 / (information_of_data + 1 / found.prior_sigma[i] ** 2)
-    errors = np.zeros(len(found.sensor_errors))
+    variance = 1 / (information_of_data + 1 / result.prior_sigma[i] ** 2)
+    errors = np.zeros(len(result.sensor_errors))
     errors[i] = -variance * information_of_data * sunk_mps
-    covariance = np.diag(np.diag(found.covariance))
+    covariance = np.diag(np.diag(result.covariance))
     covariance[i, i] = variance
-    gusty = replace(found, sensor_errors=errors, covariance=covariance)
+    gusty = replace(result, sensor_errors=errors, covariance=covariance)
     by_day = updraft.updraft_by_day(gusty, NOON)
     expected_z = sunk_mps / math.hypot(0.4, of_hour)
-    assert by_day.z == pytest.approx(-expected_z, rel=1e-3) and not by_day.denied
+    assert by_day.z == pytest.approx(-expected_z, rel=1e-3) and not by_day.contradicted
     assert by_day.sigma_mps == pytest.approx(math.sqrt(max(sunk_mps**2 - 0.4**2, of_hour**2)), rel=0.02)
     allowed = gusty.with_prior("updraft", by_day.sigma_mps)
     assert abs(allowed.value("updraft") + sunk_mps) < 2 * allowed.standard_error("updraft")

@@ -36,18 +36,18 @@ def test_after_an_upset_through_the_vertical_attitude_and_sensor_errors_are_foun
     flight, air = upset
     truth = flight.flight.truth
     assert np.degrees(truth["pitch_rad"].min()) < -75 and np.degrees(truth["roll_rad"].abs().max()) > 90
-    found = reconstruct(air.table, air.still)
-    assert found.converged
-    assert 0 < len(found.lost_s) <= 10  # two seconds
-    assert all(IN_TURBULENCE_S[0] < at < IN_TURBULENCE_S[1] for at in found.lost_s)
+    trajectory = reconstruct(air.table, air.still)
+    assert trajectory.converged
+    assert 0 < len(trajectory.lost_s) <= 10  # two seconds
+    assert all(IN_TURBULENCE_S[0] < at < IN_TURBULENCE_S[1] for at in trajectory.lost_s)
     errors = flight.sensor_truth._errors.values
     for name, true in (("alpha_scale", errors.alpha_scale), ("V_scale", errors.V_scale)):
-        assert abs(found.value(name) - true) < 3 * found.standard_error(name) < 0.1
-    t_s = found.states.index.to_numpy()
-    flying = found.block_means.flying & ((t_s < IN_TURBULENCE_S[0] - 2) | (t_s > IN_TURBULENCE_S[1] + 2))
+        assert abs(trajectory.value(name) - true) < 3 * trajectory.standard_error(name) < 0.1
+    t_s = trajectory.states.index.to_numpy()
+    flying = trajectory.block_means.flying & ((t_s < IN_TURBULENCE_S[0] - 2) | (t_s > IN_TURBULENCE_S[1] + 2))
     for name, column in (("theta", "pitch_rad"), ("phi", "roll_rad")):
-        off = found.states[name].to_numpy() - np.interp(t_s, truth["time_s"], truth[column])
+        off = trajectory.states[name].to_numpy() - np.interp(t_s, truth["time_s"], truth[column])
         assert np.degrees(np.sqrt(np.mean(np.angle(np.exp(1j * off[flying])) ** 2))) < 1.5
-    (note,) = lost_notes(found)
-    assert f"{found.lost_s[0]:.1f}" in note
-    assert not lost_notes(replace(found, lost_s=()))
+    (note,) = lost_notes(trajectory)
+    assert f"{trajectory.lost_s[0]:.1f}" in note
+    assert not lost_notes(replace(trajectory, lost_s=()))

@@ -36,7 +36,7 @@ def server() -> Iterator[Store]:
 @pytest.fixture
 def store(server: Store, monkeypatch: pytest.MonkeyPatch) -> Store:
     """Empty, and asked again without pauses by this process."""
-    for contents in (server.objects, server.failing, server.torn, server.asked):
+    for contents in (server.objects, server.failing, server.torn, server.requests):
         contents.clear()
     monkeypatch.setattr(addresses.time, "sleep", lambda _: None)
     return server
@@ -54,21 +54,21 @@ def run_in(folder: Path, work: Work, *given: str, scheduler: str | None = None) 
 
 def analyzed(work: Work) -> list[str]:
     path = work.analyze.calls  # type: ignore[attr-defined]
-    found = sorted(path.read_text().split()) if path.exists() else []
+    words = sorted(path.read_text().split()) if path.exists() else []
     path.unlink(missing_ok=True)
-    return found
+    return words
 
 
 @pytest.mark.slow
 def test_a_bucket_is_listed_once_and_each_log_is_read_once(tmp_path: Path, store: Store, work: Work) -> None:
     out, flights = tmp_path / "out", "s3://fleet/flights/"
     store.objects |= {"fleet/flights/a.mcap": b"1", "fleet/flights/may/b.mcap": b"22", "fleet/flights/notes.txt": b"-"}
-    found = run_in(out, work, flights)
-    assert [folder.name for folder in found.folders] == ["a", "b"] and not found.failures
-    assert store.asked == {"fleet": 1, "fleet/flights/a.mcap": 1, "fleet/flights/may/b.mcap": 1}
+    run = run_in(out, work, flights)
+    assert [folder.name for folder in run.folders] == ["a", "b"] and not run.failures
+    assert store.requests == {"fleet": 1, "fleet/flights/a.mcap": 1, "fleet/flights/may/b.mcap": 1}
     assert analyzed(work) == ["a.mcap", "b.mcap"] and not list(out.rglob(".log-*"))
-    store.asked.clear()
-    assert run_in(out, work, flights).kept == 2 and store.asked == {"fleet": 1}, "by size and ETag"
+    store.requests.clear()
+    assert run_in(out, work, flights).kept == 2 and store.requests == {"fleet": 1}, "by size and ETag"
     store.objects["fleet/flights/a.mcap"] = b"5"
     assert run_in(out, work, flights).kept == 1 and analyzed(work) == ["a.mcap"]
     assert (out / "a" / "results.json").read_text().startswith("s3://fleet/flights/a.mcap ['5']")
@@ -82,8 +82,8 @@ def test_an_object_is_known_by_its_content_wherever_it_is(tmp_path: Path, store:
     analyzed(work)
     store.objects["fleet/later/c.mcap"] = store.objects.pop("fleet/b.mcap")
     store.objects["fleet/copy.mcap"] = b"1"
-    found = run_in(out, work, "s3://fleet/")
-    assert [folder.name for folder in found.folders] == ["a", "c"] and len(found.notes) == 1 and analyzed(work) == []
+    run = run_in(out, work, "s3://fleet/")
+    assert [folder.name for folder in run.folders] == ["a", "c"] and len(run.notes) == 1 and analyzed(work) == []
     (tmp_path / "c.mcap").write_bytes(b"22")
     assert run_in(out, work, str(tmp_path / "c.mcap")).kept == 1 and analyzed(work) == []
 
@@ -100,9 +100,9 @@ def test_a_store_that_fails_costs_its_own_logs(tmp_path: Path, store: Store, wor
     logs = find_logs(["s3://fleet/", "s3://no-bucket/", "s3://fleet/none.mcap", "s4://fleet/", str(local)])
     store.objects.pop("fleet/d.mcap")  # after the listing
     with exclusive(tmp_path / "out"):
-        found = run(logs, tmp_path / "out", work, Silent(), jobs=2)
-    assert [folder.name for folder in found.folders] == ["a", "b", "local"]
-    said = [line.partition(": ")[0] for line in found.failures]
+        result = run(logs, tmp_path / "out", work, Silent(), jobs=2)
+    assert [folder.name for folder in result.folders] == ["a", "b", "local"]
+    messages = [line.partition(": ")[0] for line in result.failures]
     lost = [
         "s3://fleet/c.mcap",
         "s3://fleet/d.mcap",
@@ -110,23 +110,23 @@ def test_a_store_that_fails_costs_its_own_logs(tmp_path: Path, store: Store, wor
         "s3://fleet/wrong.mcap",
         "s3://no-bucket/",
     ]
-    assert said == [*lost, "s4://fleet/"] and all("\n" not in line for line in found.failures)
+    assert messages == [*lost, "s4://fleet/"] and all("\n" not in line for line in result.failures)
 
 
 def test_a_store_that_goes_on_failing_is_not_asked_for_ever(store: Store, tmp_path: Path) -> None:
     store.objects["fleet/a.mcap"] = b"1"
     (log,) = find_logs(["s3://fleet/a.mcap"]).logs
     store.torn.add("fleet/a.mcap")
-    store.asked.clear()
+    store.requests.clear()
     with pytest.raises(InputError, match=r"s3://fleet/a\.mcap: cannot be read"):
         fetch(log, tmp_path / "a.mcap")  # type: ignore[arg-type]
-    assert 3 <= store.asked["fleet/a.mcap"] <= 30
+    assert 3 <= store.requests["fleet/a.mcap"] <= 30
 
 
 def test_a_listing_of_several_pages_is_whole(store: Store) -> None:
     store.objects |= {f"fleet/{i:05d}.ulg": bytes(i % 7) for i in range(1100)}
-    found = find_logs(["s3://fleet"])
-    assert len(found.logs) == 1100 and found.in_folders and store.asked["fleet"] <= 3
+    logs = find_logs(["s3://fleet"])
+    assert len(logs.logs) == 1100 and logs.in_folders and store.requests["fleet"] <= 3
 
 
 @pytest.mark.thorough
@@ -139,9 +139,9 @@ def test_a_cluster_is_sent_files_and_reads_addresses_itself(tmp_path: Path, stor
     local.write_text("1")
     options = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
     with distributed.LocalCluster(**options) as cluster:
-        found = run_in(tmp_path / "out", work, str(local), "s3://fleet/", scheduler=cluster.scheduler_address)
-    assert [folder.name for folder in found.folders] == ["a", "c"]
-    assert len(found.failures) == 1 and found.failures[0].startswith("s3://fleet/b.mcap: ")
+        run = run_in(tmp_path / "out", work, str(local), "s3://fleet/", scheduler=cluster.scheduler_address)
+    assert [folder.name for folder in run.folders] == ["a", "c"]
+    assert len(run.failures) == 1 and run.failures[0].startswith("s3://fleet/b.mcap: ")
     run_in(tmp_path / "here", work, str(local))
     results = [(tmp_path / where / "a" / "results.json").read_bytes() for where in ("out", "here")]
     assert results[0] == results[1]
@@ -165,9 +165,9 @@ def test_a_page_of_links_is_a_folder_and_signatures_are_not_written(tmp_path: Pa
     for name, text in {"a.mcap": "1", "b.ulg": "22", "index.txt": "no log"}.items():
         (tmp_path / "site" / name).write_text(text)
     assert [str(log) for log in find_logs([website]).logs] == [f"{website}a.mcap", f"{website}b.ulg"]
-    found = run_in(tmp_path / "out", work, f"{website}a.mcap?signature=secret", f"{website}lost.mcap?signature=secret")
-    assert [folder.name for folder in found.folders] == ["a"] and found.failures[0].startswith(f"{website}lost.mcap: ")
-    assert "secret" not in found.failures[0] + (tmp_path / "out" / "a" / "inputs.json").read_text()
+    run = run_in(tmp_path / "out", work, f"{website}a.mcap?signature=secret", f"{website}lost.mcap?signature=secret")
+    assert [folder.name for folder in run.folders] == ["a"] and run.failures[0].startswith(f"{website}lost.mcap: ")
+    assert "secret" not in run.failures[0] + (tmp_path / "out" / "a" / "inputs.json").read_text()
     with_password = website.replace("//", "//user:secret@")
     assert "secret" not in find_logs([with_password]).failures[0]
     assert run_in(tmp_path / "out", work, f"{website}a.mcap?signature=other").kept == 1, "by time of change"
@@ -195,17 +195,17 @@ def test_a_folder_of_results_is_told_from_one_without_logs(tmp_path: Path) -> No
     assert find_logs([str(tmp_path)]).failures == [f"{tmp_path}: no logs in this folder"]
     (tmp_path / "flight").mkdir()
     (tmp_path / "flight" / "results.json").write_text("{}")
-    (said,) = find_logs([str(tmp_path)]).failures
-    assert "but results of `analyze`" in said and "with this folder behind -o" in said
+    (failure,) = find_logs([str(tmp_path)]).failures
+    assert "but results of `analyze`" in failure and "with this folder behind -o" in failure
 
 
 def test_the_same_content_at_another_address_is_another_place() -> None:
-    one = RemoteLog("s3://fleet/may/log.mcap", 1, "x")
-    assert one.place.parts == ("/", "fleet", "may", "log.mcap")
+    remote_log = RemoteLog("s3://fleet/may/log.mcap", 1, "x")
+    assert remote_log.place.parts == ("/", "fleet", "may", "log.mcap")
 
 
-@pytest.mark.parametrize(("failures", "asked", "answered"), [(3, 4, True), (9, 4, False)])
-def test_what_fails_for_a_while_is_asked_again(monkeypatch, failures: int, asked: int, answered: bool) -> None:
+@pytest.mark.parametrize(("failures", "requested", "answered"), [(3, 4, True), (9, 4, False)])
+def test_what_fails_for_a_while_is_asked_again(monkeypatch, failures: int, requested: int, answered: bool) -> None:
     """Also by libraries that do not do so themselves; within ten seconds."""
     pauses: list[float] = []
     monkeypatch.setattr(addresses.time, "sleep", pauses.append)
@@ -223,4 +223,4 @@ def test_what_fails_for_a_while_is_asked_again(monkeypatch, failures: int, asked
     else:
         with pytest.raises(InputError):
             addresses._asked("s3://fleet/", ask)
-    assert calls == asked and sum(pauses) < 10
+    assert calls == requested and sum(pauses) < 10

@@ -43,9 +43,9 @@ def analyzed(tmp_path: Path, work: Work) -> Callable[[], list[str]]:
 
     def calls() -> list[str]:
         path = tmp_path / "calls"
-        found = sorted(path.read_text().split()) if path.exists() else []
+        words = sorted(path.read_text().split()) if path.exists() else []
         path.unlink(missing_ok=True)
-        return found
+        return words
 
     return calls
 
@@ -64,12 +64,12 @@ def run_in(folder: Path, paths: list[Path], work: Work) -> Campaign:
 
 def test_a_log_that_fails_costs_its_own_flight_and_is_one_line(tmp_path: Path, work: Work) -> None:
     paths = logs(tmp_path / "in", good="a", wrong="wrong", broken="broken", killed="killed", last="b", big="large")
-    found = run_in(tmp_path / "out", [*paths, tmp_path / "in" / "missing.mcap"], work)
-    assert [folder.name for folder in found.folders] == ["good", "last"]
-    assert len(found.failures) == 5 and all("\n" not in line and ".mcap: " in line for line in found.failures)
-    said = "\n".join(found.failures)
+    run = run_in(tmp_path / "out", [*paths, tmp_path / "in" / "missing.mcap"], work)
+    assert [folder.name for folder in run.folders] == ["good", "last"]
+    assert len(run.failures) == 5 and all("\n" not in line and ".mcap: " in line for line in run.failures)
+    message = "\n".join(run.failures)
     for cause in ("wrong words", "ZeroDivisionError", "SIGKILL", "4 GB of memory", "cannot be read"):
-        assert cause in said
+        assert cause in message
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".lock", "good", "last"]
 
 
@@ -107,8 +107,8 @@ def test_a_log_that_moved_or_got_a_namesake_keeps_its_results(tmp_path: Path, wo
     (old,) = logs(tmp_path / "monday", log="1")
     run_in(out, [old], work)
     (new,) = logs(tmp_path / "tuesday", log="2")
-    found = run_in(out, [old, new], work)
-    assert [folder.name for folder in found.folders] == ["monday-log", "tuesday-log"]
+    run = run_in(out, [old, new], work)
+    assert [folder.name for folder in run.folders] == ["monday-log", "tuesday-log"]
     assert analyzed() == ["log.mcap", "log.mcap"]
     assert sorted(path.name for path in out.iterdir()) == [".lock", "monday-log", "tuesday-log"]
 
@@ -118,18 +118,18 @@ def test_a_folder_follows_its_log_to_another_name_and_keeps_the_users_files(
 ) -> None:
     """Below the folder of results, whatever the working folder is; two logs may also exchange their names."""
     out = tmp_path / "out"
-    one, two = logs(tmp_path / "in", a="1", b="2")
-    run_in(out, [one, two], work)
+    item, two = logs(tmp_path / "in", a="1", b="2")
+    run_in(out, [item, two], work)
     (out / "a" / "remarks.txt").write_text("mine")
     analyzed()
-    moved = one.rename(tmp_path / "in" / "c.mcap")
-    found = run_in(out, [moved, two], work)
-    assert [folder for folder in found.folders] == [out / "b", out / "c"] and found.kept == 2 and analyzed() == []
+    moved = item.rename(tmp_path / "in" / "c.mcap")
+    run = run_in(out, [moved, two], work)
+    assert [folder for folder in run.folders] == [out / "b", out / "c"] and run.kept == 2 and analyzed() == []
     assert sorted(path.name for path in out.iterdir()) == [".lock", "b", "c"]
     assert (out / "c" / "remarks.txt").read_text() == "mine"
-    two.rename(one), moved.rename(two)
-    found = run_in(out, logs(tmp_path / "in"), work)
-    assert found.kept == 2 and analyzed() == [] and not found.notes
+    two.rename(item), moved.rename(two)
+    run = run_in(out, logs(tmp_path / "in"), work)
+    assert run.kept == 2 and analyzed() == [] and not run.notes
     assert (out / "b" / "remarks.txt").read_text() == "mine" and not (out / "a" / "remarks.txt").exists()
 
 
@@ -153,10 +153,10 @@ def test_an_edited_list_of_runs_stays_with_its_log(tmp_path: Path, work: Work, a
     (out / "log" / "runs.toml").write_text("by hand")
     (out / "log" / "remarks.txt").write_text("mine")
     (tuesday,) = logs(tmp_path / "tuesday", log="2")
-    found = run_in(out, [monday, tuesday], work)
+    run = run_in(out, [monday, tuesday], work)
     assert "by hand" in (out / "monday-log" / "results.json").read_text()
     assert (out / "monday-log" / "remarks.txt").read_text() == "mine"
-    assert "by hand" not in (out / "tuesday-log" / "results.json").read_text() and not found.notes
+    assert "by hand" not in (out / "tuesday-log" / "results.json").read_text() and not run.notes
     assert sorted(path.name for path in out.iterdir()) == [".lock", "monday-log", "tuesday-log"]
     run_in(out, [monday], work)
     (note,) = run_in(out, [tuesday], work).notes
@@ -196,8 +196,8 @@ def test_a_folder_written_anew_keeps_the_users_links_and_empty_folders(tmp_path:
 def test_a_log_given_twice_counts_once(tmp_path: Path, work: Work, analyzed) -> None:
     (path,) = logs(tmp_path / "in", a="1")
     (copy,) = logs(tmp_path / "copies", b="1")
-    found = run_in(tmp_path / "out", [path, path, copy], work)
-    assert len(found.folders) == 1 and len(found.notes) == 2 and not found.failures
+    run = run_in(tmp_path / "out", [path, path, copy], work)
+    assert len(run.folders) == 1 and len(run.notes) == 2 and not run.failures
     assert analyzed() == ["a.mcap"]
 
 
@@ -234,8 +234,8 @@ def test_a_killed_campaign_goes_on_where_it_stopped(tmp_path: Path, work: Work, 
         process.send_signal(signal.SIGKILL)
     assert sorted(path.name for path in out.glob("[!.]*")) == ["a", "b"]
     assert analyzed() == ["a.mcap", "b.mcap", "c.mcap", "d.mcap"]
-    found = run_in(out, logs(tmp_path / "in", c="3", d="4"), work)
-    assert analyzed() == ["c.mcap", "d.mcap", "e.mcap"] and found.kept == 2 and len(found.folders) == 5
+    run = run_in(out, logs(tmp_path / "in", c="3", d="4"), work)
+    assert analyzed() == ["c.mcap", "d.mcap", "e.mcap"] and run.kept == 2 and len(run.folders) == 5
     assert not list(out.glob(".*.partial"))
 
 
@@ -253,10 +253,10 @@ def test_two_at_once_in_one_folder_are_refused(tmp_path: Path) -> None:
 
 def test_a_folder_of_something_else_is_not_replaced(tmp_path: Path, work: Work) -> None:
     (tmp_path / "out" / "a").mkdir(parents=True)
-    found = run_in(tmp_path / "out", logs(tmp_path / "in", a="1", b="2"), work)
-    assert [folder.name for folder in found.folders] == [
+    run = run_in(tmp_path / "out", logs(tmp_path / "in", a="1", b="2"), work)
+    assert [folder.name for folder in run.folders] == [
         "b"
-    ] and "was not written by `analyze` of several logs" in found.failures[0]
+    ] and "was not written by `analyze` of several logs" in run.failures[0]
 
 
 @pytest.mark.parametrize("way", ["absolute", "relative"])

@@ -10,14 +10,14 @@ from flightpower.flight.errors import InputError
 
 
 @pytest.mark.parametrize(
-    ("raised", "said"),
+    ("raised", "message"),
     [
         (MemoryError(), "long.mcap: needs more than 4 GB of memory; analyze it alone"),
         (InputError("long.mcap: no flight"), "long.mcap: no flight"),
         (ValueError("out of range"), "an error of the software"),
     ],
 )
-def test_a_job_that_fails_says_why_in_one_line(tmp_path: Path, monkeypatch, raised: Exception, said: str) -> None:
+def test_a_job_that_fails_says_why_in_one_line(tmp_path: Path, monkeypatch, raised: Exception, message: str) -> None:
     """docs/use/many-flights.md: an analysis may take 4 GB."""
 
     def analyze(*_: object) -> None:
@@ -25,6 +25,6 @@ def test_a_job_that_fails_says_why_in_one_line(tmp_path: Path, monkeypatch, rais
 
     monkeypatch.setattr(processes, "limit_memory", lambda _: None)  # it holds for the whole process
     ended = processes.run_job(analyze, processes.Job("a", Path("long.mcap")), tmp_path, print)  # type: ignore[arg-type]
-    assert said in ended.error and len(ended.error.splitlines()) == 1
+    assert message in ended.error and len(ended.error.splitlines()) == 1
     assert 0 <= ended.seconds < 60 and 0 <= ended.processor_seconds < 60
     assert os.name != "posix" or 10e6 < ended.peak_bytes < 1e12, "an interpreter takes some ten megabytes"

@@ -35,9 +35,9 @@ def test_the_polar_has_the_power_and_the_interval_of_the_curve() -> None:
     power = Uncertain(drag_W, np.zeros((len(V), len(V))))
     curve = Curve(kind=Kind.POWER_REQUIRED, condition=condition, V_mps=V, power_W=power)
     drag = DragEstimate(curve, power, parameters, 0.8, True)
-    found = method_estimate(drag)
-    assert found.polar is not None
-    power, error = power_required(V, found.polar, condition)
+    estimate = method_estimate(drag)
+    assert estimate.polar is not None
+    power, error = power_required(V, estimate.polar, condition)
     assert power == pytest.approx(drag_W, rel=1e-6)
     by_scale = drag_power(V, 1.0, 0.0, QuarticPolar.of(unpack(NAMES, PARAMETERS + scaled)), CONDITIONS) - drag_W
     by_mass = drag_power(V, 1.0, 0.0, QuarticPolar.of(unpack(NAMES, PARAMETERS)), heavier) - drag_W
@@ -46,9 +46,9 @@ def test_the_polar_has_the_power_and_the_interval_of_the_curve() -> None:
 
 def test_a_log_without_battery_says_so() -> None:
     aircraft = load_complete_aircraft("nexstar")
-    found = whole_flight(Log(Path("log.mcap"), {}), aircraft, load_propeller(aircraft.propulsion.propeller))
-    assert found.electrical is None and found.method.polar is None
-    assert found.method.notes == ("the log has no voltage and current",)
+    flight = whole_flight(Log(Path("log.mcap"), {}), aircraft, load_propeller(aircraft.propulsion.propeller))
+    assert flight.electrical is None and flight.method.polar is None
+    assert flight.method.notes == ("the log has no voltage and current",)
 
 
 def test_an_airspeed_sensor_is_as_uncertain_as_an_aircraft_file_that_says_nothing() -> None:

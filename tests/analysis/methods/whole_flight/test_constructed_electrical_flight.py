@@ -141,13 +141,13 @@ def test_the_table_is_what_the_aircraft_did(table: FlightTable, truth: Truth) ->
     def at(values: Array) -> Array:
         return np.interp(t[rows], truth.t_s, values)
 
-    found = table.table[rows]
-    assert found["rho"].to_numpy() == pytest.approx(at(truth.rho), rel=1e-3)
-    assert found["load_factor"].to_numpy() == pytest.approx(at(truth.load_factor), rel=1e-3)
-    assert found["power_W"].to_numpy() == pytest.approx(at(truth.electrical_W), rel=0.02, abs=1.0)
+    result = table.table[rows]
+    assert result["rho"].to_numpy() == pytest.approx(at(truth.rho), rel=1e-3)
+    assert result["load_factor"].to_numpy() == pytest.approx(at(truth.load_factor), rel=1e-3)
+    assert result["power_W"].to_numpy() == pytest.approx(at(truth.electrical_W), rel=0.02, abs=1.0)
     pressure = at(truth.rho) / 2 * (at(truth.V_mps) * (1 + SCALE)) ** 2
-    assert found["pressure_Pa"].to_numpy() == pytest.approx(pressure, abs=1.0)
-    assert np.ptp(found["height_m"].to_numpy() - at(truth.height_m)) < 0.5
+    assert result["pressure_Pa"].to_numpy() == pytest.approx(pressure, abs=1.0)
+    assert np.ptp(result["height_m"].to_numpy() - at(truth.height_m)) < 0.5
     assert table.idle_power_W == pytest.approx(IDLE_W, abs=0.01)
     assert table.zero_sigma_Pa == pytest.approx(0.7, abs=0.01)  # what a zero of a minute on the ground is good for
     assert table.air_temperature_K == AIR_K and table.rho_sigma == pytest.approx(3.0 / AIR_K)
@@ -166,17 +166,22 @@ def test_flight_begins_clear_of_the_ground(table: FlightTable, truth: Truth) -> 
 def test_without_a_thermometer_and_too_short_a_flight_it_is_said(truth: Truth) -> None:
     whole = flown(truth)
     blind = FlightRecording(whole.path, whole.channels, {}, zeroed=False)
-    found = flight_table(blind, MASS_KG * g, AREA_M2)
+    table = flight_table(blind, MASS_KG * g, AREA_M2)
     standard_K = temperature_at(height_at(float(np.median(whole.channels[recording.STATIC].value))))
-    assert found.air_temperature_K == pytest.approx(standard_K, abs=1e-6)
-    assert found.rho_sigma == pytest.approx(8.0 / standard_K)
-    assert "taken as 15 °C" in found.notes[-1]
-    short = {name: Channel(*(x[truth.t_s < GROUND_S + 60] for x in one)) for name, one in whole.channels.items()}
+    assert table.air_temperature_K == pytest.approx(standard_K, abs=1e-6)
+    assert table.rho_sigma == pytest.approx(8.0 / standard_K)
+    assert "taken as 15 °C" in table.notes[-1]
+    short = {
+        name: Channel(*(x[truth.t_s < GROUND_S + 60] for x in channel)) for name, channel in whole.channels.items()
+    }
     with pytest.raises(InputError, match=r"for [0-9]+ s in the air; 60 s clear"):
         flight_table(FlightRecording(whole.path, short, {}, zeroed=False), MASS_KG * g, AREA_M2)
-    late = {name: one._replace(t_s=one.t_s + 1e5) for name, one in whole.channels.items()}  # on for a day
+    late = {name: channel._replace(t_s=channel.t_s + 1e5) for name, channel in whole.channels.items()}  # on for a day
     assert flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2).flown.any()
-    late = {name: Channel(one.t_s + 1e5 + 4e4 * (one.t_s > 100.0), one.value) for name, one in whole.channels.items()}
+    late = {
+        name: Channel(channel.t_s + 1e5 + 4e4 * (channel.t_s > 100.0), channel.value)
+        for name, channel in whole.channels.items()
+    }
     with pytest.raises(InputError, match=f"its clock spans {4e4 + truth.t_s[-1]:.0f} s; longer than any flight"):
         flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2)
     hot = FlightRecording(whole.path, whole.channels, {"bay": Channel(truth.t_s, 0 * truth.t_s + 305.0)}, zeroed=False)
@@ -191,27 +196,27 @@ def test_a_log_too_short_for_any_aircraft_is_refused_before_its_mass_is_asked(
     truth: Truth, end_s: float, refused: str
 ) -> None:
     whole = flown(truth)
-    until = {name: Channel(*(x[truth.t_s < end_s] for x in one)) for name, one in whole.channels.items()}
+    until = {name: Channel(*(x[truth.t_s < end_s] for x in channel)) for name, channel in whole.channels.items()}
     with pytest.raises(InputError, match=refused):
         analyze_recording(replace(whole, channels=until), Options(), lambda step: None)
 
 
 def test_circles_against_gps_show_scale_and_wind(table: FlightTable) -> None:
-    found = airspeed_errors(table)
-    assert found.scale == pytest.approx(SCALE, abs=0.001)
-    assert found.zero_Pa == pytest.approx(0.0, abs=1.5)
-    assert found.wind_mps == pytest.approx(5.0, abs=0.1)
-    assert found.wind_from_deg == pytest.approx(np.degrees(np.arctan2(4, -3)) % 360, abs=1.0)
-    assert np.sqrt(found.covariance[0, 0]) < 0.3 * 0.0125
+    errors = airspeed_errors(table)
+    assert errors.scale == pytest.approx(SCALE, abs=0.001)
+    assert errors.zero_Pa == pytest.approx(0.0, abs=1.5)
+    assert errors.wind_mps == pytest.approx(5.0, abs=0.1)
+    assert errors.wind_from_deg == pytest.approx(np.degrees(np.arctan2(4, -3)) % 360, abs=1.0)
+    assert np.sqrt(errors.covariance[0, 0]) < 0.3 * 0.0125
     north, east = (table.table[name].to_numpy()[table.flown] for name in recording.GPS[:2])
-    assert one_way(north, east, found) < 0.15
-    assert one_way(np.full(9, 12.0) + WIND_NORTH_MPS, np.full(9, WIND_EAST_MPS), found) > 0.99
+    assert one_way(north, east, errors) < 0.15
+    assert one_way(np.full(9, 12.0) + WIND_NORTH_MPS, np.full(9, WIND_EAST_MPS), errors) > 0.99
 
 
 def test_without_gps_the_airspeed_is_believed_to_its_prior(truth: Truth) -> None:
-    found = airspeed_errors(flight_table(flown(truth, gps=False), MASS_KG * g, AREA_M2))
-    assert (found.scale, found.zero_Pa, found.wind_mps) == (0.0, 0.0, None)
-    assert np.sqrt(np.diag(found.covariance)) == pytest.approx([0.0125, 0.7], rel=0.02)
+    errors = airspeed_errors(flight_table(flown(truth, gps=False), MASS_KG * g, AREA_M2))
+    assert (errors.scale, errors.zero_Pa, errors.wind_mps) == (0.0, 0.0, None)
+    assert np.sqrt(np.diag(errors.covariance)) == pytest.approx([0.0125, 0.7], rel=0.02)
 
 
 def level_truth_W(V: Array, rho: float) -> Array:
@@ -241,18 +246,18 @@ def drag(request: pytest.FixtureRequest, truth: Truth, electrical: ElectricalEst
 def test_power_required_and_shaft_power_are_found_by_the_propeller_s_table(
     drag: tuple[DragEstimate, bool],
 ) -> None:
-    found, measured = drag
-    assert isinstance(found, DragEstimate) and found.measured_speed is measured
-    V = found.V_mps
+    result, measured = drag
+    assert isinstance(result, DragEstimate) and result.measured_speed is measured
+    V = result.V_mps
     inside = (V > 13) & (V < 19)
-    V, rho = V[inside], found.curve.condition.rho
+    V, rho = V[inside], result.curve.condition.rho
     expected = drag_W(V, 1.0, rho)
-    assert found.power_W[inside] == pytest.approx(expected, rel=0.01)
-    assert np.abs(found.power_W[inside] - expected).max() < 2 * found.curve.power_W.standard_error[inside].max()
+    assert result.power_W[inside] == pytest.approx(expected, rel=0.01)
+    assert np.abs(result.power_W[inside] - expected).max() < 2 * result.curve.power_W.standard_error[inside].max()
     revps = revps_for_thrust(PROPELLER, V, expected / V, rho)
-    assert found.shaft.value[inside] == pytest.approx(PROPELLER.thrust_and_power(V, revps, rho)[1], rel=0.04)
-    assert 0.7 < found.motor_efficiency < 0.95
-    relative = found.curve.power_W.standard_error[inside] / found.power_W[inside]
+    assert result.shaft.value[inside] == pytest.approx(PROPELLER.thrust_and_power(V, revps, rho)[1], rel=0.04)
+    assert 0.7 < result.motor_efficiency < 0.95
+    relative = result.curve.power_W.standard_error[inside] / result.power_W[inside]
     assert 0.01 < relative.min() and relative.max() < 0.06
 
 
@@ -261,28 +266,28 @@ def test_thrust_on_a_stand_is_a_prior_of_the_table_s_errors(table: FlightTable, 
     stand = PriorMeasurement(
         name="stand", coefficients={"thrust_scale": 1, "thrust_slope": -0.5}, value=0.1, sigma=1e-3
     )
-    found = drag_estimate(table, electrical, SPAN_M, ThrustSource(PROPELLER, stand=(stand,)))
-    assert isinstance(found, DragEstimate)
+    estimate = drag_estimate(table, electrical, SPAN_M, ThrustSource(PROPELLER, stand=(stand,)))
+    assert isinstance(estimate, DragEstimate)
     row = np.array([{"thrust_scale": 1.0, "thrust_slope": -0.5}.get(name, 0.0) for name in PARAMETERS])
-    assert row @ found.parameters.values == pytest.approx(0.1, abs=1e-3)
-    assert np.sqrt(row @ found.parameters.covariance @ row) == pytest.approx(1e-3, rel=0.01)
+    assert row @ estimate.parameters.values == pytest.approx(0.1, abs=1e-3)
+    assert np.sqrt(row @ estimate.parameters.covariance @ row) == pytest.approx(1e-3, rel=0.01)
 
 
 def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, electrical: ElectricalEstimate) -> None:
     doubled = table._replace(table=table.table.assign(**{recording.MOTOR: 2 * table.table[recording.MOTOR]}))
-    said = drag_estimate(doubled, electrical, SPAN_M, ThrustSource(PROPELLER))
-    assert isinstance(said, DragWithheld) and said.lacks is DragLacks.POSSIBLE_EFFICIENCY
-    assert said.motor_efficiency is not None
-    assert 4 * 0.7 < said.motor_efficiency < 20, (
+    estimate = drag_estimate(doubled, electrical, SPAN_M, ThrustSource(PROPELLER))
+    assert isinstance(estimate, DragWithheld) and estimate.lacks is DragLacks.POSSIBLE_EFFICIENCY
+    assert estimate.motor_efficiency is not None
+    assert 4 * 0.7 < estimate.motor_efficiency < 20, (
         "by twice the speed, at the same airspeed: four times the power at least"
     )
     assert drag_estimate(table, electrical, SPAN_M, ThrustSource()) == DragWithheld(DragLacks.PROPELLER)
     aircraft = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M)
     results = assemble_energy_balance(
-        Path("log"), aircraft, EnergyBalanceFindings(table, electrical, said), cast(Provenance, None)
+        Path("log"), aircraft, EnergyBalanceFindings(table, electrical, estimate), cast(Provenance, None)
     )
-    assert [(one.kind, one.figure) for one in results.evidence] == [
-        (EvidenceKind.MOTOR_EFFICIENCY, said.motor_efficiency)
+    assert [(evidence.kind, evidence.figure) for evidence in results.evidence] == [
+        (EvidenceKind.MOTOR_EFFICIENCY, estimate.motor_efficiency)
     ]
     assert results.trust is Trust.DOUBTFUL
 
@@ -299,10 +304,10 @@ def test_standard_errors_add_what_the_flight_shares() -> None:
     shared = {Source.MASS: SharedError(np.array([0.0, 0.5]), heavier)}
     estimate = Estimate(("x", "y"), np.array([1.0, 2.0]), covariance, shared, conditions)
     assert estimate.gradient(quantity) == pytest.approx(np.array([[2.0, 0.0], [-1.0, 1.0]]))
-    found = estimate.quantity(quantity)
-    assert found.shared[Source.MASS] == pytest.approx([-0.5, 1.5])
-    assert found.value == pytest.approx([0.0, 32.0])
-    assert found.standard_error**2 == pytest.approx([4 * 0.04 - 4 * 0.01 + 0.09 + 0.25, 0.09 + 2.25])
+    result = estimate.quantity(quantity)
+    assert result.shared[Source.MASS] == pytest.approx([-0.5, 1.5])
+    assert result.value == pytest.approx([0.0, 32.0])
+    assert result.standard_error**2 == pytest.approx([4 * 0.04 - 4 * 0.01 + 0.09 + 0.25, 0.09 + 2.25])
 
 
 def test_a_motor_s_electrical_power_is_that_of_its_constants() -> None:
@@ -316,10 +321,10 @@ def test_a_motor_s_electrical_power_is_that_of_its_constants() -> None:
 def test_the_results_are_those_of_the_estimate(
     drag: tuple[DragEstimate, bool], table: FlightTable, electrical: ElectricalEstimate
 ) -> None:
-    found, _ = drag
+    result, _ = drag
     aircraft, battery = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), BatteryResult(energy_Wh=125.0, usable=0.8)
     provenance = cast(Provenance, None)
-    known = EnergyBalanceFindings(table, electrical, found, "apc-12x8e", battery)
+    known = EnergyBalanceFindings(table, electrical, result, "apc-12x8e", battery)
     results = assemble_energy_balance(Path("log"), aircraft, known, provenance)
     beside, balance = results.curves[Kind.ELECTRICAL], results.balance
     assert balance is not None and balance.airspeed_scale is not None
@@ -364,38 +369,38 @@ def test_efficiency_from_battery_to_thrust_is_as_wrong_as_the_current(
     V, rho = electrical.V_mps, np.full(len(electrical.V_mps), electrical.conditions.rho)
     required_W = drag_W(V, 1.0, rho)
     true = required_W / (electrical_W(required_W / V, V, rho)[0] - IDLE_W)
-    found = results.balance.thrust_efficiency if results.balance else None
-    assert found is not None
-    assert found.lo < np.max(true) / scale and found.hi > np.min(true) / scale
-    assert found.value == pytest.approx(np.mean(true) / scale, rel=0.05)
+    thrust_efficiency = results.balance.thrust_efficiency if results.balance else None
+    assert thrust_efficiency is not None
+    assert thrust_efficiency.lo < np.max(true) / scale and thrust_efficiency.hi > np.min(true) / scale
+    assert thrust_efficiency.value == pytest.approx(np.mean(true) / scale, rel=0.05)
     N, D, T = Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED
     assert results.trust is {0.25: N, 0.5: N, 1.0: T, 2.0: D, 4.4: N}[scale]
-    assert [one.kind for one in results.evidence] == [EvidenceKind.THRUST_EFFICIENCY] * (scale != 1.0)
+    assert [evidence.kind for evidence in results.evidence] == [EvidenceKind.THRUST_EFFICIENCY] * (scale != 1.0)
 
 
 def test_an_autopilot_is_told_equivalent_airspeeds_and_the_sink_of_gliding(
     drag: tuple[DragEstimate, bool], electrical: ElectricalEstimate
 ) -> None:
-    found, _ = drag
+    result, _ = drag
     V, rho = electrical.V_mps, electrical.conditions.rho
     best = SpeedInterval(speed_mps=16.0, lo_mps=15.0, hi_mps=17.0, inside_flown_range=True)
-    told = flight_values(electrical, best, {}, found)
+    values = flight_values(electrical, best, {}, result)
     to_equivalent = np.sqrt(rho / 1.225)
-    assert told.cruise.value == pytest.approx(16.0 * to_equivalent, rel=1e-4)
-    assert (told.slowest.value, told.fastest.value) == pytest.approx((V[0] * to_equivalent, V[-1] * to_equivalent))
+    assert values.cruise.value == pytest.approx(16.0 * to_equivalent, rel=1e-4)
+    assert (values.slowest.value, values.fastest.value) == pytest.approx((V[0] * to_equivalent, V[-1] * to_equivalent))
     # GPS shows true airspeed; equivalent airspeed has half the error of density besides.
     sigma = np.hypot(np.sqrt(electrical.airspeed.covariance[0, 0]), electrical.rho_sigma / 2)
-    assert told.slowest.hi / told.slowest.value - 1 == pytest.approx(1.96 * sigma, rel=0.5)
-    assert told.cruise_power is not None and told.sink is not None and told.airspeed_factor is not None
-    assert told.cruise_power.value == pytest.approx(np.interp(16.0, V, electrical.power_W))
+    assert values.slowest.hi / values.slowest.value - 1 == pytest.approx(1.96 * sigma, rel=0.5)
+    assert values.cruise_power is not None and values.sink is not None and values.airspeed_factor is not None
+    assert values.cruise_power.value == pytest.approx(np.interp(16.0, V, electrical.power_W))
     weight_N = MASS_KG * g
-    assert told.sink.value == pytest.approx(np.interp(16.0, found.V_mps, found.power_W) / weight_N, rel=1e-3)
-    assert told.airspeed_factor.value == pytest.approx(1 / 1.02, rel=2e-3)
-    assert told.wing_loading.value == pytest.approx(2 * weight_N / (1.225 * AREA_M2), rel=1e-3)
-    assert told.CD0 is not None and told.B is not None
+    assert values.sink.value == pytest.approx(np.interp(16.0, result.V_mps, result.power_W) / weight_N, rel=1e-3)
+    assert values.airspeed_factor.value == pytest.approx(1 / 1.02, rel=2e-3)
+    assert values.wing_loading.value == pytest.approx(2 * weight_N / (1.225 * AREA_M2), rel=1e-3)
+    assert values.CD0 is not None and values.B is not None
     CL = 2 * weight_N / (rho * V**2 * AREA_M2)
-    CD = 2 * found.power_W / (rho * V**3 * AREA_M2)
-    assert told.CD0.value + told.B.value * CL**2 == pytest.approx(CD, rel=0.05)
+    CD = 2 * result.power_W / (rho * V**3 * AREA_M2)
+    assert values.CD0.value + values.B.value * CL**2 == pytest.approx(CD, rel=0.05)
 
 
 def test_an_airspeed_by_gps_less_wind_is_as_uncertain_as_the_wind_and_half_the_density(
@@ -404,23 +409,23 @@ def test_an_airspeed_by_gps_less_wind_is_as_uncertain_as_the_wind_and_half_the_d
     """Variances of 0.36 and 0.64 m^2/s^2 north and east are 0.5 along a path of any direction."""
     airspeed = by_wind(np.array([3.0, -4.0, 0.0, 0.0]), np.diag([0.36, 0.64, 0.0, 0.0]))
     best = SpeedInterval(speed_mps=16.0, lo_mps=15.0, hi_mps=17.0, inside_flown_range=True)
-    told = flight_values(electrical._replace(airspeed=airspeed), best, {})
+    values = flight_values(electrical._replace(airspeed=airspeed), best, {})
     to_equivalent = np.sqrt(electrical.conditions.rho / 1.225)
-    for found, V in ((told.slowest, electrical.V_mps[0]), (told.fastest, electrical.V_mps[-1])):
+    for result, V in ((values.slowest, electrical.V_mps[0]), (values.fastest, electrical.V_mps[-1])):
         half = 1.96 * np.sqrt(0.5 + (V * electrical.rho_sigma / 2) ** 2) * to_equivalent
-        assert found.hi - found.value == pytest.approx(half, rel=1e-3)
+        assert result.hi - result.value == pytest.approx(half, rel=1e-3)
 
 
 def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None:
-    def said(**change: object) -> str:
+    def text_of(**change: object) -> str:
         return " ".join(_warnings(electrical._replace(**change)))
 
-    assert said() == ""
-    assert "GPS" in said(airspeed=electrical.airspeed._replace(wind_mps=None))
-    assert "5 % too low by GPS" in said(airspeed=electrical.airspeed._replace(scale=-0.05))
-    assert "2 % too high" not in said(airspeed=electrical.airspeed._replace(scale=0.02))
+    assert text_of() == ""
+    assert "GPS" in text_of(airspeed=electrical.airspeed._replace(wind_mps=None))
+    assert "5 % too low by GPS" in text_of(airspeed=electrical.airspeed._replace(scale=-0.05))
+    assert "2 % too high" not in text_of(airspeed=electrical.airspeed._replace(scale=0.02))
     unsure = Uncertain(electrical.power_W, np.diag((0.2 * electrical.power_W) ** 2), electrical.curve.power_W.shared)
-    assert "wider than ±25 % at 100 %" in said(curve=dataclasses.replace(electrical.curve, power_W=unsure))
+    assert "wider than ±25 % at 100 %" in text_of(curve=dataclasses.replace(electrical.curve, power_W=unsure))
 
 
 def test_a_stretch_that_the_user_leaves_out_does_not_count(truth: Truth, electrical: ElectricalEstimate) -> None:
@@ -433,8 +438,8 @@ def test_a_stretch_that_the_user_leaves_out_does_not_count(truth: Truth, electri
 
     def power_at_15(left_out_s: list[tuple[float, float]]) -> float:
         table = flight_table(wrong, MASS_KG * g, AREA_M2, left_out_s)
-        found = estimate(table, MASS_KG * g, AREA_M2, SPAN_M)
-        return float(np.interp(15.0, found.V_mps, found.power_W))
+        electrical = estimate(table, MASS_KG * g, AREA_M2, SPAN_M)
+        return float(np.interp(15.0, electrical.V_mps, electrical.power_W))
 
     true = float(np.interp(15.0, electrical.V_mps, electrical.power_W))
     assert power_at_15([]) > 1.03 * true

@@ -140,14 +140,14 @@ def test_the_efficiency_s_argument_is_that_of_flight_under_power() -> None:
     samples = samples_of(climbing(), 0.0, 0.0)  # type: ignore[arg-type]
     power = np.where(np.arange(len(samples.t_s)) % 3, IDLE_W + 10.0, IDLE_W + MOTOR_W)  # most of the flight idling
     balance = EnergyBalance(samples._replace(power_W=power), CONDITIONS)
-    assert balance.powered_x() == pytest.approx(V_MPS * np.cbrt(RHO / MOTOR_W))
+    assert balance.median_advance_with_power() == pytest.approx(V_MPS * np.cbrt(RHO / MOTOR_W))
 
 
 def test_level_power_is_not_known_beyond_what_a_motor_gives() -> None:
     """At 200 m/s drag takes 96 kW; a motor of 100 kW gives 60."""
     with np.errstate(divide="ignore"):
-        found = level_power(np.array([V_MPS, 200.0]), unpack((*DRAG, *PROPELLER, *LIFT), PARAMETERS), CONDITIONS)
-    assert EFFICIENCY * (found[0] - IDLE_W) >= DRAG_W * 0.999 and np.isnan(found[1])
+        power = level_power(np.array([V_MPS, 200.0]), unpack((*DRAG, *PROPELLER, *LIFT), PARAMETERS), CONDITIONS)
+    assert EFFICIENCY * (power[0] - IDLE_W) >= DRAG_W * 0.999 and np.isnan(power[1])
     u = np.array([0.0, 0.5, 1.0, 1.5, 1 + 1 / np.sqrt(0.7), 4.0])
     falling = energy_balance.efficiency(u, 0.6, 1.0, 0.7)
     assert falling == pytest.approx([0.0, 0.6 * (1 - 0.5**2.3), 0.6, 0.6 * (1 - 0.7 * 0.25), 0.0, 0.0], abs=1e-9)
@@ -160,10 +160,10 @@ def test_errors_of_efficiency_and_angle_go_with_power() -> None:
     windows = EnergyBalance(samples_of(climbing(), 0.0, 0.0), CONDITIONS).windows  # type: ignore[arg-type]
     n = len(windows.centers_s)
     useful = np.linspace(50.0, 100.0, n)
-    found = by_efficiency(windows, useful, 0.05)
-    assert np.sqrt(np.diag(found)) == pytest.approx(0.05 * useful)
+    result = by_efficiency(windows, useful, 0.05)
+    assert np.sqrt(np.diag(result)) == pytest.approx(0.05 * useful)
     apart = windows.centers_s[5] - windows.centers_s[0]
-    assert found[0, 5] == pytest.approx(0.05**2 * useful[0] * useful[5] * np.exp(-apart / 10.0))
+    assert result[0, 5] == pytest.approx(0.05**2 * useful[0] * useful[5] * np.exp(-apart / 10.0))
     # An angle's error turns the lift m g: at 15 m/s it acts like air that rises at 15 m/s times the angle.
     turned = by_angle(windows, 3.0, np.full(n, 15.0), 0.01, 4.0)
     assert turned == pytest.approx(by_air(windows, 3.0, 0.0, 0.15, 4.0), rel=1e-9)
@@ -182,9 +182,9 @@ def test_a_gust_along_the_path_changes_kinetic_energy() -> None:
     u[:, 0] = rng.normal(size=20000)
     for i in range(1, count):
         u[:, i] = decay * u[:, i - 1] + np.sqrt(1 - decay**2) * rng.normal(size=20000)
-    found = np.var(3.0 * V_MPS * sigma * u @ windows.slope)
+    variance = np.var(3.0 * V_MPS * sigma * u @ windows.slope)
     along = by_air(windows, 3.0, V_MPS, sigma, time_s) - by_air(windows, 3.0, 0.0, sigma, time_s)
-    assert along[0, 0] == pytest.approx(found, rel=0.05)
+    assert along[0, 0] == pytest.approx(variance, rel=0.05)
 
 
 @pytest.mark.parametrize("time_s", [1.0, 16.0])
@@ -192,10 +192,10 @@ def test_the_covariance_of_the_air_is_that_of_a_process(time_s: float) -> None:
     """No combination of windows has a variance below zero: not even of a long flight in slow gusts."""
     windows = EnergyBalance(samples_of(climbing(400.0), 0.0, 0.0), CONDITIONS).windows  # type: ignore[arg-type]
     V = np.full(len(windows.centers_s), V_MPS)
-    for found in (by_air(windows, 3.0, V_MPS, 1.0, time_s), by_angle(windows, 3.0, V, 1.0, time_s)):
-        assert np.linalg.eigvalsh(found)[0] > -1e-12 * found.max()
+    for result in (by_air(windows, 3.0, V_MPS, 1.0, time_s), by_angle(windows, 3.0, V, 1.0, time_s)):
+        assert np.linalg.eigvalsh(result)[0] > -1e-12 * result.max()
         # Windows that do not overlap: exp(-lag / T), over as much more as both means have it.
-        assert found[0, 150] / found[0, 100] == pytest.approx(np.exp(-100.0 / time_s), rel=1e-9)
+        assert result[0, 150] / result[0, 100] == pytest.approx(np.exp(-100.0 / time_s), rel=1e-9)
 
 
 def test_the_size_of_an_error_is_that_which_its_residuals_have() -> None:
@@ -209,10 +209,10 @@ def test_the_size_of_an_error_is_that_which_its_residuals_have() -> None:
     costs = np.array(
         [
             [
-                drawn @ np.linalg.solve(white + s**2 * one, drawn) + np.linalg.slogdet(white + s**2 * one)[1] + cost
+                drawn @ np.linalg.solve(white + s**2 * gust, drawn) + np.linalg.slogdet(white + s**2 * gust)[1] + cost
                 for s in sizes
             ]
-            for one, cost in zip(gusts, unlikely, strict=True)
+            for gust, cost in zip(gusts, unlikely, strict=True)
         ]
     )
     weight = np.exp((costs.min() - costs) / 2)
@@ -262,8 +262,8 @@ def test_the_coolest_believable_thermometer_in_flight_is_the_air_s() -> None:
         "air": Channel(t, np.where(moving, 280.0, 310.0)), "broken": Channel(t, np.full(len(t), 0.0)),
         "oven": Channel(t, np.full(len(t), 400.0)), "near": Channel(t, np.full(len(t), 284.0)),
     }  # fmt: skip
-    found, sigma, note = _air_temperature_K(_of_day(shown), moving, t)
-    assert (found, sigma) == (280.0, 3.0)
+    result, sigma, note = _air_temperature_K(_of_day(shown), moving, t)
+    assert (result, sigma) == (280.0, 3.0)
     assert "7 °C" in note and "near shows" not in note, "a few kelvins more are not worth a word"
     del shown["air"], shown["near"]
     standard = temperature_at(500.0)
@@ -338,9 +338,9 @@ def test_the_idle_power_is_that_with_the_throttle_closed_or_the_least_seen() -> 
 
 def test_gaps_are_bridged_up_to_their_length_or_four_intervals() -> None:
     at = np.array([0.0, 1.0, 3.0, 6.0, 9.0, 11.0])
-    one = Channel(at, 2 * at)
-    found = resampled(one, np.array([-1.0, 0.5, 2.0, 5.0, 7.5, 10.0, 12.0]), 0.0, 2.5)
-    assert found == pytest.approx([np.nan, 1.0, 4.0, 10.0, 15.0, 20.0, np.nan], nan_ok=True)
+    channel = Channel(at, 2 * at)
+    result = resampled(channel, np.array([-1.0, 0.5, 2.0, 5.0, 7.5, 10.0, 12.0]), 0.0, 2.5)
+    assert result == pytest.approx([np.nan, 1.0, 4.0, 10.0, 15.0, 20.0, np.nan], nan_ok=True)
     dense = Channel(np.r_[np.arange(0, 5, 0.1), 8.0], np.zeros(51))
     assert np.isnan(resampled(dense, np.array([6.0]), 0.0, 2.5)[0])
     assert resampled(dense, np.array([6.0]), 0.0, 3.2)[0] == 0.0
@@ -373,11 +373,11 @@ def test_without_power_the_air_turns_the_propeller_as_fast_as_it_needs_none() ->
     flight = climbing(30.0)
     V = np.full(len(flight.table), 18.0)
     samples = samples_of(flight, 0.0, 0.0)._replace(V_mps=V, power_W=np.full(len(V), IDLE_W))  # type: ignore[arg-type]
-    found = ThrustBalance(samples, CONDITIONS, propeller, motor)._revps(samples, CONDITIONS)[0]
+    result = ThrustBalance(samples, CONDITIONS, propeller, motor)._revps(samples, CONDITIONS)[0]
     n = np.linspace(20.0, 120.0, 20_001)
     taken_W = motor.electrical_W(propeller.thrust_and_power(np.full_like(n, 18.0), n, RHO)[1], n)
     turned_by_air = n[np.argmax(taken_W > 0)]
-    assert turned_by_air / 1.045 < found < 1.001 * turned_by_air
+    assert turned_by_air / 1.045 < result < 1.001 * turned_by_air
 
 
 def test_stretches_of_twenty_seconds_clear_of_the_ground_count() -> None:

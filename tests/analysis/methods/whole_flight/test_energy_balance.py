@@ -34,13 +34,13 @@ def named(p: NamedValues) -> dict[str, float]:
     return {name: p[name] for name in (*DRAG, *PROPELLER, *LIFT)}
 
 
-def motor_power(useful_W: np.ndarray, V: np.ndarray) -> np.ndarray:
+def motor_power(thrust_power_W: np.ndarray, V: np.ndarray) -> np.ndarray:
     """The motor's power that gives a useful power."""
     grid = np.geomspace(5.0, 3000.0, 4000)
     gives = [
         grid * energy_balance.efficiency(energy_balance.advance(v, grid, CONDITIONS.rho), GREATEST, X, FALL) for v in V
     ]
-    return np.array([np.interp(useful, row, grid) for useful, row in zip(useful_W, gives, strict=True)])
+    return np.array([np.interp(useful, row, grid) for useful, row in zip(thrust_power_W, gives, strict=True)])
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def samples() -> Samples:
 
 def test_the_balance_holds_in_climbs_accelerations_and_turns(samples: Samples) -> None:
     balance = EnergyBalance(samples, CONDITIONS)
-    useful = balance.useful_W(PARAMETERS)
+    useful = balance.thrust_power_W(PARAMETERS)
     assert balance.residual(PARAMETERS) == pytest.approx(0.0, abs=0.01 * useful.mean())
 
 
@@ -95,7 +95,7 @@ def test_both_balances_show_the_same_rising_air(samples: Samples) -> None:
     force_x = (along_N / m + n * g * np.sin(alpha)) / np.cos(alpha)
     balance = EnergyBalance(samples._replace(force_x_mps2=force_x), CONDITIONS)
     of_drag, of_force = np.split(balance.residual(parameters), 2)
-    assert of_force == pytest.approx(0.0, abs=0.01 * balance.useful_W(parameters).mean())
+    assert of_force == pytest.approx(0.0, abs=0.01 * balance.thrust_power_W(parameters).mean())
     lifted = balance.samples._replace(height_m=samples.height_m + 0.5 * samples.t_s)
     for_drag, for_force = np.split(balance.residual(parameters, lifted), 2)
     assert for_drag - of_drag == pytest.approx(-0.5 * m * g)
@@ -113,10 +113,10 @@ def test_gusts_give_power_in_proportion_to_the_variance_of_lift_and_side_force(s
     alpha, beta = 0.02 * np.sin(3 * np.pi * t), 0.04 * np.sin(2 * np.pi * t)
     lift_N, side_N = mg + qS * slope * alpha, qS * side_slope * beta
     pull_W = V * np.mean(lift_N * alpha + side_N * beta)
-    one = Samples(t, np.full_like(t, V), 0 * t, 0 * t, 1 + 0 * t, [], load_variance=np.var(lift_N / mg),
+    this_samples = Samples(t, np.full_like(t, V), 0 * t, 0 * t, 1 + 0 * t, [], load_variance=np.var(lift_N / mg),
                   side_variance=np.var(side_N / mg))  # fmt: skip
     p = NamedValues("parameter", {"ln_beta_per_CY": np.log(1 / side_slope), "ln_alpha_per_CL": np.log(1 / slope)})
-    assert energy_balance.by_gusts_W(one, p, CONDITIONS) == pytest.approx(pull_W, rel=2e-3)
+    assert energy_balance.by_gusts_W(this_samples, p, CONDITIONS) == pytest.approx(pull_W, rel=2e-3)
     CL, variance = lift_N / qS, np.var(lift_N / mg)
     induced_W = qS * V * np.mean(0.04 + 0.06 * (CL - 0.2) ** 2)
     without_K4 = replace(POLAR, K4=0.0)
@@ -167,9 +167,9 @@ def test_the_covariance_is_that_of_air_motion_in_windows(samples: Samples) -> No
     count = len(balance.windows.weight)
     starts = [int(np.argmin(np.abs(samples.t_s - c))) - count // 2 for c in balance.windows.centers_s[:6]]
     means = np.stack([w[:, s : s + count] @ balance.windows.weight for s in starts], axis=1)
-    found = np.cov((CONDITIONS.mass_kg * g * sigma * means).T)
+    covariance = np.cov((CONDITIONS.mass_kg * g * sigma * means).T)
     expected = by_air(balance.windows, CONDITIONS.mass_kg, 0.0, sigma, time_s)[:6, :6]
-    assert found == pytest.approx(expected, abs=0.08 * expected[0, 0])
+    assert covariance == pytest.approx(expected, abs=0.08 * expected[0, 0])
 
 
 def test_noise_is_recognized() -> None:

@@ -41,8 +41,8 @@ def px4(tmp_path_factory: pytest.TempPathFactory) -> FlightRecording:
 
 
 def power(flight: FlightRecording) -> np.ndarray:
-    found = estimate(flight_table(flight, WEIGHT_N, WING_AREA_M2), WEIGHT_N, WING_AREA_M2, SPAN_M)
-    return np.interp(SPEEDS, found.V_mps, found.power_W)
+    electrical = estimate(flight_table(flight, WEIGHT_N, WING_AREA_M2), WEIGHT_N, WING_AREA_M2, SPAN_M)
+    return np.interp(SPEEDS, electrical.V_mps, electrical.power_W)
 
 
 @pytest.fixture(scope="module")

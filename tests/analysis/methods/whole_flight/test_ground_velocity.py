@@ -46,9 +46,9 @@ def test_airspeed_is_what_is_left_of_the_ground_velocity() -> None:
 def test_the_wind_grows_with_the_logarithm_of_height() -> None:
     height, flown = np.array([130.0, 140.0, 180.0]), np.array([False, True, True])
     ground = np.full(3, 120.0)
-    found = height_factor(height, ground, flown)
+    factor = height_factor(height, ground, flown)
     middle = (np.log(20.0 / GPS.roughness_m) + np.log(60.0 / GPS.roughness_m)) / 2
-    assert found == pytest.approx(np.log(np.array([10.0, 20.0, 60.0]) / GPS.roughness_m) / middle)
+    assert factor == pytest.approx(np.log(np.array([10.0, 20.0, 60.0]) / GPS.roughness_m) / middle)
     assert height_factor(height, None, flown) == pytest.approx(1.0)
     assert np.isfinite(height_factor(ground, ground, flown)).all(), "on the ground"
 
@@ -63,12 +63,12 @@ def test_a_gust_changes_windows_as_the_wind_does() -> None:
     offsets = np.linspace(-1.0, 1.0, 11)
     windows = Windows(np.array([0.0, 1.0, 1e4]), offsets, np.full(11, 1 / 11), np.zeros(11))
     change = np.array([[2.0, 0.0], [0.0, 3.0], [1.0, 1.0]])
-    found = by_horizontal_gusts(windows, change, 0.5, 1000.0)
-    assert np.diag(found) == pytest.approx((0.5 * gusts()[0]) ** 2 * np.array([4.0, 9.0, 2.0]), rel=1e-3)
-    assert found[0, 1] == 0.0, "a gust to the north does nothing where the east counts"
-    assert abs(found[0, 2]) < 0.1 * np.sqrt(found[0, 0] * found[2, 2])
+    result = by_horizontal_gusts(windows, change, 0.5, 1000.0)
+    assert np.diag(result) == pytest.approx((0.5 * gusts()[0]) ** 2 * np.array([4.0, 9.0, 2.0]), rel=1e-3)
+    assert result[0, 1] == 0.0, "a gust to the north does nothing where the east counts"
+    assert abs(result[0, 2]) < 0.1 * np.sqrt(result[0, 0] * result[2, 2])
     twice = by_horizontal_gusts(windows, np.vstack([change, -change]), 0.5, 1000.0)
-    assert twice[:3, 3:] == pytest.approx(-found)
+    assert twice[:3, 3:] == pytest.approx(-result)
 
 
 @pytest.mark.parametrize(("noise_Pa", "gust_mps"), [(6.0, 0.0), (0.5, 0.8)])
@@ -88,11 +88,11 @@ def test_the_airspeed_s_scale_is_covered_whichever_velocity_is_disturbed(noise_P
         through_air = np.hypot(V * np.cos(heading) + felt_n, V * np.sin(heading) + felt_e)
         noise = np.interp(t, t[::5], noise_Pa * rng.standard_normal(len(t[::5])))
         pressure = rho / 2 * (through_air * (1 + scale)) ** 2 + noise
-        gps = (np.interp(t - GPS.latency_s, t, one) for one in (north + 3.0, east - 2.0, 0 * t))
+        gps = (np.interp(t - GPS.latency_s, t, item) for item in (north + 3.0, east - 2.0, 0 * t))
         table = pd.DataFrame(
             {"pressure_Pa": pressure, "rho": rho} | dict(zip(recording.GPS, gps, strict=True)), index=t
         )
         flight = SimpleNamespace(table=table, flown=np.ones(len(t), dtype=bool), zero_sigma_Pa=3.0)
-        found = airspeed_errors(flight, most_points=150)  # type: ignore[arg-type]
-        z.append((found.scale - scale) / np.sqrt(found.covariance[0, 0]))
+        errors = airspeed_errors(flight, most_points=150)  # type: ignore[arg-type]
+        z.append((errors.scale - scale) / np.sqrt(errors.covariance[0, 0]))
     assert np.mean(np.abs(z) < NORMAL_95) >= 0.8 and abs(np.mean(z)) < 1.2

@@ -29,9 +29,9 @@ def test_only_terms_that_read_a_moved_parameter_are_computed_again() -> None:
 def test_what_an_inner_function_reads_counts_even_where_its_value_was_known() -> None:
     inner = Kept(lambda p: p.a + p.b)
     first, moved = (NamedValues("parameter", {"a": 1.0, "b": b}) for b in (2.0, 20.0))
-    assert [inner(one) for one in (first, moved, first)] == [3.0, 21.0, 3.0]
+    assert [inner(item) for item in (first, moved, first)] == [3.0, 21.0, 3.0]
     outer = Kept(lambda p: 10 * inner(p))  # begins where the inner one knows both
-    assert [outer(one) for one in (first, moved, first)] == [30.0, 210.0, 30.0]
+    assert [outer(item) for item in (first, moved, first)] == [30.0, 210.0, 30.0]
 
 
 def test_values_that_are_kept_are_as_few_as_a_derivative_needs() -> None:
@@ -39,4 +39,4 @@ def test_values_that_are_kept_are_as_few_as_a_derivative_needs() -> None:
     values = [square(NamedValues("parameter", {"a": float(a)})) for a in range(100)]
     assert len(square._known) == 3
     assert square(NamedValues("parameter", {"a": 99.0})) is values[-1]
-    assert all(one != other for one, other in pairwise(values))
+    assert all(square != other for square, other in pairwise(values))

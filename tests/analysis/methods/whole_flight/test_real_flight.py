@@ -77,9 +77,9 @@ def test_what_the_log_does_is_noted(results: dict) -> None:
 
 def test_wind_is_that_of_the_autopilot(results: dict) -> None:
     """PX4's own estimate in flight is about 4 m/s from the east."""
-    found = results["air"]
-    assert found["wind_mps"] == pytest.approx(4.4, abs=0.7)
-    assert found["wind_from_deg"] == pytest.approx(96, abs=10)
+    air = results["air"]
+    assert air["wind_mps"] == pytest.approx(4.4, abs=0.7)
+    assert air["wind_from_deg"] == pytest.approx(96, abs=10)
 
 
 def test_calibrate_airspeed_of_an_autopilots_log(tmp_path: Path, results: dict) -> None:
@@ -101,13 +101,13 @@ def test_without_its_airspeed_sensor_the_flight_gives_the_same_curve(results: di
     """GPS on circles gives the curve; intervals are at most two and a half times those with the sensor."""
     whole, weight_N = read_px4(LOG), 9.4 * GRAVITY_MPS2
     blind = replace(whole, channels={k: x for k, x in whole.channels.items() if k != AIRSPEED_PRESSURE})
-    found = estimate(flight_table(blind, weight_N, 1.499), weight_N, 1.499, 4.0)
-    power, error = (np.interp(SPEEDS, found.V_mps, x) for x in (found.power_W, found.standard_error_W))
+    electrical = estimate(flight_table(blind, weight_N, 1.499), weight_N, 1.499, 4.0)
+    power, error = (np.interp(SPEEDS, electrical.V_mps, x) for x in (electrical.power_W, electrical.standard_error_W))
     half_W = (at_speeds(results, "power_hi_W") - at_speeds(results, "power_lo_W")) / 2
     assert (np.abs(power - at_speeds(results, "power_W")) < NORMAL_95 * error).all()
     assert (np.abs(power - PUBLISHED_W) < NORMAL_95 * error).all()
     assert (NORMAL_95 * error < 2.5 * half_W).all()
-    assert found.airspeed.wind_mps == pytest.approx(results["air"]["wind_mps"], abs=0.5)
+    assert electrical.airspeed.wind_mps == pytest.approx(results["air"]["wind_mps"], abs=0.5)
 
 
 def test_endurance_is_the_battery_at_least_power(results: dict) -> None:
@@ -116,17 +116,17 @@ def test_endurance_is_the_battery_at_least_power(results: dict) -> None:
 
 
 def test_values_to_type_in_follow_from_the_curve(results: dict, folder: Path) -> None:
-    found = {one["name"]: one for one in results["autopilot_parameters"]}
+    result = {parameter["name"]: parameter for parameter in results["autopilot_parameters"]}
     curve = results["curves"]["electrical_power"]
     slowest, fastest = (curve["points"][at]["speed_mps"] for at in (0, -1))
     to_equivalent = (results["test"]["air_density_kgpm3"] / 1.225) ** 0.5
-    assert found["FW_AIRSPD_MIN"]["value"] == pytest.approx(slowest * to_equivalent, rel=1e-3)
-    assert found["FW_AIRSPD_MAX"]["value"] == pytest.approx(fastest * to_equivalent, rel=1e-3)
+    assert result["FW_AIRSPD_MIN"]["value"] == pytest.approx(slowest * to_equivalent, rel=1e-3)
+    assert result["FW_AIRSPD_MAX"]["value"] == pytest.approx(fastest * to_equivalent, rel=1e-3)
     cruise = curve["best_range_speed"]["speed_mps"]
-    assert found["nav_fw_cruise_speed"]["value"] == pytest.approx(100 * cruise * to_equivalent, rel=1e-3)
+    assert result["nav_fw_cruise_speed"]["value"] == pytest.approx(100 * cruise * to_equivalent, rel=1e-3)
     power = (
         min(point["power_W"] / point["speed_mps"] for point in results["curves"]["electrical_power"]["points"]) * cruise
     )
-    assert found["cruise_power"]["value"] == pytest.approx(100 * power, rel=1e-3)
-    assert 0.3 < found["FW_T_SINK_MIN"]["value"] < 0.9  # a glide ratio of 12 to 30 at 10 m/s
+    assert result["cruise_power"]["value"] == pytest.approx(100 * power, rel=1e-3)
+    assert 0.3 < result["FW_T_SINK_MIN"]["value"] < 0.9  # a glide ratio of 12 to 30 at 10 m/s
     assert "FW_AIRSPD_TRIM" in (folder / "report.html").read_text("utf-8")

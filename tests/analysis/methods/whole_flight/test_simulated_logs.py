@@ -71,8 +71,8 @@ def test_text_and_telemetry_give_the_curve_of_the_dataflash_log(
     powers = []
     for name in ("log.BIN", "log.log", "log.tlog"):
         write_ardupilot_log(tmp_path / name, *flown)
-        _, found = analyzed(read_ardupilot(tmp_path / name))
-        powers.append(np.interp(np.linspace(14.0, 22.0, 5), found.V_mps, found.power_W))
+        _, result = analyzed(read_ardupilot(tmp_path / name))
+        powers.append(np.interp(np.linspace(14.0, 22.0, 5), result.V_mps, result.power_W))
     assert powers[1] == pytest.approx(powers[0], rel=1e-4)
     assert powers[2] == pytest.approx(powers[0], rel=1e-3)  # telemetry counts in mV, cA and hundredths of m/s
 
@@ -100,27 +100,27 @@ def test_traps(
     note: str,
 ) -> None:
     write(tmp_path / "log", *flown, faults)
-    table, found = analyzed(read(tmp_path / "log"))
-    true_W = true_power(AIRCRAFT, flown[0], flown[2], found.V_mps[::15], found.conditions.rho)
-    assert (np.abs(found.power_W[::15] - true_W) < NORMAL_95 * found.standard_error_W[::15]).all()
+    table, result = analyzed(read(tmp_path / "log"))
+    true_W = true_power(AIRCRAFT, flown[0], flown[2], result.V_mps[::15], result.conditions.rho)
+    assert (np.abs(result.power_W[::15] - true_W) < NORMAL_95 * result.standard_error_W[::15]).all()
     assert note in " ".join(table.notes)
     assert capfd.readouterr() == ("", "")  # the reader's library prints damaged bytes
 
 
 def test_hovering_is_left_out(tmp_path: Path, px4_log: Path) -> None:
     """A VTOL that is a multicopter from 250 s on, while still flying."""
-    found = [
+    ulog_topics = [
         UlogTopic(
-            one.name, one.data["timestamp"], {k: x for k, x in one.data.items() if k != "timestamp"}, one.multi_id
+            item.name, item.data["timestamp"], {k: x for k, x in item.data.items() if k != "timestamp"}, item.multi_id
         )
-        for one in ULog(str(px4_log)).data_list
+        for item in ULog(str(px4_log)).data_list
     ]
-    late = found[0].time_us[0] + np.uint64(250_000_000)
-    for one in found:
-        if one.name == "vehicle_status":
-            one.columns["vehicle_type"] = np.where(one.time_us > late, 1, 2).astype(np.uint8)
+    late = ulog_topics[0].time_us[0] + np.uint64(250_000_000)
+    for ulog_topic in ulog_topics:
+        if ulog_topic.name == "vehicle_status":
+            ulog_topic.columns["vehicle_type"] = np.where(ulog_topic.time_us > late, 1, 2).astype(np.uint8)
     path = tmp_path / "log.ulg"
-    write_ulog(path, UlogContents(found))
+    write_ulog(path, UlogContents(ulog_topics))
     table = flight_table(read_px4(path), WEIGHT_N, GEOMETRY.wing_area_m2)
     assert 220 < table.table.index[table.flown].max() < 251
 
@@ -132,16 +132,16 @@ def test_without_airspeed(
     """Velocity by GPS less the wind: 4 m/s at 20 ft, from 300 deg, which is 5.9 m/s at the median height of 60 m."""
     write_ardupilot_log(tmp_path / "00000001.BIN", *flown, ["no-airspeed"])
     recording = read_ardupilot(tmp_path / "00000001.BIN")
-    table, found = analyzed(recording)
-    assert found.airspeed.wind_mps == pytest.approx(5.9, abs=0.2)
-    assert found.airspeed.wind_from_deg == pytest.approx(300.0, abs=2.0)
-    V = found.V_mps[::15]
-    true_W = true_power(AIRCRAFT, flown[0], flown[2], V, found.conditions.rho)
-    assert (np.abs(found.power_W[::15] - true_W) < NORMAL_95 * found.standard_error_W[::15]).all()
+    table, result = analyzed(recording)
+    assert result.airspeed.wind_mps == pytest.approx(5.9, abs=0.2)
+    assert result.airspeed.wind_from_deg == pytest.approx(300.0, abs=2.0)
+    V = result.V_mps[::15]
+    true_W = true_power(AIRCRAFT, flown[0], flown[2], V, result.conditions.rho)
+    assert (np.abs(result.power_W[::15] - true_W) < NORMAL_95 * result.standard_error_W[::15]).all()
     _, measured = analyzed(px4)
     widest = 2.5 * np.interp(V, measured.V_mps, measured.standard_error_W)
-    assert (found.standard_error_W[::15] < widest).all()
-    drag = drag_estimate(table, found, GEOMETRY.span_m, ThrustSource(PROPELLER))
+    assert (result.standard_error_W[::15] < widest).all()
+    drag = drag_estimate(table, result, GEOMETRY.span_m, ThrustSource(PROPELLER))
     assert isinstance(drag, DragEstimate)
     without_gps = replace(recording, channels={k: x for k, x in recording.channels.items() if k not in GPS})
     with pytest.raises(InputError, match="lacks airspeed"):
@@ -157,7 +157,7 @@ def test_a_wind_that_turns_hardly_show_is_said(px4: FlightRecording, monkeypatch
     one_turn = {k: Channel(x.t_s[x.t_s < until_s], x.value[x.t_s < until_s]) for k, x in blind.items()}
     few, many = (analyzed(replace(px4, channels=of))[1].airspeed.wind_covariance for of in (one_turn, blind))
     assert few is not None and many is not None
-    worst = [float(np.sqrt(np.linalg.eigvalsh(one[:2, :2])[-1])) for one in (few, many)]
+    worst = [float(np.sqrt(np.linalg.eigvalsh(item[:2, :2])[-1])) for item in (few, many)]
     assert worst[0] > 2 * worst[1]
     limit = dataclasses.replace(estimate_module.GPS, known_wind=(worst[0] + worst[1]) / 2 / 15.0)
     monkeypatch.setattr(estimate_module, "GPS", limit)
@@ -182,19 +182,19 @@ def px4(px4_log: Path) -> FlightRecording:
 def test_drag_by_propeller_table_and_motor_speed_or_constants(
     px4: FlightRecording, flown: tuple[Flight, FlightSensorTruth, DrawnErrors], without_speed: bool
 ) -> None:
-    channels = {name: one for name, one in px4.channels.items() if not (without_speed and name == MOTOR)}
+    channels = {name: channel for name, channel in px4.channels.items() if not (without_speed and name == MOTOR)}
     table, electrical = analyzed(replace(px4, channels=channels))
-    found = drag_estimate(
+    estimate = drag_estimate(
         table, electrical, GEOMETRY.span_m, ThrustSource(PROPELLER, motor_constants(AIRCRAFT.propulsion))
     )
-    assert isinstance(found, DragEstimate) and found.measured_speed != without_speed
+    assert isinstance(estimate, DragEstimate) and estimate.measured_speed != without_speed
     truth = flown[0].power_required
     faster = np.sqrt(truth["density_kgpm3"].iloc[0] / electrical.conditions.rho)
-    V, error_W = found.V_mps[::15], found.curve.power_W.standard_error
+    V, error_W = estimate.V_mps[::15], estimate.curve.power_W.standard_error
     true_W = V * np.interp(V / faster, truth["speed_mps"], truth["drag_N"])
-    assert (np.abs(found.power_W[::15] - true_W) < NORMAL_95 * error_W[::15]).all()
+    assert (np.abs(estimate.power_W[::15] - true_W) < NORMAL_95 * error_W[::15]).all()
     assert (error_W[::15] < 0.09 * true_W).all()
-    assert (found.shaft.value > found.power_W).all() and (found.shaft.value < electrical.power_W).all()
+    assert (estimate.shaft.value > estimate.power_W).all() and (estimate.shaft.value < electrical.power_W).all()
 
 
 def test_what_drag_would_take(px4: FlightRecording) -> None:

@@ -18,28 +18,28 @@ POWER_W = 4.0 + 200 * THROTTLE**2.5
 NOISE = np.random.default_rng(1).standard_normal(N)
 
 
-def found(power_W: np.ndarray, throttle: np.ndarray = THROTTLE) -> Meter:
+def meter_of(power_W: np.ndarray, throttle: np.ndarray = THROTTLE) -> Meter:
     return meter({"power_W": power_W, recording.THROTTLE: throttle}, FLYING)
 
 
 def test_power_of_a_propulsion_follows_its_throttle() -> None:
-    assert found(POWER_W + 10 * NOISE) is Meter.FOLLOWS
-    assert found(POWER_W * (1 + 0.2 * np.sin(0.03 * T_S))) is Meter.FOLLOWS  # the airspeed unloads the propeller
+    assert meter_of(POWER_W + 10 * NOISE) is Meter.FOLLOWS
+    assert meter_of(POWER_W * (1 + 0.2 * np.sin(0.03 * T_S))) is Meter.FOLLOWS  # the airspeed unloads the propeller
 
 
 def test_a_meter_of_something_else_stands() -> None:
     """The avionics' current, with noise, or a value that firmware fills in."""
-    assert found(30.0 + 2 * NOISE) is Meter.STANDS
-    assert found(np.full(N, 13.4)) is Meter.STANDS
+    assert meter_of(30.0 + 2 * NOISE) is Meter.STANDS
+    assert meter_of(np.full(N, 13.4)) is Meter.STANDS
 
 
 def test_throttle_of_something_else_is_told_from_a_dead_meter() -> None:
-    assert found(POWER_W, THROTTLE[::-1] ** 2 * (NOISE > 0)) is Meter.CONTRADICTS
+    assert meter_of(POWER_W, THROTTLE[::-1] ** 2 * (NOISE > 0)) is Meter.CONTRADICTS
 
 
 @pytest.mark.parametrize("throttle", [np.full(N, np.nan), np.full(N, 0.4), np.zeros(N)])
 def test_throttle_that_does_not_vary_says_nothing(throttle: np.ndarray) -> None:
-    assert found(30.0 + 2 * NOISE, throttle) is Meter.UNCHECKED
+    assert meter_of(30.0 + 2 * NOISE, throttle) is Meter.UNCHECKED
 
 
 def test_the_motor_is_off_a_second_after_the_throttle_closed() -> None:

@@ -26,13 +26,13 @@ def standard_error(name: str, trajectory=None, aircraft=CERTAIN) -> np.ndarray:
 
 
 def test_quantities_are_those_of_the_flight() -> None:
-    found = derived(measured(FLOWN), CERTAIN, PROPELLER)
-    assert found["V_mps"].to_numpy() == pytest.approx(FLOWN["V"].to_numpy())
-    assert found["alpha_rad"].to_numpy() == pytest.approx(ALPHA.to_numpy())
-    assert found["theta_rad"].to_numpy() == pytest.approx(ALPHA.to_numpy() + 0.03)
-    assert found["thrust_N"].to_numpy() == pytest.approx(THRUST_N.to_numpy(), rel=1e-6)
-    CL = found["C_L"].to_numpy()
-    assert found["C_D"].to_numpy() == pytest.approx(np.polynomial.polynomial.polyval(CL, polar()), rel=1e-5)
+    table = derived(measured(FLOWN), CERTAIN, PROPELLER)
+    assert table["V_mps"].to_numpy() == pytest.approx(FLOWN["V"].to_numpy())
+    assert table["alpha_rad"].to_numpy() == pytest.approx(ALPHA.to_numpy())
+    assert table["theta_rad"].to_numpy() == pytest.approx(ALPHA.to_numpy() + 0.03)
+    assert table["thrust_N"].to_numpy() == pytest.approx(THRUST_N.to_numpy(), rel=1e-6)
+    CL = table["C_L"].to_numpy()
+    assert table["C_D"].to_numpy() == pytest.approx(np.polynomial.polynomial.polyval(CL, polar()), rel=1e-5)
     within = THRUST_N > 0.5  # the table's continuation beyond zero thrust has an error of its own
     assert np.nanmax(standard_error("thrust_N")[within]) < 0.05
     assert np.max(standard_error("V_mps")) < 1e-6 and np.max(standard_error("theta_rad")) < 1e-6
@@ -42,8 +42,8 @@ def test_a_weight_that_is_not_known_changes_the_forces_and_no_angle() -> None:
     """Forces change by the share of specific force; the table's thrust and its part of them stay."""
     unsure = replace(CERTAIN, uncertainty=replace(CERTAIN.uncertainty, weight_fraction=0.01))
     of_lift = 0.01 * m * np.abs(FLOWN["ax"] * np.sin(ALPHA) - FLOWN["az"] * np.cos(ALPHA)) / QS_N
-    found = np.sqrt(standard_error("C_L", aircraft=unsure) ** 2 - standard_error("C_L") ** 2)
-    assert found == pytest.approx(of_lift.to_numpy(), rel=1e-3)
+    result = np.sqrt(standard_error("C_L", aircraft=unsure) ** 2 - standard_error("C_L") ** 2)
+    assert result == pytest.approx(of_lift.to_numpy(), rel=1e-3)
     assert np.max(standard_error("alpha_rad", aircraft=unsure)) < 1e-6
     assert standard_error("thrust_N", aircraft=unsure) == pytest.approx(standard_error("thrust_N"), abs=1e-6)
 
@@ -53,8 +53,8 @@ def test_an_accelerometer_s_bias_changes_drag_by_mass_times_it() -> None:
     covariance = trajectory.covariance.copy()
     i = SENSOR_ERRORS.index("ax_bias")
     covariance[i, i] = 0.05**2
-    found = standard_error("C_D", replace(trajectory, covariance=covariance))
-    by_bias = np.sqrt(found**2 - standard_error("C_D") ** 2)
+    error = standard_error("C_D", replace(trajectory, covariance=covariance))
+    by_bias = np.sqrt(error**2 - standard_error("C_D") ** 2)
     assert by_bias == pytest.approx((0.05 * m * np.cos(ALPHA) / QS_N).to_numpy(), rel=1e-3)
 
 
@@ -64,8 +64,8 @@ def test_states_move_with_the_sensor_errors() -> None:
     covariance, sensitivity = trajectory.covariance.copy(), trajectory.state_sensitivity.copy()
     covariance[0, 0] = 0.01**2
     sensitivity[:, STATES.index("theta"), 0] = 2.0
-    found = standard_error("theta_rad", replace(trajectory, covariance=covariance, state_sensitivity=sensitivity))
-    assert found == pytest.approx(np.full(len(FLOWN), 0.02), rel=1e-6)
+    error = standard_error("theta_rad", replace(trajectory, covariance=covariance, state_sensitivity=sensitivity))
+    assert error == pytest.approx(np.full(len(FLOWN), 0.02), rel=1e-6)
 
 
 def test_random_errors_of_the_states_are_those_of_the_draws() -> None:
@@ -73,8 +73,8 @@ def test_random_errors_of_the_states_are_those_of_the_draws() -> None:
     trajectory = measured(FLOWN)
     draws = np.zeros((4, len(FLOWN), len(STATES)))
     draws[:, :, STATES.index("theta")] = np.array([0.01, -0.02, 0.02, -0.01])[:, None]
-    found = standard_error("theta_rad", replace(trajectory, draws=draws))
-    assert found == pytest.approx(np.full(len(FLOWN), np.sqrt(2.5e-4)), rel=1e-6)
+    error = standard_error("theta_rad", replace(trajectory, draws=draws))
+    assert error == pytest.approx(np.full(len(FLOWN), np.sqrt(2.5e-4)), rel=1e-6)
 
 
 def with_first_rows_at(speed_mps: float):
@@ -87,9 +87,9 @@ def with_first_rows_at(speed_mps: float):
 
 @pytest.mark.parametrize(("speed_mps", "known"), [(3.5, False), (3.8, True)])
 def test_nothing_is_told_below_8_Pa_of_dynamic_pressure(speed_mps: float, known: bool) -> None:
-    found = with_first_rows_at(speed_mps)
-    assert found.iloc[:5][["V_mps", "theta_rad", "theta_rad_standard_error"]].notna().all(axis=None) == known
-    assert found.iloc[5:].notna().all(axis=None)
+    result = with_first_rows_at(speed_mps)
+    assert result.iloc[:5][["V_mps", "theta_rad", "theta_rad_standard_error"]].notna().all(axis=None) == known
+    assert result.iloc[5:].notna().all(axis=None)
 
 
 @pytest.mark.parametrize(("height_m", "known"), [(19.0, False), (21.0, True)])
@@ -97,7 +97,7 @@ def test_coefficients_are_left_out_near_the_ground(height_m: float, known: bool)
     """On the ground roll, also a fast one, the wheels carry weight, and C_L and C_D are those of no flight."""
     low = FLOWN.copy()
     low.loc[low.index[:5], "height_measured"] = height_m
-    found = derived(measured(low), CERTAIN, PROPELLER)
-    assert found.iloc[:5][["C_L", "C_D", "C_L_standard_error"]].notna().all(axis=None) == known
-    assert found.iloc[:5][["V_mps", "alpha_rad"]].notna().all(axis=None)
-    assert found.iloc[5:].notna().all(axis=None)
+    table = derived(measured(low), CERTAIN, PROPELLER)
+    assert table.iloc[:5][["C_L", "C_D", "C_L_standard_error"]].notna().all(axis=None) == known
+    assert table.iloc[:5][["V_mps", "alpha_rad"]].notna().all(axis=None)
+    assert table.iloc[5:].notna().all(axis=None)

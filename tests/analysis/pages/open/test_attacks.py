@@ -33,7 +33,7 @@ def page(opened: Folder) -> LocalPage:
     return LocalPage(opened, {HOST}, TOKEN)
 
 
-def asked(page: LocalPage, method: str, path: str, body: bytes = b"", **changed: Any) -> Answer:
+def answer_to(page: LocalPage, method: str, path: str, body: bytes = b"", **changed: Any) -> Answer:
     """The answer to a request of the page itself, with changes by name of the WSGI environment; None leaves one out."""
     environ = {
         "REQUEST_METHOD": method, "PATH_INFO": path, "HTTP_HOST": HOST, "wsgi.input": io.BytesIO(body),
@@ -43,9 +43,9 @@ def asked(page: LocalPage, method: str, path: str, body: bytes = b"", **changed:
         environ |= {"HTTP_ORIGIN": f"http://{HOST}", "CONTENT_TYPE": "application/json"}
     environ |= changed
     environ = {key: value for key, value in environ.items() if value is not None}
-    found: list[Any] = []
-    content = b"".join(page(environ, lambda status, headers: found.extend((status, headers))))
-    return Answer(int(found[0].split()[0]), dict(found[1]), content)
+    result: list[Any] = []
+    content = b"".join(page(environ, lambda status, headers: result.extend((status, headers))))
+    return Answer(int(result[0].split()[0]), dict(result[1]), content)
 
 
 def of(name: str) -> str:
@@ -59,11 +59,11 @@ def values(**changed: Any) -> bytes:
 def test_the_page_itself_is_answered(page: LocalPage) -> None:
     """Or the table below would pass whatever is asked."""
     for name, kind in (("", "text/html"), ("page.js", "text/javascript"), ("page.css", "text/css")):
-        answer = asked(page, "GET", of(name))
+        answer = answer_to(page, "GET", of(name))
         assert answer.status == 200 and answer.headers["Content-Type"].startswith(kind)
-    assert json.loads(asked(page, "GET", of("logs")).body)["logs"][0]["name"] == "log.mcap"
-    assert json.loads(asked(page, "POST", of("open"), values()).body)["file"] == "log.mcap"
-    assert json.loads(asked(page, "POST", of("curve"), values()).body)["curve"]["power_W"]
+    assert json.loads(answer_to(page, "GET", of("logs")).body)["logs"][0]["name"] == "log.mcap"
+    assert json.loads(answer_to(page, "POST", of("open"), values()).body)["file"] == "log.mcap"
+    assert json.loads(answer_to(page, "POST", of("curve"), values()).body)["curve"]["power_W"]
 
 
 RUN = {"kind": "deceleration", "start_s": 77.0, "end_s": 89.0, "keep": True}
@@ -144,9 +144,9 @@ ATTACKS: dict[str, tuple[str, str, bytes, dict[str, Any]]] = {
 
 def files_in(folder: Path) -> dict[Path, tuple[int, int]]:
     """Every file and folder but the workspace, with size and time of change."""
-    found = [path for path in folder.rglob("*") if path.parent.name != "workspace"]
-    stat = {path: path.lstat() for path in found}
-    return {path: (0, 0) if path.is_dir() else (one.st_size, one.st_mtime_ns) for path, one in stat.items()}
+    paths = [path for path in folder.rglob("*") if path.parent.name != "workspace"]
+    stat = {path: path.lstat() for path in paths}
+    return {path: (0, 0) if path.is_dir() else (item.st_size, item.st_mtime_ns) for path, item in stat.items()}
 
 
 @pytest.mark.parametrize("name", ATTACKS)
@@ -155,20 +155,20 @@ def test_an_attack_is_refused_in_words_and_leaves_everything_as_it_was(page: Loc
     (folder / "link.mcap").symlink_to(folder.parent / "secret.mcap")
     before = files_in(folder.parent)
     method, path, body, changed = ATTACKS[name]
-    answer = asked(page, method, path, body, **changed)
+    answer = answer_to(page, method, path, body, **changed)
     assert 400 <= answer.status < 500 and answer.headers["Content-Type"].startswith("text/plain")
-    said = answer.body.decode()
-    assert said and "\n" not in said and "Traceback" not in said
-    assert "SECRET" not in said and "root:" not in said and TOKEN not in said
+    content = answer.body.decode()
+    assert content and "\n" not in content and "Traceback" not in content
+    assert "SECRET" not in content and "root:" not in content and TOKEN not in content
     assert "unsafe" not in answer.headers["Content-Security-Policy"]
     assert files_in(folder.parent) == before
 
 
 def test_a_dropped_log_is_kept_and_opens(page: LocalPage, flown: bytes) -> None:
-    answer = asked(page, "PUT", of("file/dropped flight (2).mcap"), flown)
+    answer = answer_to(page, "PUT", of("file/dropped flight (2).mcap"), flown)
     assert answer.status == 200
     assert (
-        json.loads(asked(page, "POST", of("open"), values(file="dropped flight (2).mcap")).body)["kind"]
+        json.loads(answer_to(page, "POST", of("open"), values(file="dropped flight (2).mcap")).body)["kind"]
         == "power_required"
     )
 
@@ -179,18 +179,18 @@ def test_a_dropped_log_is_kept_and_opens(page: LocalPage, flown: bytes) -> None:
 def test_names_in_any_script_are_kept(page: LocalPage, flown: bytes, name: str) -> None:
     """A path of percent-encoded bytes arrives as Latin-1 (PEP 3333)."""
     sent = of(f"file/{name}").encode().decode("latin-1")
-    assert json.loads(asked(page, "PUT", sent, flown).body)["file"] == name
+    assert json.loads(answer_to(page, "PUT", sent, flown).body)["file"] == name
     assert name in page.folder.logs()
-    refused = asked(page, "PUT", sent, flown)
+    refused = answer_to(page, "PUT", sent, flown)
     assert refused.status == 422 and b"rename the file" in refused.body
 
 
 def test_a_message_says_at_which_field_it_belongs(page: LocalPage) -> None:
-    answer = asked(page, "POST", of("curve"), values(aircraft={"mass.weight": "heavy", "geometry.span": "1.8 m"}))
+    answer = answer_to(page, "POST", of("curve"), values(aircraft={"mass.weight": "heavy", "geometry.span": "1.8 m"}))
     assert (answer.status, answer.headers["X-Field"]) == (422, "mass.weight")
-    answer = asked(page, "POST", of("curve"), values(runs=[RUN | {"start_s": 99.0}]))
+    answer = answer_to(page, "POST", of("curve"), values(runs=[RUN | {"start_s": 99.0}]))
     assert (answer.status, answer.headers["X-Field"]) == (422, "run%200")
-    assert asked(page, "POST", of("open"), values()).headers["X-Field"] == ""
+    assert answer_to(page, "POST", of("open"), values()).headers["X-Field"] == ""
 
 
 def test_every_format_that_is_analyzed_can_be_dropped(page: LocalPage) -> None:
@@ -208,12 +208,12 @@ def test_every_format_that_is_analyzed_can_be_dropped(page: LocalPage) -> None:
         "polar.csv": (b"CL,CD\n0.2,0.03\n0.6,0.04\n1.0,0.08\n", "polar"),
     }  # fmt: skip
     for name, (content, kind) in kinds.items():
-        answer = asked(page, "PUT", of(f"file/{name}"), content)
+        answer = answer_to(page, "PUT", of(f"file/{name}"), content)
         assert answer.status == 200, (name, answer.body)
         assert json.loads(answer.body)["kind"] == kind
     drafted = (page.folder.path / "flight.csv.columns.toml").read_text("utf-8")
     assert 'column = "current [A]"' in drafted
-    listed = {one["name"]: one["kind"] for one in json.loads(asked(page, "GET", of("logs")).body)["logs"]}
+    listed = {log["name"]: log["kind"] for log in json.loads(answer_to(page, "GET", of("logs")).body)["logs"]}
     assert listed == {
         "flight.csv": "table", "flight.csv.gz": "table", "radio.data": "Paparazzi", "radio.data.gz": "Paparazzi",
         "flight.BIN": "ArduPilot", "packed.BIN.gz": "ArduPilot", "log.mcap": "flightpower",
@@ -225,29 +225,29 @@ def test_logs_are_listed_by_date_with_length_and_kind(page: LocalPage, flown: by
     for name, mtime_s in (("old.data", 1.5e9), ("new.data", 1.7e9)):
         (folder / name).write_text("".join(f"{k / 2:.3f} 20 ENERGY 55 11.5 1.7\n" for k in range(600)))
         os.utime(folder / name, (mtime_s, mtime_s))
-    answer = json.loads(asked(page, "GET", of("logs")).body)
+    answer = json.loads(answer_to(page, "GET", of("logs")).body)
     assert answer["folder"] == str(folder)
-    found = [one for one in answer["logs"] if one["name"] != "log.mcap"]
-    assert [one["name"] for one in found] == ["new.data", "old.data"]
-    assert found[0]["date"].startswith("2023-11-1") and found[0]["of_file"]
-    assert found[0]["length"] == "5 min" and found[0]["kind"] == "Paparazzi" and not found[0]["report"]
+    results = [log for log in answer["logs"] if log["name"] != "log.mcap"]
+    assert [log["name"] for log in results] == ["new.data", "old.data"]
+    assert results[0]["date"].startswith("2023-11-1") and results[0]["of_file"]
+    assert results[0]["length"] == "5 min" and results[0]["kind"] == "Paparazzi" and not results[0]["report"]
 
 
 def test_a_report_is_shown_where_it_can_reach_nothing(page: LocalPage) -> None:
     (page.folder.path / "log.report").mkdir()
     (page.folder.path / "log.report" / "report.html").write_text("<!doctype html><title>Report</title>", "utf-8")
-    answer = asked(page, "GET", of("report/log.mcap"))
+    answer = answer_to(page, "GET", of("report/log.mcap"))
     assert answer.body.lstrip().lower().startswith(b"<!doctype html>")
     policy = answer.headers["Content-Security-Policy"].split("; ")
     assert policy[0] == "sandbox allow-scripts allow-downloads" and "default-src 'none'" in policy
-    assert not any("connect-src" in one for one in policy)
+    assert not any("connect-src" in word for word in policy)
 
 
 def test_a_linked_report_folder_that_leads_out_is_not_read(page: LocalPage, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "elsewhere" / "report.html").write_text("SECRET", "utf-8")
     (page.folder.path / "log.report").symlink_to(tmp_path / "elsewhere")
-    assert asked(page, "GET", of("report/log.mcap")).status == 422
+    assert answer_to(page, "GET", of("report/log.mcap")).status == 422
 
 
 @pytest.fixture

@@ -46,10 +46,10 @@ def test_lists_are_read_without_quotation_marks() -> None:
 
 
 def test_the_options_are_read_as_the_command_reads_them() -> None:
-    for key, one in OPTIONS.items():
-        found = option_values({key: one.example})
-        assert set(found) == {one.field} and getattr(Options(**found), one.field) == found[one.field]
-        assert one.unit == one.example.split()[-1]
+    for key, option in OPTIONS.items():
+        values = option_values({key: option.example})
+        assert set(values) == {option.field} and getattr(Options(**values), option.field) == values[option.field]
+        assert option.unit == option.example.split()[-1]
     assert option_values({"span": " "}) == {}
     assert option_values({"mass": "21 lb"})["mass_kg"] == pytest.approx(9.5254, abs=1e-3)
     with pytest.raises(FieldError, match="--wing-area"):

@@ -135,9 +135,9 @@ def test_the_cursor_reads_all_strips_and_shows_the_place(page: Browser) -> None:
         "(box => [box.left + time(70), box.top + 100])(document.getElementById('strips').getBoundingClientRect())"
     )
     page.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
-    first, *said = page.value_of("document.querySelector('#strips .readout').innerText").split("\n")
+    first, *message = page.value_of("document.querySelector('#strips .readout').innerText").split("\n")
     assert first.startswith("time since the start of the log 70") and first.endswith(" s")
-    lines = " ".join(said)
+    lines = " ".join(message)
     assert all(part in lines for part in ("speed: ", " m/s", " m ", " rpm", "throttle: 100 %", "angle of attack: "))
     assert page.value_of("parseFloat(document.querySelector('#track .here').getAttribute('cx'))") > 0
 
@@ -163,7 +163,7 @@ def test_another_weight_changes_the_curve_and_back(page: Browser) -> None:
 @pytest.mark.slow
 def test_the_method_is_switched_with_the_keyboard_beside_the_headline(page: Browser) -> None:
     """A method that no run allows cannot be chosen; one that only --likelihood applies is in the command."""
-    said, command = (
+    message, command = (
         "document.getElementById('by-method').textContent",
         "document.getElementById('command').textContent",
     )
@@ -178,13 +178,13 @@ def test_the_method_is_switched_with_the_keyboard_beside_the_headline(page: Brow
             break
         page.press("ArrowDown", 40)
     page.wait_for(f"last !== window.before && last.method && last.method.name === 'direct' && {QUIET}")
-    assert page.value_of(said).startswith("Green: direct drag") and page.value_of(lines) == 1
+    assert page.value_of(message).startswith("Green: direct drag") and page.value_of(lines) == 1
     assert page.value_of("String(last.curve.power_W)") == before and page.value_of(command) == plain
     page.value_of("at('method').value = 'two-state'; at('method').dispatchEvent(new Event('change'))")
     page.wait_for(f"last.method && last.method.name === 'two-state' && {QUIET}")
     assert page.value_of(command) == plain + " --likelihood"
     changed_curve(page, "at('method').value = ''; at('method').dispatchEvent(new Event('change'))")
-    assert page.value_of(lines) == 0 and page.value_of(said) == "" and page.value_of(command) == plain
+    assert page.value_of(lines) == 0 and page.value_of(message) == "" and page.value_of(command) == plain
 
 
 def test_a_predicted_polar_is_dropped_and_drawn(page: Browser, served: tuple[str, Path]) -> None:
@@ -240,7 +240,7 @@ def test_the_report_is_written_and_shown_and_a_log_is_added(
         page.wait_for(f"!document.getElementById('report').hidden && {QUIET}")
     results = json.loads((folder / "log.report" / "results.json").read_text("utf-8"))
     assert page.value_of("last.curve.power_W") == pytest.approx(
-        [one["power_W"] for one in results["curves"]["power_required"]["points"]]
+        [point["power_W"] for point in results["curves"]["power_required"]["points"]]
     )
     assert page.value_of("at('apart').querySelector('a').href") == page.value_of("at('report').src") != ""
     name = f"other-{page.value_of('innerWidth')}.mcap"

@@ -25,10 +25,10 @@ def test_logs_of_one_folder_are_opened_and_others_refused(tmp_path: Path) -> Non
     (tmp_path / "a").mkdir()
     for name in ("one.mcap", "two.mcap", "a/three.mcap"):
         (tmp_path / name).write_bytes(MAGIC)
-    one, two, three = tmp_path / "one.mcap", tmp_path / "two.mcap", tmp_path / "a" / "three.mcap"
-    assert opened_folder([one, two]) == (tmp_path, "one.mcap")
+    path, two, three = tmp_path / "one.mcap", tmp_path / "two.mcap", tmp_path / "a" / "three.mcap"
+    assert opened_folder([path, two]) == (tmp_path, "one.mcap")
     assert opened_folder([tmp_path]) == (tmp_path, "") and opened_folder([]) == (Path(), "")
-    for wrong in ([one, three], [tmp_path / "missing.mcap"]):
+    for wrong in ([path, three], [tmp_path / "missing.mcap"]):
         with pytest.raises(InputError):
             opened_folder(wrong)
 
@@ -67,7 +67,7 @@ def test_a_log_is_read_in_another_process_and_here_if_that_ends(flown: bytes, tm
     assert reading is not None
     apart, ended = reading.result(20), Future[Log]()
     ended.set_exception(BrokenExecutor("killed"))
-    taken, opened = (open_flight(log, tmp_path, one) for one in (reading, ended))
+    taken, opened = (open_flight(log, tmp_path, item) for item in (reading, ended))
     assert isinstance(taken, RunsFlight) and isinstance(opened, RunsFlight)
     assert taken.log is apart
     here = opened.log

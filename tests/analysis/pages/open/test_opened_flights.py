@@ -26,9 +26,9 @@ from tests.unchanged.commands import run
 
 @pytest.fixture
 def log(shared: Folder) -> RunsFlight:
-    found = shared.flight("log.mcap")
-    assert isinstance(found, RunsFlight)
-    return found
+    flight = shared.flight("log.mcap")
+    assert isinstance(flight, RunsFlight)
+    return flight
 
 
 @pytest.fixture
@@ -38,13 +38,13 @@ def new_log(opened: Folder) -> OpenedFlight:
 
 
 def runs_of(log: RunsFlight) -> list[Run]:
-    return [Run(**one) for one in log.curve(Values("log.mcap"))["runs"]]
+    return [Run(**run) for run in log.curve(Values("log.mcap"))["runs"]]
 
 
 def without_the_acceleration(log: RunsFlight) -> Values:
     runs = runs_of(log)
-    for one in runs:
-        one.keep = one.keep and one.kind != "acceleration"
+    for listed_run in runs:
+        listed_run.keep = listed_run.keep and listed_run.kind != "acceleration"
     return Values("log.mcap", runs=runs, aircraft={"mass.weight": "4.2 kg"})
 
 
@@ -53,9 +53,9 @@ def test_a_flight_is_shown_with_its_runs_and_the_reasons_of_those_left_out(log: 
     assert shown["kind"] is Kind.POWER_REQUIRED
     titles = re.findall(r'class="title"><text[^>]*>([^<]*)', shown["strips"])
     assert titles[2:5] == ["motor, rpm", "throttle, %", "angle of attack, deg"]
-    used = [one["kind"] for one in shown["runs"] if one["keep"]]
+    used = [run["kind"] for run in shown["runs"] if run["keep"]]
     assert used.count("acceleration") == used.count("deceleration") == 1
-    assert all(one["why"] for one in shown["runs"] if not one["keep"])
+    assert all(run["why"] for run in shown["runs"] if not run["keep"])
     first, *_ = shown["form"]
     assert [field["label"] for field in first["fields"]][:3] == [
         "weight in flight",
@@ -87,7 +87,7 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
     monkeypatch.chdir(tmp_path)
     values = without_the_acceleration(log)
     curve = log.curve(values)["curve"]
-    told = log.write(values)["command"]
+    command = log.write(values)["command"]
     written = log.path.parent / "log.report"
     results = json.loads((written / "results.json").read_text("utf-8"))
     for name, drawn in curve.items():
@@ -102,7 +102,7 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
         drawn = beside["method"]["curve"]["power_W"]
         assert drawn == pytest.approx([point["power_W"] for point in of_report[method]], rel=1e-9)
     assert results["test"]["weight_N"] == pytest.approx(4.2 * 9.80665)
-    _, *words = shlex.split(told)
+    _, *words = shlex.split(command)
     assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
     again = json.loads((tmp_path / "again" / "results.json").read_text("utf-8"))
     for key in ("curves", "runs", "methods", "use", "trust"):
@@ -113,11 +113,11 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
 def test_another_weight_and_density_keep_the_polar(log: RunsFlight) -> None:
     """At one lift coefficient, speed goes with the root of weight over density, and power with weight times speed."""
     flown = log.curve(Values("log.mcap"))
-    asked = log.curve(Values("log.mcap", at=(1.3 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])))
+    curve = log.curve(Values("log.mcap", at=(1.3 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])))
     faster = (1.3 / 0.9) ** 0.5
     for name, factor in (("speed_mps", faster), ("power_W", 1.3 * faster), ("power_hi_W", 1.3 * faster)):
-        assert asked["curve"][name] == pytest.approx(factor * np.array(flown["curve"][name]), rel=1e-9)
-    assert asked["mass_kg"] == pytest.approx(1.3 * flown["mass_kg"])
+        assert curve["curve"][name] == pytest.approx(factor * np.array(flown["curve"][name]), rel=1e-9)
+    assert curve["mass_kg"] == pytest.approx(1.3 * flown["mass_kg"])
     for nothing in ((-1.0, 1.2), (3.0, 0.0), (np.nan, 1.2)):
         with pytest.raises(InputError):
             log.curve(Values("log.mcap", at=nothing))
@@ -144,8 +144,8 @@ def test_other_runs_keep_the_trajectory_and_other_values_do_not(
         monkeypatch.setattr(runs_flight, name, counted(getattr(runs_flight, name)))
     before = new_log.curve(Values("log.mcap"))
     assert computed == ["synchronized", "flight_path"]
-    runs = [Run(**one) for one in before["runs"]]
-    run = next(one for one in runs if one.kind == "deceleration" and one.keep)
+    runs = [Run(**run) for run in before["runs"]]
+    run = next(run for run in runs if run.kind == "deceleration" and run.keep)
     run.start_s += 2.0
     after = new_log.curve(Values("log.mcap", runs=runs))
     assert computed == ["synchronized", "flight_path"]
@@ -161,7 +161,7 @@ def test_other_runs_keep_the_trajectory_and_other_values_do_not(
 
 def test_other_methods_are_listed_as_far_as_runs_were_flown_for_them(log: RunsFlight) -> None:
     shown = log.curve(Values("log.mcap"))
-    names = {one["name"]: one["missing"] for one in shown["methods"]}
+    names = {item["name"]: item["missing"] for item in shown["methods"]}
     assert shown["method"] is None and "dynamic" not in names
     assert names["energy"] == "" and "roller coaster" in names["varied-lift"]
     with pytest.raises(InputError):
@@ -172,10 +172,10 @@ def test_what_is_drawn_beside_the_curve_is_in_the_command_and_in_the_report(
     log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The methods of maximum likelihood are only applied where they are asked for."""
-    asked: list[tuple[bool, Path | None, list[str]]] = []
+    request: list[tuple[bool, Path | None, list[str]]] = []
 
     def analyze_log(path: Path, folder: Path, options: Options, progress: object, command_line: str) -> None:
-        asked.append((options.likelihood, options.polar, shlex.split(command_line)[2:]))
+        request.append((options.likelihood, options.polar, shlex.split(command_line)[2:]))
         raise InputError("enough")
 
     monkeypatch.setattr("flightpower.analysis.pages.one_log.analyze_log", analyze_log)
@@ -185,19 +185,19 @@ def test_what_is_drawn_beside_the_curve_is_in_the_command_and_in_the_report(
         with pytest.raises(InputError, match="enough"):
             log.write(values)
     polar = log.path.parent / "polar.csv"
-    assert asked == [(False, None, []), (True, None, ["--likelihood"]), (False, polar, ["--polar", "polar.csv"])]
+    assert request == [(False, None, []), (True, None, ["--likelihood"]), (False, polar, ["--polar", "polar.csv"])]
     polar.unlink()
 
 
 def test_the_last_curves_are_kept(new_log: OpenedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
     computed: list[Values] = []
     monkeypatch.setattr(RunsFlight, "_curve", lambda _, values: computed.append(values) or {})
-    asked = [Values("log.mcap", at=(4.0, 1 + k / 100)) for k in range(LIMITS.curves + 1)]
-    for values in [*asked, *asked[1:]]:
+    requests = [Values("log.mcap", at=(4.0, 1 + k / 100)) for k in range(LIMITS.curves + 1)]
+    for values in [*requests, *requests[1:]]:
         new_log.curve(values)
-    assert computed == asked
-    new_log.curve(asked[0])
-    assert computed == [*asked, asked[0]], "that of longest ago was dropped"
+    assert computed == requests
+    new_log.curve(requests[0])
+    assert computed == [*requests, requests[0]], "that of longest ago was dropped"
 
 
 def test_a_log_that_changed_is_read_again(opened: Folder, new_log: OpenedFlight) -> None:
@@ -248,7 +248,7 @@ def test_the_list_of_runs_is_the_file_that_analyze_reads(tmp_path: Path) -> None
     runs = [Run("deceleration", 77.0, 89.26, True, "a\nremark"), Run("steady", 20.0, 30.0, False)]
     (tmp_path / "runs.toml").write_text(runs_text(runs, "log.mcap"), "utf-8")
     entries = load(tmp_path / "runs.toml")
-    assert [(one.kind, one.start_s, one.end_s, one.keep) for one in entries] == [
+    assert [(entry.kind, entry.start_s, entry.end_s, entry.keep) for entry in entries] == [
         ("steady", 20.0, 30.0, False), ("deceleration", 77.0, 89.26, True),
     ]  # fmt: skip
 

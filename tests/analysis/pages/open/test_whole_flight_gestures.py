@@ -151,8 +151,8 @@ def test_the_zoom_survives_a_new_curve_and_another_channel(page: Browser) -> Non
 
 
 def test_modes_and_messages_are_read_on_the_axis_of_time_and_in_a_list(page: Browser) -> None:
-    said = page.value_of("[...document.querySelectorAll('#strips [data-say]')].map(one => one.dataset.say)")
-    assert said and all(one.startswith("AUTO: for ") for one in said)
+    message = page.value_of("[...document.querySelectorAll('#strips [data-say]')].map(one => one.dataset.say)")
+    assert message and all(item.startswith("AUTO: for ") for item in message)
     page.value_of("at('events').open = true")
     rows = page.value_of("[...at('events').querySelectorAll('tbody tr')].map(one => one.innerText)")
     assert any("mode AUTO" in row for row in rows) and len(rows) > 1

@@ -44,9 +44,9 @@ def log(folder: Folder, request: pytest.FixtureRequest) -> WholeFlight:
 
 
 def opened(folder: Folder, name: str = "flight.BIN") -> WholeFlight:
-    found = folder.flight(name)
-    assert isinstance(found, WholeFlight)
-    return found
+    flight = folder.flight(name)
+    assert isinstance(flight, WholeFlight)
+    return flight
 
 
 def titles(strips: str) -> list[str]:
@@ -64,10 +64,10 @@ def test_a_log_is_shown_with_strips_modes_track_and_curve_without_a_word_typed(l
     assert drawn[:4] == ["indicated airspeed, m/s", "speed over ground, m/s", "height, m", "electrical power, W"]
     assert ("modes" in drawn) == bool(shown["events"])
     assert [field["key"] for field in shown["form"][0]["fields"]][:3] == ["mass", "wing-area", "span"]
-    found = log.curve(Values(log.path.name))
-    assert set(found["guessed"]) == {"mass", "wing-area", "span"} and found["guessed"]["mass"].endswith(" kg")
-    assert found["airborne"] and found["airborne"][-1][1] < log.end_s
-    track = found["figures"]["track"]
+    curve = log.curve(Values(log.path.name))
+    assert set(curve["guessed"]) == {"mass", "wing-area", "span"} and curve["guessed"]["mass"].endswith(" kg")
+    assert curve["airborne"] and curve["airborne"][-1][1] < log.end_s
+    track = curve["figures"]["track"]
     assert all(word in track for word in (">north<", ">wind, ", " m<")), "north, wind and scale"
 
 
@@ -98,13 +98,13 @@ def test_what_was_left_out_by_hand_is_repeated_by_the_command(
     cut = log.curve(values)
     assert len(cut["airborne"]) == len(whole["airborne"]) + 1 and cut["curve"] != whole["curve"]
     assert not any(a < middle + 30 < b for a, b in cut["airborne"])
-    told = log.write(values)["command"]
+    command = log.write(values)["command"]
     results = json.loads((log.path.parent / "flight.report" / "results.json").read_text("utf-8"))
     for name, drawn in cut["curve"].items():
         assert drawn == pytest.approx(
             [point[name] for point in results["curves"]["electrical_power"]["points"]], rel=1e-12
         )
-    _, *words = shlex.split(told)
+    _, *words = shlex.split(command)
     assert words[-2:] == ["--leave-out", f"{round(middle):.1f} to {round(middle) + 60:.1f} s"]
     assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
     again = json.loads((tmp_path / "again" / "results.json").read_text("utf-8"))
@@ -162,10 +162,10 @@ def test_another_flight_is_compared_at_equal_weight_and_density(folder: Folder) 
     log = opened(folder)
     flown = log.curve(Values("flight.BIN", aircraft=AIRCRAFT))
     at = (2 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])
-    asked = log.curve(Values("flight.BIN", aircraft=AIRCRAFT, at=at))
+    curve = log.curve(Values("flight.BIN", aircraft=AIRCRAFT, at=at))
     factor = (2 / 0.9) ** 0.5
-    assert asked["curve"]["speed_mps"] == pytest.approx(factor * np.array(flown["curve"]["speed_mps"]), rel=1e-9)
-    assert asked["kind"] == flown["kind"] == "electrical_power"
+    assert curve["curve"]["speed_mps"] == pytest.approx(factor * np.array(flown["curve"]["speed_mps"]), rel=1e-9)
+    assert curve["kind"] == flown["kind"] == "electrical_power"
 
 
 def test_a_log_of_the_daemon_without_flow_angles_keeps_its_aircraft_file(
