@@ -363,9 +363,9 @@ def _by_method(curves: Sequence[Record], value: str) -> list[Record]:
 def _alone(module: str, function: str, *arguments: Any, **options: Any) -> Any:
     """The result of a benchmark's function in a process of its own: its memory, and what it sets, are its own."""
     called = f"{module}.{function}(*json.loads(sys.argv[1]), **json.loads(sys.argv[2]))"
-    code = f"import json, sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import {module}; found = {called}"
+    code = f"import json, sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import {module}; result = {called}"
     ran = subprocess.run(
-        [sys.executable, "-c", f"{code}; print(json.dumps(found))", json.dumps(arguments), json.dumps(options)],
+        [sys.executable, "-c", f"{code}; print(json.dumps(result))", json.dumps(arguments), json.dumps(options)],
         cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     return json.loads(ran.stdout.splitlines()[-1])
