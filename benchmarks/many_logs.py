@@ -63,7 +63,7 @@ def simulated(folder: Path, count: int) -> list[Path]:
         log = folder / f"seed-{seed}" / "log.mcap"
         if not log.exists():
             words = command(
-                sys.executable, "-m", "flightpower.sim", "fly", "--plan", "demo", "--no-hardware", "--seed", seed
+                sys.executable, "-m", "flightpower", "sim", "fly", "--plan", "demo", "--no-hardware", "--seed", seed
             )
             subprocess.run([*words, "-o", str(log.parent), "--replace"], check=True, stdout=subprocess.DEVNULL)
         logs.append(log)

@@ -91,7 +91,9 @@ def main(
                     )
                     command = ["fly", "--no-hardware", "--replace", "--errors", "study", "--seed", str(seed)]
                     command += ["--plan", str(windy), "-o", str(Path(name) / "flight")]
-                    subprocess.run([sys.executable, "-m", "flightpower.sim", *command], check=True, capture_output=True)
+                    subprocess.run(
+                        [sys.executable, "-m", "flightpower", "sim", *command], check=True, capture_output=True
+                    )
                     log = read_log(Path(name) / "flight" / "log.mcap")
                     flights += 1
                     for defect, change in DEFECTS.items():

@@ -65,7 +65,8 @@ def logged(*options: str) -> tuple[float, float]:
         command = [
             sys.executable,
             "-m",
-            "flightpower.sim",
+            "flightpower",
+            "sim",
             "fly",
             "--plan",
             PLAN,

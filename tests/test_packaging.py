@@ -6,6 +6,8 @@ import runpy
 import sys
 import tomllib
 from importlib import metadata
+from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "sim": ("sim",),
     "hw_fakes": ("sim",),
 }
+OURS = {"flightpower", *EXTRAS}
 IMPORTED_AS = {"pytest-xdist": "xdist", "pyserial": "serial"}  # where that is not the distribution's name
 
 
@@ -140,3 +143,30 @@ def test_every_version_of_python_that_is_tried_is_a_classifier() -> None:
     tried = {version.strip('" ') for version in matrix.split(",")}
     named = {line.rsplit(" ", 1)[1] for line in PROJECT["project"]["classifiers"] if ":: Python :: 3." in line}
     assert tried == named and f">={min(tried)}" == PROJECT["project"]["requires-python"]
+
+
+def started_modules(path: Path) -> set[str]:
+    """Our modules whose names follow "-m" in a list of words or arguments of a file."""
+    sequences = [
+        node.elts for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.List | ast.Tuple)
+    ]
+    words = [[word.value if isinstance(word, ast.Constant) else None for word in sequence] for sequence in sequences]
+    pairs = {pair for sequence in words for pair in pairwise(sequence)}
+    return {name for option, name in pairs if option == "-m" and isinstance(name, str) and name.split(".")[0] in OURS}
+
+
+def can_be_started(module: str) -> bool:
+    """Whether `python -m` runs the module: a package has `__main__`, any other a line that asks whether it is run."""
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        return False
+    if spec.submodule_search_locations is not None:
+        return find_spec(f"{module}.__main__") is not None
+    return '__name__ == "__main__"' in Path(spec.origin).read_text("utf-8")
+
+
+def test_modules_that_scripts_start_can_be_started() -> None:
+    paths = [path for folder in ("benchmarks", "debian", "docs", "tests") for path in (ROOT / folder).rglob("*.py")]
+    started = {(module, path.name) for path in paths for module in started_modules(path)}
+    assert {module for module, _ in started} >= {"flightpower", "flightpower.daq"}
+    assert [where for where in sorted(started) if not can_be_started(where[0])] == []
