@@ -86,7 +86,7 @@ bench: $(VENV)/.dev ## measure drivers, simulator, parameter estimation and daem
 	$(BIN)/python benchmarks/daemon.py mend
 	$(BIN)/python benchmarks/daemon.py day
 
-evidence: $(VENV)/.dev ## every figure of README and docs/evidence from this version, into docs/evidence (about two hours)
+evidence: $(VENV)/.dev ## every figure of README and docs/evidence from this version, into docs/evidence (about 90 minutes)
 	$(IN_NAMESPACE) $(BIN)/python benchmarks/evidence.py --jobs $(JOBS)
 
 study: $(VENV)/.dev ## coverage over worlds, weather and plans; hours, goes on where it stopped; JOBS=4 for four processes

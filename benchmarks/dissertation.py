@@ -4,13 +4,15 @@
     python benchmarks/dissertation.py --docs      the figures into docs/figures too, as dissertation.md shows them
 
 Flies Astraeus LS, HS and Nexstar (seed 1001), writes their logs, analyses these with `--likelihood`, and draws. Flights
-and analyses are kept in out/dissertation/flights and are not repeated; remove the folder to begin anew. The tables
+and analyses are kept in out/dissertation/flights and are not repeated; remove the folder to start over. The tables
 are printed and written to out/dissertation/tables.md.
 """
 
 import json
 import shutil
 import warnings
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -112,14 +114,26 @@ def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> di
             "limits": of_limits, "by_noise": by_noise}  # fmt: skip
 
 
-def analyzed(folder: Path) -> tuple[Flights, dict[str, list[tuple[float, float]]]]:
-    """All flights, flown and analyzed unless the folder has them, and the limits of significance."""
+def analyzed(folder: Path, jobs: int = 1) -> tuple[Flights, dict[str, list[tuple[float, float]]]]:
+    """All flights, flown and analyzed unless the folder has them, and the limits of significance. jobs: processes."""
     kept = folder / "flights"
     kept.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(jobs) as pool:
+        limits = pool.submit(significance_limits, folder)
+        done = track(
+            pool.map(partial(shown_quietly, folder=kept), FLIGHTS),
+            "flights",
+            len(FLIGHTS),
+            console=Console(stderr=True),
+        )
+        return dict(zip(FLIGHTS, done, strict=True)), limits.result()
+
+
+def shown_quietly(name: FlightName, folder: Path) -> Shown:
+    """`shown` without a warning of a mean over gaps of a channel."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # means over gaps of a channel
-        flights = {name: shown(name, kept) for name in track(FLIGHTS, "flights", console=Console(stderr=True))}
-    return flights, significance_limits(folder)
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return shown(name, folder)
 
 
 def main(

@@ -97,11 +97,13 @@ def flown(name: FlightName, folder: Path) -> Path:
     path = folder / str(name)
     if not (path / "log.mcap").exists():
         path.mkdir(parents=True, exist_ok=True)
-        aircraft, errors = folder / f"{name.aircraft}.toml", folder / f"noise-{name.noise:g}.toml"
+        inputs = folder / f"inputs of {name}"  # of its own: flights are flown at once
+        inputs.mkdir(exist_ok=True)
+        aircraft, errors = inputs / f"{name.aircraft}.toml", inputs / f"noise-{name.noise:g}.toml"
         text = Path("flight/data/aircraft", f"{name.aircraft}.toml").read_text("utf-8")
         aircraft.write_text(text.replace('"apc-12x8e"', f'"{WINDMILLING}"'), "utf-8")
         errors.write_text(_budget(name.noise), "utf-8")
-        command = [sys.executable, "-m", "flightpower.sim", "fly", "--replace", "--no-hardware", "--seed", str(SEED)]
+        command = [sys.executable, "-m", "flightpower", "sim", "fly", "--replace", "--no-hardware", "--seed", str(SEED)]
         command += ["--aircraft", str(aircraft), "--plan", name.plan, "--errors", str(errors), "-o", str(path)]
         subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
     return path

@@ -1,6 +1,6 @@
 """Every figure that README and docs/evidence quote, from one version: runs the studies, and renders the pages.
 
-    python benchmarks/evidence.py                   # what this version has not run yet; two hours
+    python benchmarks/evidence.py                   # what this version has not run yet; 90 minutes
     python benchmarks/evidence.py --only worlds     # one part of PARTS; may be repeated; says which figures moved
     python benchmarks/evidence.py --quick           # tiny counts, into out/evidence/quick: shows that all of it works
     python benchmarks/evidence.py --render          # the pages alone, from the files in docs/evidence/data
@@ -21,11 +21,12 @@ import platform
 import re
 import subprocess
 import sys
+import tempfile
 import textwrap
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -107,8 +108,7 @@ def judged(record: Record, low: int, high: int) -> Record:
 
 def accuracy(run: Run) -> Tables:
     """The curve of whole and short flights from their logs, all methods, and aircraft of other sizes."""
-    flights = worlds.Study(["study"], run.weather_kt, tuple({run.whole, SHORT}), run.n, SEED)
-    cells = worlds.cell_records(worlds.flown(flights, run.folder / "worlds.jsonl", run.jobs))
+    cells = worlds.cell_records(_as_assumed(run, run.n))
     curves = without([judged(cell, *ASKED["study"]) for cell in cells], "world", "refused", "warnings", "alarms, %",
                      "verdicts", "evidence", "asked")  # fmt: skip
     fewer = max(2 * run.n // 3, 1)
@@ -128,6 +128,12 @@ def accuracy(run: Run) -> Tables:
                 without([_short(curve, "runs") for curve in all_curves], "runs"),
             )
     return {"curves": curves, "by_method": _by_weather(methods), "methods": methods, "sizes": sizes}
+
+
+def _as_assumed(run: Run, n: int) -> list[dict[str, Any]]:
+    """The lines of whole and short flights in the world that the analysis assumes: `n` of each in every weather."""
+    flights = worlds.Study(["study"], run.weather_kt, tuple({run.whole, SHORT}), n, SEED)
+    return worlds.flown(flights, run.folder / "worlds.jsonl", run.jobs)
 
 
 def _by_weather(methods: Sequence[Record]) -> list[Record]:
@@ -158,11 +164,14 @@ def _short(record: Record, title: str) -> Record:
 
 
 def unassumed(run: Run) -> Tables:
-    """Coverage in every world without a defect."""
+    """Coverage in every world without a defect. Whole flights, which take four times as long, are not in calm air."""
     names = worlds.chosen(defects=False)
     tables, judged_ones = {}, {}
-    for name, plan, n in (("short", SHORT, 2 * run.n), ("whole", run.whole, run.n)):
-        flights = worlds.Study(names[:1] if run.quick else names, run.weather_kt, (plan,), n, SEED)
+    for name, plan, n, weather_kt in (
+        ("short", SHORT, 2 * run.n, run.weather_kt),
+        ("whole", run.whole, run.n, run.weather_kt[-2:]),
+    ):
+        flights = worlds.Study(names[:1] if run.quick else names, weather_kt, (plan,), n, SEED)
         lines = worlds.flown(flights, run.folder / "worlds.jsonl", run.jobs)
         judged_ones[name] = judgments(lines)
         world_records = worlds.world_records(worlds.points_by_world(lines, plan))
@@ -201,10 +210,11 @@ def defects(run: Run) -> Tables:
 
 
 def without_a_name(run: Run) -> Tables:
-    """What the verdict says of defects that no setting names, and of flights without any."""
-    at, file, label = WEATHER_KT[:2], run.folder / "unnamed.jsonl", worlds.version()
-    wrong = unnamed.kept(unnamed.named(), at, run.n, UNNAMED_SEED, file, run.jobs, label)
-    sound = unnamed.kept(["none"], at, 30 * run.n, UNNAMED_SEED, file, run.jobs, label)
+    """What the verdict says of defects that no setting names, and of the flights of `accuracy`, which have none."""
+    file, label = run.folder / "unnamed.jsonl", worlds.version()
+    names = unnamed.named()[:1] if run.quick else unnamed.named()
+    wrong = unnamed.kept(names, WEATHER_KT[:2], run.n, UNNAMED_SEED, file, run.jobs, label)
+    sound = _as_assumed(run, PARTS["accuracy"].quick if run.quick else PARTS["accuracy"].n)
     judged_ones = [("a defect", unnamed.judged(wrong)), ("none", unnamed.judged(sound))]
     judgment = [row for title, rows in judged_ones for row in with_lead({"flights with": title}, rows)]
     return {"verdicts": unnamed.records(wrong), "judged": judgment}
@@ -219,7 +229,7 @@ def judgments(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
     for title, (low, high) in bounds.items():
         of_these = [line for line, ratio in worst if low <= ratio < high]
         record: Record = {"curve": title, "flights": len(of_these)}
-        record |= {level.value: sum(line["trust"] == level for line in of_these) for level in Trust}
+        record |= unnamed.verdicts(of_these)
         in_worlds = dict.fromkeys(line["world"] for line in of_these if (low < 1.0) == (line["trust"] != Trust.TRUSTED))
         where = f"{'doubted' if low < 1.0 else 'trusted'}: {', '.join(in_worlds)}" if in_worlds else None
         records.append(record | {"where": where})
@@ -259,9 +269,13 @@ def pooled(run: Run) -> Tables:
     pools = [
         pools_record for pools_record in campaign_figures.pools_records(lines) if pools_record["pools"] != "promised"
     ]
-    changes = _alone("fleet", "change_records", 1 if run.quick else 2 * run.n, SEED, [1.0])
-    coverage = _alone("fleet", "coverage_records", *((3, 3, 1) if run.quick else (50, 10, 2 * run.n)), SEED)
-    sizes = _alone("fleet", "size_records", [100] if run.quick else [100, 1000, 10000], 10 if run.quick else 50, SEED)
+    fleets = {
+        "change_records": (1 if run.quick else 2 * run.n, SEED, [1.0]),
+        "coverage_records": (*((3, 3, 1) if run.quick else (50, 10, 2 * run.n)), SEED),
+        "size_records": ([100] if run.quick else [100, 1000, 10000], 10 if run.quick else 50, SEED),
+    }
+    with ThreadPoolExecutor(run.jobs) as pool:  # each waits for a process of its own
+        changes, coverage, sizes = pool.map(lambda name: _alone("fleet", name, *fleets[name]), fleets)
     return {
         "singles": campaign_figures.singles_records(lines),
         "pools": without(pools, "world", "W20, kt"),
@@ -302,13 +316,14 @@ def calibrations(run: Run) -> Tables:
 
 def performance(run: Run) -> Tables:
     """Time and memory of an analysis, of a long log, and of the simulator. n: rounds."""
-    now = speed.records(None, [], 0.0, run.n)
-    if not run.quick:
-        longer = {record["step"]: record["now"] for record in speed.records(None, [], 2.0, 1)}
-        now = [
-            {"step": record["step"], "21 minutes": record["now"], "2 hours": longer.get(record["step"])}
-            for record in now
-        ]
+    with tempfile.TemporaryDirectory() as modules:
+        now = speed.records(None, [], 0.0, run.n, Path(modules))
+        if not run.quick:
+            longer = {record["step"]: record["now"] for record in speed.records(None, [], 2.0, 1, Path(modules))}
+            now = [
+                {"step": record["step"], "21 minutes": record["now"], "2 hours": longer.get(record["step"])}
+                for record in now
+            ]
     return {"analysis": now, "simulator": _alone("simulator", "records", log=not run.quick)}
 
 
@@ -338,7 +353,7 @@ def source(run: Run) -> Tables:
     """The dissertation's results from simulated flights; `make dissertation` draws their figures."""
     if run.quick:
         return {name: [] for name in ("cases", "curves", "estimates", "limits", "by_noise")}
-    tables = dissertation.tables(*dissertation.analyzed(run.folder / version() / "dissertation"))
+    tables = dissertation.tables(*dissertation.analyzed(run.folder / version() / "dissertation", run.jobs))
     middle, largest = "in the middle half of the speeds, W", "largest error, %"
     of_cases = [curve for curve in tables["curves"] if curve["plan"].startswith("case")]
     pairs = [curve for curve in tables["curves"] if curve["plan"] == "two-pairs" and curve["noise"] == 1]
@@ -372,18 +387,18 @@ def _alone(module: str, function: str, *arguments: Any, **options: Any) -> Any:
 
 
 PARTS: Mapping[str, Part] = {
-    "accuracy": Part(accuracy, 14, 1, "flights a cell"),
-    "worlds": Part(unassumed, 1, 1, "whole flights a cell, twice as many short ones"),
-    "defects": Part(defects, 4, 1, "flights a cell"),
-    "unnamed": Part(without_a_name, 1, 1, "flight a defect and weather, thirty times as many without one"),
+    "accuracy": Part(accuracy, 12, 1, "flights a cell"),
+    "worlds": Part(unassumed, 1, 1, "whole flight a world in 3 and in 15 kt, two short ones there and in calm air"),
+    "defects": Part(defects, 3, 1, "flights a cell"),
+    "unnamed": Part(without_a_name, 1, 1, "flight a defect and weather; those without one are of `accuracy`"),
     "real-flights": Part(flown_by_others, 1, 1, "analysis of each flight"),
-    "autopilots": Part(autopilots, 25, 1, "flights a weather"),
-    "pools": Part(pooled, 5, 1, "campaigns"),
+    "autopilots": Part(autopilots, 20, 1, "flights a weather"),
+    "pools": Part(pooled, 4, 1, "campaigns"),
     "planned": Part(planned, 8, 1, "flights a cell"),
-    "routes": Part(missions, 30, 1, "missions by one flight's curve, a third as many by that of five"),
+    "routes": Part(missions, 21, 1, "missions by one flight's curve, a third as many by that of five"),
     "calibrations": Part(calibrations, 40, 2, "tunnels, and logs of a line"),
     "performance": Part(performance, 3, 1, "rounds"),
-    "reliability": Part(reliability, 5, 1, "minutes"),
+    "reliability": Part(reliability, 3, 1, "minutes"),
     "dissertation": Part(source, 1, 1, "flight of each kind"),
 }
 
@@ -594,7 +609,7 @@ def main(
     render_only: Annotated[bool, typer.Option("--render", help="Run nothing.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
 ) -> None:
-    """Run what this version has not run (all of it takes two hours; a page says how long a part does), and render the
+    """Run what this version has not run (all of it takes 90 minutes; a page says how long a part does), and render the
     pages. Says whether the figures are those that were stored."""
     pages = PAGES
     if quick:

@@ -60,12 +60,12 @@ print(json.dumps({"steps": steps, "MB": peak, "duration_s": float(analysis.table
 """
 
 
-def measured(code: Path, log: Path, folder: Path) -> dict:
-    """Seconds of each step and peak memory [MB] of the version whose code is there. folder: for what it writes."""
+def measured(code: Path, log: Path, report: Path, modules: Path) -> dict:
+    """Seconds of each step and peak memory [MB] of the version whose code is there. modules: its compiled ones."""
     environment = os.environ | {"PYTHONPATH": str(code), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    environment |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(folder / "modules")}
+    environment |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(modules)}
     ran = subprocess.run(
-        [sys.executable, "-c", MEASURED, log, folder / "report"],
+        [sys.executable, "-c", MEASURED, log, report],
         cwd=code, env=environment, capture_output=True, text=True, check=True,
     )  # fmt: skip
     return json.loads(ran.stdout)
@@ -77,8 +77,9 @@ def flown(folder: Path, hours: float) -> Path:
     more = round(max(0.0, hours * 3600 - MINUTES * 60) / PAIR_S)
     plan = plan.replace(f"times = {RUN_PAIRS}", f"times = {RUN_PAIRS + more}")
     (folder / "plan.toml").write_text(plan, "utf-8")
-    command = ["sim", "fly", "--plan", folder / "plan.toml", "--no-hardware", "--seed", SEED, "-o", folder / "out"]
-    subprocess.run([sys.executable, "-m", *map(str, command)], cwd=ROOT, check=True, capture_output=True)
+    options = ["--plan", folder / "plan.toml", "--no-hardware", "--seed", str(SEED), "-o", folder / "out"]
+    command = [sys.executable, "-m", "flightpower", "sim", "fly", *options]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     return folder / "out" / "log.mcap"
 
 
@@ -99,18 +100,25 @@ def main(
     print(markdown(records(log, before or [], hours, rounds)))
 
 
-def records(log: Path | None, before: Sequence[str], hours: float, rounds: int) -> list[Record]:
-    """Seconds of each step by version, and peak memory, of the round with the least time."""
+def records(
+    log: Path | None, before: Sequence[str], hours: float, rounds: int, modules: Path | None = None
+) -> list[Record]:
+    """Seconds of each step by version, and peak memory, of the round with the least time.
+
+    modules: a folder for compiled modules; where an earlier call filled it, no run is left out before the rounds.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log = (log or flown(folder, hours)).resolve()
         versions = {f"at {revision}": checked_out(revision, folder / revision) for revision in before}
         versions["now"] = ROOT
         timings: dict[str, list[dict]] = {version: [] for version in versions}
-        for number in range(rounds + 1):
+        modules = modules or folder / "modules"
+        not_measured = 0 if modules.exists() and any(modules.iterdir()) else 1
+        for number in range(not_measured + rounds):
             for version, code in versions.items():
-                timing = measured(code, log, folder)
-                if number > 0:
+                timing = measured(code, log, folder / "report", modules)
+                if number >= not_measured:
                     timings[version].append(timing)
     best = {version: min(ran, key=lambda timing: sum(timing["steps"].values())) for version, ran in timings.items()}
     *_, now = best.values()

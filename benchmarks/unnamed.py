@@ -26,7 +26,7 @@ import typer
 from chain import compared, plan_text, read_truth
 from estimators import speeds
 from flights import fly_missing, tunnel_probe
-from records import Record, markdown
+from records import Record, counted, markdown, rounded
 
 from flightpower.analysis.air.contents import Replacements
 from flightpower.analysis.pipeline.runs import analyze_runs
@@ -471,15 +471,23 @@ def records(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
 
 
 def judged(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
-    """Counts of curves by how wrong they are: trusted, doubtful, not to be trusted."""
+    """Verdicts on curves by how wrong they are."""
     records: list[Record] = []
     bounds = ((0.0, 1.0, "right"), (1.0, 1.5, "wrong by 1.0 to 1.5 half widths"), (1.5, 3.0, "by 1.5 to 3"),
               (3.0, np.inf, "by more"))  # fmt: skip
     for low, high, title in bounds:
         some = [line for line in lines if "error" in line and low <= worst(line) < high]
-        by_level = {str(level): sum(line["trust"] == level for line in some) for level in Trust}
-        records.append({"curve": title, "flights": len(some), **by_level})
+        records.append({"curve": title, "flights": len(some), **verdicts(some)})
     return records
+
+
+def verdicts(lines: Sequence[Mapping[str, Any]]) -> Record:
+    """Counts of the verdicts, and the share that is not trusted [%] with its counting error."""
+    of_level = {level.value: sum(line["trust"] == level for line in lines) for level in Trust}
+    if not lines:
+        return of_level | {"not trusted, %": None, "±": None}
+    share, counting = counted([line["trust"] != Trust.TRUSTED for line in lines])
+    return of_level | {"not trusted, %": rounded(share), "±": rounded(counting)}
 
 
 def jobs_of(
