@@ -129,17 +129,12 @@ types: $(VENV)/.dev ## mypy
 
 check: lint types test-all ## lint, types, test-all
 
-constraints: ## renew constraints.txt and hashes.txt: the newest versions that pyproject.toml allows, then run `make check`
+constraints: ## renew constraints.txt: the newest versions that pyproject.toml allows, then run `make check`
 	rm -rf build/constraints && $(PYTHON) -m venv build/constraints
 	build/constraints/bin/pip install --quiet --disable-pip-version-check --editable '.[dev,docs]'
 	sed -n '/^#/p' constraints.txt > build/constraints.txt
 	build/constraints/bin/pip freeze --exclude-editable --exclude pip --exclude setuptools >> build/constraints.txt
-	mv build/constraints.txt constraints.txt
-	build/constraints/bin/pip install --quiet --disable-pip-version-check uv
-	sed -n '/^#/p' hashes.txt > build/hashes.txt
-	build/constraints/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
-		$(addprefix --extra ,fleet sim plot status) --constraint constraints.txt pyproject.toml >> build/hashes.txt
-	mv build/hashes.txt hashes.txt && rm -rf build/constraints
+	mv build/constraints.txt constraints.txt && rm -rf build/constraints
 
 clean: ## remove generated files, except recordings in out/
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

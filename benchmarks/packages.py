@@ -7,8 +7,9 @@
 With each Python, from the wheel alone, in an empty folder: the demonstration, an aircraft file of one's own, ten
 flights pooled, the page in the browser, and with the extra [autopilot] only, without CasADi, a log of PX4. Packages
 come from pip's index, the newest that pyproject.toml allows. Exit code 1 if a command fails, if the wheels differ in a
-byte, if twine, check-wheel-contents or pyroma find a fault, or if a license is unknown or the GPL. The packages, a bill
-of materials (CycloneDX) and the licenses are in build/packages/dist.
+byte, if twine, check-wheel-contents or pyroma find a fault, or if a license is unknown or the GPL. In
+build/packages/dist are the packages, a bill of materials (CycloneDX), the licenses, and hashes.txt, which fixes every
+file that is installed: `pip install --require-hashes -r hashes.txt`, then `pip install --no-deps WHEEL`.
 """
 
 import hashlib
@@ -27,7 +28,8 @@ import typer
 
 ROOT = Path(__file__).resolve().parent.parent
 PYTHONS = ("python3.11", "python3.12", "python3.13", "python3.14")
-TOOLS = ("build", "check-wheel-contents", "cyclonedx-bom", "pip-licenses", "pyroma", "twine")
+TOOLS = ("build", "check-wheel-contents", "cyclonedx-bom", "pip-licenses", "pyroma", "twine", "uv")
+HASHED = ("fleet", "sim", "plot", "status")  # the extras for users
 LEAST_RATING = (
     8  # of pyroma's 10: two are for addresses of a home page and of authors, which pyproject.toml has not yet
 )
@@ -100,6 +102,7 @@ def main(
     installed = sorted(bench.folder.glob("3.*/venv/bin/python"))
     if sdist is not None and installed:
         supply(bench, installed[0])
+        hashed(bench, wheel.resolve())
     if tests and sdist is not None:
         test_sdist(bench, sdist)
     failed = [row for row in bench.rows if not row.good]
@@ -202,6 +205,20 @@ def supply(bench: Bench, python: Path) -> None:
     stated = {row["Name"]: row["License"] for row in json.loads((dist / "licenses.json").read_text())}
     refused = [f"{name}: {text}" for name, text in stated.items() if REFUSED.search(text)]
     bench.add("licenses are known, none is the GPL", not refused, ", ".join(refused) or f"{len(stated)} packages")
+
+
+def hashed(bench: Bench, wheel: Path) -> None:
+    """The versions of constraints.txt with the hash of every file of theirs, into dist, and what they install."""
+    tools, folder, lock = bench.folder / "tools" / "bin", bench.folder / "hashed", bench.folder / "dist" / "hashes.txt"
+    extras = [word for extra in HASHED for word in ("--extra", extra)]
+    options = ("--universal", "--python-version", "3.11", "--generate-hashes", "--no-header", "--no-annotate", *extras)
+    given = ("--constraint", ROOT / "constraints.txt", ROOT / "pyproject.toml")
+    bench.run("hashes", tools / "uv", "pip", "compile", "--quiet", *options, *given, "--output-file", lock)
+    bench.run("environment of hashed files", sys.executable, "-m", "venv", folder)
+    pip = (folder / "bin" / "pip", "install", "--quiet")
+    bench.run("hashed files installed", *pip, "--require-hashes", "-r", lock)
+    bench.run("wheel beside hashed files", *pip, "--no-deps", wheel)
+    bench.run("nothing is missing", folder / "bin" / "pip", "check")
 
 
 def page(bench: Bench, version: str, commands: Path, work: Path) -> None:
