@@ -1,7 +1,8 @@
-"""CSV files whose header names each column with its unit."""
+"""CSV files whose header names each column with its unit, `thrust_N` or `thrust [N]`."""
 
 import csv
-import math
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,28 +10,39 @@ from numpy.typing import NDArray
 
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import read_text
-from flightpower.flight.units import to_si
+from flightpower.flight.units import number_or_nan, to_si
+
+REVOLUTIONS = {"revps": "turn/s", "rev/s": "turn/s", "rev/min": "rpm"}  # names that pint does not know
 
 
-def csv_rows(path: Path) -> list[list[str]]:
-    """The lines of a CSV file that are not empty, split. Raises InputError naming the file."""
+def read_unit_columns(
+    path: Path, known: Mapping[str, tuple[str, str]], needed: Sequence[str], example: str
+) -> dict[str, NDArray[np.float64]]:
+    """Columns (n,) of finite numbers by name, in SI units. Lines that are empty or begin with # are left out.
+
+    known : by title, the name and the SI unit     needed : titles of columns that the file must have
+    example : a header, for messages
+    Raises InputError naming file and cause: no measurements, another column, a line without a number, a missing column.
+    """
     try:
-        return [row for row in csv.reader(read_text(path).splitlines()) if row]
+        rows = [row for row in csv.reader(read_text(path).splitlines()) if row and not row[0].startswith("#")]
     except csv.Error as error:
         raise InputError(f"{path}: not a CSV file ({error})") from None
-
-
-def si_column(lines: list[list[str]], column: int, given: str, unit: str, where: str) -> NDArray[np.float64]:
-    """A column (n,) in the SI unit `unit` from numbers in the unit `given`; NaN where a line has no number there.
-
-    Raises InputError naming `where` for a unit that is none, or that of another quantity.
-    """
-    zero, unity = (to_si(f"{x} {given}", unit, where) for x in (0, 1))
-    return zero + (unity - zero) * np.array([_number(line, column) for line in lines])
-
-
-def _number(line: list[str], column: int) -> float:
-    try:
-        return float(line[column])
-    except (ValueError, IndexError):
-        return math.nan
+    if len(rows) < 2:
+        raise InputError(f"{path}: holds no measurements; give columns such as {example}")
+    header, *lines = rows
+    values: dict[str, NDArray[np.float64]] = {}
+    for i, title in enumerate(header):
+        match = re.fullmatch(rf"\s*({'|'.join(known)})(?:_|\s*\[)([^\]]+)\]?\s*", title)
+        if match is None:
+            raise InputError(f"{path}: column {title!r}: must be one of {', '.join(known)} with its unit: {example}")
+        name, unit = known[match[1]]
+        zero, item = (to_si(f"{x} {REVOLUTIONS.get(match[2], match[2])}", unit, f"{path}: {title}") for x in (0, 1))
+        numbers = np.array([number_or_nan(line[i]) if i < len(line) else np.nan for line in lines])
+        values[name] = zero + (item - zero) * numbers
+        if not np.isfinite(values[name]).all():
+            wrong = ",".join(lines[int(np.isfinite(values[name]).argmin())])
+            raise InputError(f"{path}: column {title!r}: not a number in every line; the first without: {wrong}")
+    if missing := [title for title in needed if known[title][0] not in values]:
+        raise InputError(f"{path}: no column {', '.join(missing)}; give columns such as {example}")
+    return values

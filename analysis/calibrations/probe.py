@@ -5,7 +5,6 @@ angle's residual at each tunnel speed.
 """
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +32,7 @@ from flightpower.flight.command_line import Quantity
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import check_new_file
 from flightpower.flight.probe_maps import FORMAT
-from flightpower.flight.unit_columns import csv_rows, si_column
+from flightpower.flight.unit_columns import read_unit_columns
 
 
 @dataclass(frozen=True)
@@ -81,26 +80,7 @@ def read_tunnel(path: str | Path) -> TunnelData:
 
     Raises InputError naming file and cause.
     """
-    path = Path(path)
-    rows = csv_rows(path)
-    if len(rows) < 2:
-        raise InputError(f"{path}: holds no measurements")
-    header, *lines = rows
-    values: dict[str, Array] = {}
-    for i, title in enumerate(header):
-        match = re.fullmatch(r"\s*(\w+)\s*\[(.+)\]\s*", title)
-        if match is None or match[1] not in _COLUMNS:
-            raise InputError(f"{path}: column {title!r}: must be one of {', '.join(_COLUMNS)}, followed by its [unit]")
-        name, unit = _COLUMNS[match[1]]
-        values[name] = si_column(lines, i, match[2], unit, f"{path}: {title}")
-        wrong = ~np.isfinite(values[name])
-        if wrong.any():
-            first = ",".join(lines[int(wrong.argmax())])
-            raise InputError(f"{path}: column {title!r}: not a number in every line; the first without: {first}")
-    missing = [title for title, (name, _) in _COLUMNS.items() if name not in values]
-    if missing:
-        raise InputError(f"{path}: no column {', '.join(missing)}")
-    return TunnelData(**values)
+    return TunnelData(**read_unit_columns(Path(path), _COLUMNS, tuple(_COLUMNS), "speed [m/s], alpha [deg], …"))
 
 
 def dynamic_pressure(tunnel: TunnelData) -> Array:

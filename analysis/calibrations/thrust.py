@@ -7,7 +7,6 @@ is not that of another speed: half of its change over the speeds measured is par
 """
 
 import math
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -27,7 +26,7 @@ from flightpower.flight.atmosphere import density
 from flightpower.flight.command_line import Quantity
 from flightpower.flight.errors import InputError
 from flightpower.flight.propeller import Propeller
-from flightpower.flight.unit_columns import csv_rows, si_column
+from flightpower.flight.unit_columns import read_unit_columns
 
 if TYPE_CHECKING:
     from flightpower.analysis.air.thrust_stand import ThrustStand
@@ -40,7 +39,6 @@ _COLUMNS = {
     "pressure": ("pressure_Pa", "Pa"),
     "temperature": ("temperature_K", "K"),
 }
-_REVOLUTIONS = {"revps": "turn/s", "rev/s": "turn/s", "rev/min": "rpm"}  # names that pint does not know
 _EXAMPLE = "motor_speed_rpm, thrust_N, pressure_hPa, temperature_degC"
 
 
@@ -149,29 +147,14 @@ def read_stand(path: Path, rho: float | None = None) -> StandReadings:
     rho : density, for a file without air pressure and temperature
     Raises InputError naming file and cause.
     """
-    rows = [row for row in csv_rows(path) if not row[0].startswith("#")]
-    if len(rows) < 2:
-        raise InputError(f"{path}: holds no readings; give columns such as {_EXAMPLE}")
-    header, *lines = rows
-    values: dict[str, Array] = {}
-    for i, title in enumerate(header):
-        match = re.fullmatch(rf"\s*({'|'.join(_COLUMNS)})(?:_|\s*\[)([^\]]+)\]?\s*", title)
-        if match is None:
-            raise InputError(
-                f"{path}: column {title!r}: must be one of {', '.join(_COLUMNS)} with its unit: {_EXAMPLE}"
-            )
-        (name, unit), given = _COLUMNS[match[1]], _REVOLUTIONS.get(match[2], match[2])
-        values[name] = si_column(lines, i, given, unit, f"{path}: {title}")
-        positive = np.isfinite(values[name]) & (values[name] > 0)
-        if not positive.all():
-            wrong = lines[int(positive.argmin())]
-            raise InputError(f"{path}: column {title!r}: not a positive number in the line {','.join(wrong)}")
-    if missing := [title for title in ("motor_speed", "thrust") if _COLUMNS[title][0] not in values]:
-        raise InputError(f"{path}: no column {' and '.join(missing)}; give columns such as {_EXAMPLE}")
+    values = read_unit_columns(path, _COLUMNS, ("motor_speed", "thrust"), _EXAMPLE)
+    for name, value in values.items():
+        if not (value > 0).all():
+            raise InputError(f"{path}: {name} is {value[value <= 0][0]:.4g} in a line; it must be positive")
     if "pressure_Pa" in values and "temperature_K" in values:
         air = np.asarray(density(values["pressure_Pa"], values["temperature_K"]))
     elif rho is not None:
-        air = np.full(len(lines), rho)
+        air = np.full(len(values["thrust_N"]), rho)
     else:
         raise InputError(
             f"{path}: the air density is not known; give columns pressure and temperature, or --pressure and"

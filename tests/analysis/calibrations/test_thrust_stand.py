@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from flightpower.analysis.air.contents import Replacements, contents
 from flightpower.analysis.air.thrust_stand import THRUST_STAND_FILE
-from flightpower.analysis.calibrations.thrust import StandReadings, calibrate, doubts
+from flightpower.analysis.calibrations.thrust import StandReadings, calibrate, doubts, read_stand
 from flightpower.analysis.cli.calibrate import app
 from flightpower.flight.aircraft import load_aircraft, parse_aircraft
 from flightpower.flight.errors import InputError
@@ -130,7 +130,7 @@ def test_readings_and_tables_that_cannot_be_compared_are_refused(chosen, table, 
         ("motor_speed_rpm,power_W", AIR, "column 'power_W': must be one of"),
         ("motor_speed_rpm,thrust_furlong", AIR, "cannot be read as a quantity in N"),
         ("motor_speed_rpm", AIR, "no column thrust"),
-        ("motor_speed_rpm,thrust_N,pressure_hPa", AIR, "not a positive number in the line"),
+        ("motor_speed_rpm,thrust_N,pressure_hPa", AIR, "not a number in every line"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, header: str, options, message: str) -> None:
@@ -138,6 +138,13 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path, header: str, opti
         write(tmp_path / "s.csv", readings(), header), "--propeller", "apc-12x8e", *options, "-o", tmp_path / "o"
     )
     assert isinstance(outcome.exception, InputError) and message in str(outcome.exception)
+
+
+def test_a_thrust_that_pulls_backward_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "s.csv"
+    file.write_text("# on the bench\nmotor_speed [rev/min],thrust_gf\n6000,500\n5000,-350\n")
+    with pytest.raises(InputError, match=r"s\.csv: thrust_N is -3\.432 in a line; it must be positive"):
+        read_stand(file, 1.2)
 
 
 def test_a_ratio_that_stays_uncertain_is_not_written(tmp_path: Path) -> None:
