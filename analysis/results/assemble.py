@@ -33,7 +33,7 @@ from flightpower.analysis.results import assemble as methods
 from flightpower.analysis.results import curves as power_curves
 from flightpower.analysis.results import flight_found
 from flightpower.analysis.results.curves import power_curve
-from flightpower.analysis.results.energy_balance import electrical_curve
+from flightpower.analysis.results.energy_balance import against_field_table, electrical_curve
 from flightpower.analysis.results.next_flight import next_flight
 from flightpower.analysis.results.provenance import provenance
 from flightpower.analysis.trajectory.consistency import Consistency
@@ -67,8 +67,11 @@ def assemble(
     curve = power_curves.power_curve(polar, condition, flown_CL, (rows_flown, condition))
     parts = power_curves.interval_parts(drag.main, aircraft, condition, curve.V_mps)
     curves = {Kind.POWER_REQUIRED: power_curves.curve_result(curve, standard, parts=parts, statistics=_pooling(flight))}
+    notes = list(flight.notes)
     if electrical:
         curves[Kind.ELECTRICAL] = electrical_curve(electrical, standard, battery)
+        rows = performance.field_table if performance else []
+        notes += against_field_table(curves[Kind.ELECTRICAL], curves[Kind.POWER_REQUIRED].points, rows)
     check = drag.cross_check
     advice = next_flight(trajectory, drag.main, condition, flown_CL)
     results = Results(
@@ -98,7 +101,7 @@ def assemble(
         slowest_flown=power_curves.slowest_flown(flight.table, flown_CL, condition),
         status=drag.main.status,
         verdict=drag.main.verdict,
-        warnings=list(flight.notes),
+        warnings=notes,
         methods_tried=drag.ladder,
         methods=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.methods],
         one_by_one=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.one_by_one],

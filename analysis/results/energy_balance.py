@@ -24,9 +24,11 @@ from flightpower.analysis.records.flight import (
     CurveStatus,
     DragPolar,
     EnergyBalanceResult,
+    FieldRow,
     Interval,
     Kind,
     MethodTried,
+    PowerPoint,
     Provenance,
     Results,
 )
@@ -113,6 +115,36 @@ def assemble_energy_balance(
             provenance=provenance,
         )
     )
+
+
+def against_field_table(
+    electrical: CurveResult, required: Sequence[PowerPoint], table: Sequence[FieldRow]
+) -> list[str]:
+    """A sentence where battery power by the whole flight's energy and that of the field table, by drag, propeller and
+    motor, differ by more than their intervals; at the speed where that is clearest.
+
+    required : points of the curve that the table follows from, whose relative interval the table has at least
+    """
+    whole, drag = (np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points]).T
+                   for points in (electrical.points, required))  # fmt: skip
+    rows = [row for row in table if whole[0, 0] <= row.speed_mps <= whole[0, -1] and not row.extrapolated]
+    if not rows:
+        return []
+    V, table_W = np.array([(row.speed_mps, row.battery_W) for row in rows]).T
+    (_, power_W, lo_W, hi_W), (_, drag_W, drag_lo_W, drag_hi_W) = (
+        [np.interp(V, item[0], values) for values in item] for item in (whole, drag)
+    )
+    allowed = np.hypot((hi_W - lo_W) / 2 / power_W, (drag_hi_W - drag_lo_W) / 2 / drag_W)
+    ratio = np.abs(np.log(power_W / table_W)) / allowed
+    at = int(np.argmax(ratio))
+    if ratio[at] <= 1:
+        return []
+    return [
+        f"Two answers for the battery: at {V[at]:.0f} m/s the energy of the whole flight gives {power_W[at]:.0f} W"
+        f" ({lo_W[at]:.0f} to {hi_W[at]:.0f}), and drag, propeller and motor, as in the field table,"
+        f" {table_W[at]:.0f} W; they differ by more than their intervals. Hold that speed for a minute, level, and"
+        " compare both with the meter."
+    ]
 
 
 def electrical_curve(estimate: ElectricalEstimate, standard: Condition, battery: BatteryResult | None) -> CurveResult:

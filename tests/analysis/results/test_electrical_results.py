@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -13,12 +14,21 @@ from flightpower.analysis.methods.whole_flight.energy_balance import FlightCondi
 from flightpower.analysis.methods.whole_flight.parameters import DRAG, unpack
 from flightpower.analysis.methods.whole_flight.simulated_truth import SimulatedTruth
 from flightpower.analysis.performance.autopilot_parameters import flight_values
-from flightpower.analysis.records.flight import BatteryResult, CurveResult, Kind, SpeedInterval
+from flightpower.analysis.records.flight import (
+    BatteryResult,
+    ConditionResult,
+    CurveResult,
+    FieldRow,
+    Kind,
+    PowerPoint,
+    SpeedInterval,
+)
 from flightpower.analysis.results.energy_balance import (
     EnergyBalanceFindings,
     _balance,
     _polar,
     _warnings,
+    against_field_table,
     electrical_curve,
 )
 from flightpower.analysis.sources.grid_settings import FLIGHT
@@ -236,3 +246,24 @@ def test_powers_and_the_factor_of_airspeed_have_intervals_of_95_per_cent() -> No
     assert result.airspeed_factor.value == pytest.approx(1 / 1.02)
     assert result.airspeed_factor.hi - result.airspeed_factor.value == pytest.approx(NORMAL_95 * 0.01)
     assert values(wind_mps=None).airspeed_factor is None
+
+
+@pytest.mark.parametrize(("electrical_W", "is_reported"), [(110.0, False), (116.0, True), (84.0, True)])
+def test_two_answers_for_the_battery_are_said_where_they_differ_by_more_than_their_intervals(
+    electrical_W: float, is_reported: bool
+) -> None:
+    """By 10 % each, 14 % together: 110 W and 100 W agree, 116 W and 100 W do not."""
+
+    def points(power_W: float) -> list[PowerPoint]:
+        return [
+            PowerPoint(speed_mps=V, power_W=power_W, power_lo_W=0.9 * power_W, power_hi_W=1.1 * power_W)
+            for V in (11.0, 15.0, 19.0)
+        ]
+
+    condition = ConditionResult(weight_N=40.0, air_density_kgpm3=1.2)
+    row = FieldRow(speed_mps=14.0, power_required_W=60.0, battery_W=100.0, endurance_s=1.0, range_m=1.0, climb_mps=None,
+                   extrapolated=False)  # fmt: skip
+    whole = CurveResult(condition=condition, points=points(electrical_W))
+    table = against_field_table(whole, points(60.0), [row])
+    assert bool(table) == is_reported and all(f"{electrical_W:.0f} W" in item and "at 14 m/s" in item for item in table)
+    assert not against_field_table(whole, points(60.0), [msgspec.structs.replace(row, speed_mps=25.0)])
