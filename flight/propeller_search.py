@@ -333,9 +333,9 @@ def _cost_of_size(base: Table, query: Query, tables: Sequence[Table], J: tuple[f
         table for table in tables if table.origin is Origin.MEASURED and table.pitch_in and table.blades in (None, 2)
     ]
     pairs = _pairs(with_words(measured, _without_sizes(query)), J)
-    if len({pair.one for pair in pairs}) < FEWEST_TABLES:
+    if len({pair.table_name for pair in pairs}) < FEWEST_TABLES:
         pairs = _pairs(measured, J)
-    compared = len({pair.one for pair in pairs})
+    compared = len({pair.table_name for pair in pairs})
     if compared < FEWEST_TABLES:
         raise InputError(f"{base.name}: too few measured tables to compare at these advance ratios")
     steps, ratios = np.array([pair.step for pair in pairs]), np.array([pair.ratios for pair in pairs])
@@ -363,7 +363,7 @@ def _cost_of_size(base: Table, query: Query, tables: Sequence[Table], J: tuple[f
 class Pair(NamedTuple):
     """Two tables of nearly one size: the step of size between them, and how thrust and power differ (`_ratios`)."""
 
-    one: str
+    table_name: str
     step: Array
     ratios: Array
 

@@ -1,4 +1,4 @@
-"""Docstrings are sentences with a subject: none begins as a phrase whose noun stands in the signature."""
+"""Docstrings are sentences with a subject, and names are nouns of what they hold."""
 
 import ast
 import re
@@ -21,3 +21,27 @@ def test_no_docstring_lacks_its_subject() -> None:
         if isinstance(node, DOCUMENTED) and (text := ast.get_docstring(node) or "").startswith(WITHOUT_SUBJECT)
     ]
     assert results == []
+
+
+# Participles and pronouns say nothing about what they hold: a fit, a message, a request, a flight.
+NO_NOUNS = {"found", "said", "told", "asked", "one"}
+BOUND_SO = re.compile(rf"(?<![\w.])(?:{'|'.join(sorted(NO_NOUNS))})\b(?=\s*(?:=(?!=)|:=|[:,)]| in\b))")
+
+
+def test_no_variable_or_parameter_is_a_participle_or_a_pronoun() -> None:
+    names = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {name}"
+        for folder in FOLDERS
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        if BOUND_SO.search(source := path.read_text("utf-8"))
+        for node in ast.walk(ast.parse(source))
+        if (name := bound_name(node)) in NO_NOUNS
+    ]
+    assert names == []
+
+
+def bound_name(node: ast.AST) -> str:
+    """The variable or parameter that a node binds; empty for all other nodes."""
+    if isinstance(node, ast.arg):
+        return node.arg
+    return node.id if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) else ""

@@ -64,13 +64,13 @@ def curves_by_sensors(
     return result
 
 
-def assert_more_is_never_less(found: dict[Sensors, Curve | None]) -> None:
+def assert_more_is_never_less(curves: dict[Sensors, Curve | None]) -> None:
     """A sensor takes no curve away, and makes none worse: the error by no more than a part of the interval, which
     hardly widens, as estimates differ within it."""
-    every = frozenset().union(*found)
-    for sensors, curve in found.items():
+    every = frozenset().union(*curves)
+    for sensors, curve in curves.items():
         for more in every - sensors:
-            other = found[sensors | {more}]
+            other = curves[sensors | {more}]
             if curve is not None:
                 assert other is not None, (sensors, more)
                 assert other.error < curve.error + 0.5 * curve.half_width, (sensors, more)

@@ -48,11 +48,11 @@ class ReadersClock:
             os.close(line)
 
 
-def until(found):
+def until(results):
     """What `found()` gives once it gives something; fails when that takes too long."""
     give_up_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < give_up_s:
-        if result := found():
+        if result := results():
             return result
         time.sleep(0.005)
     raise AssertionError("nothing came")

@@ -110,38 +110,38 @@ def test_threads_share_a_processor_until_a_bus_is_late(monkeypatch):
     assert os.sched_getaffinity(0) == PROCESSORS
 
 
-def of_tick(found, topic):
+def of_tick(result, topic):
     """The messages of a topic by the tick that they belong to, whenever they came."""
     messages = {}
-    for number, cycle in found.items():
+    for number, cycle in result.items():
         for sample in cycle.samples:
             if sample.topic == topic:
                 messages.setdefault(number if sample.tick is None else sample.tick, []).append(sample)
     return messages
 
 
-def in_order_of_ticks(found, topic):
+def in_order_of_ticks(result, topic):
     """Whether the messages of a topic were logged in the order of their ticks."""
     ticks = [
         number if sample.tick is None else sample.tick
-        for number, cycle in found.items()
+        for number, cycle in result.items()
         for sample in cycle.samples
         if sample.topic == topic
     ]
     return ticks == sorted(ticks)
 
 
-def statuses(found, topic, begin=0, end=10**9):
-    messages = of_tick(found, topic)
+def statuses(result, topic, begin=0, end=10**9):
+    messages = of_tick(result, topic)
     return [s.message.status for number in sorted(messages) if begin <= number < end for s in messages[number]]
 
 
-def assert_each_tick_has_its_message(found, topics=("/imu", "/mag")):
+def assert_each_tick_has_its_message(result, topics=("/imu", "/mag")):
     """Except the last ones, whose answers may come after the end."""
     for topic in topics:
-        messages = of_tick(found, topic)
+        messages = of_tick(result, topic)
         assert all(len(each) == 1 for each in messages.values())
-        assert set(messages) <= set(found) and set(list(found)[:-2]) <= set(messages)
+        assert set(messages) <= set(result) and set(list(result)[:-2]) <= set(messages)
 
 
 def test_late_readings_of_a_line_are_logged_late_and_once():

@@ -208,21 +208,21 @@ def creates_a_vehicle(heartbeat) -> None:
     assert heartbeat.autopilot == mavlink.MAV_AUTOPILOT_GENERIC
 
 
-def assert_right(found):
-    creates_a_vehicle(found["HEARTBEAT"])
-    hud = found["VFR_HUD"]
+def assert_right(result):
+    creates_a_vehicle(result["HEARTBEAT"])
+    hud = result["VFR_HUD"]
     # q_c for qbar without a calibration; rho = p/(R T) = 1.1412 kg/m^3
     assert hud.airspeed == pytest.approx((2 * 150 / 1.1412) ** 0.5, rel=1e-3)
     assert (hud.groundspeed, hud.alt, hud.climb) == pytest.approx((5.0, 450.0, -0.5))
     assert hud.heading == 307  # 360 - atan(4/3)
-    position = found["GLOBAL_POSITION_INT"]
+    position = result["GLOBAL_POSITION_INT"]
     assert (position.lat, position.lon, position.alt) == (481_000_000, 112_000_000, 450_000)
     assert (position.vx, position.vy, position.vz) == (300, -400, 50)
     assert position.relative_alt == 0  # above the first position
-    assert found["STATUSTEXT"].text == "imu failed: Remote I/O error" and found["STATUSTEXT"].severity == 3
-    assert found["NAMED_VALUE_FLOAT rpm"].value == 6000
-    assert found["NAMED_VALUE_FLOAT dpa_per_qc"].value == pytest.approx(0.2)
-    assert found["NAMED_VALUE_FLOAT dpb_per_qc"].value == pytest.approx(-0.1)
+    assert result["STATUSTEXT"].text == "imu failed: Remote I/O error" and result["STATUSTEXT"].severity == 3
+    assert result["NAMED_VALUE_FLOAT rpm"].value == 6000
+    assert result["NAMED_VALUE_FLOAT dpa_per_qc"].value == pytest.approx(0.2)
+    assert result["NAMED_VALUE_FLOAT dpb_per_qc"].value == pytest.approx(-0.1)
 
 
 def test_a_ground_station_over_udp_sees_the_flight(tmp_path):

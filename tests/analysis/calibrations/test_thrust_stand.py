@@ -32,8 +32,8 @@ def readings(ratio: float = 1.03, noise: float = 0.0, by_speed: float = 0.0, see
     return StandReadings(n, table_N * factor, np.full(len(n), RHO))
 
 
-def write(path: Path, found: StandReadings, header: str = "motor_speed_rpm,thrust_N") -> Path:
-    lines = [f"{60 * n},{thrust}" for n, thrust in zip(found.revps, found.thrust_N, strict=True)]
+def write(path: Path, stand_readings: StandReadings, header: str = "motor_speed_rpm,thrust_N") -> Path:
+    lines = [f"{60 * n},{thrust}" for n, thrust in zip(stand_readings.revps, stand_readings.thrust_N, strict=True)]
     path.write_text("\n".join([header, *lines]))
     return path
 

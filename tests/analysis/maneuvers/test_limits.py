@@ -57,13 +57,13 @@ def test_a_much_faster_aircraft_takes_longer_and_climbs_as_steeply() -> None:
     assert len(small) > 2, "in pieces for a small one"
 
 
-@pytest.mark.parametrize("noise_mps, found", [(0.29, 0), (0.02, 2)])
-def test_without_noise_a_gentler_and_smaller_change_of_speed_is_a_run(noise_mps: float, found: int) -> None:
+@pytest.mark.parametrize("noise_mps, result", [(0.29, 0), (0.02, 2)])
+def test_without_noise_a_gentler_and_smaller_change_of_speed_is_a_run(noise_mps: float, result: int) -> None:
     """From 20 to 23.4 m/s in 10 s, 16 % at 0.34 m/s²: too gentle and too little at the noise of Table 4.1."""
     speed = up_and_down(low=20.0, high=23.4, seconds=10.0)
     noise = np.random.default_rng(3).normal(0, noise_mps, len(speed))
     runs, _ = find_runs(flight(speed).assign(V_mps=speed + noise))
-    assert len(runs) == found
+    assert len(runs) == result
     assert not find_runs(flight(speed).assign(V_mps=speed + noise), noise_mps=np.inf)[0]
 
 
@@ -102,11 +102,11 @@ def test_a_steady_point_needs_a_steady_motor() -> None:
     assert not points and no_point.rejection.reason is Unsuitable.MOTOR_STOPPED
 
 
-@pytest.mark.parametrize(("bank_deg", "found"), [(8.0, True), (20.0, False)])
-def test_a_steady_point_is_flown_with_nearly_level_wings(bank_deg: float, found: bool) -> None:
+@pytest.mark.parametrize(("bank_deg", "result"), [(8.0, True), (20.0, False)])
+def test_a_steady_point_is_flown_with_nearly_level_wings(bank_deg: float, result: bool) -> None:
     """12 deg are 2 % more lift than weight."""
     points, rejected = find_steady(steady_flight(bank_rad=np.radians(bank_deg)))
-    assert (len(points) == 1) == found and not rejected
+    assert (len(points) == 1) == result and not rejected
 
 
 def elevator(holds_s) -> pd.DataFrame:
@@ -266,12 +266,12 @@ def test_a_short_stretch_within_an_input_or_a_porpoise_is_part_of_it(start_s, en
 
 
 @pytest.mark.parametrize(
-    ("third_s", "found"), [(0.5 * 1.3, True), (0.5 * 1.5, False), (0.5 * 0.72, True), (0.28, False)]
+    ("third_s", "result"), [(0.5 * 1.3, True), (0.5 * 1.5, False), (0.5 * 0.72, True), (0.28, False)]
 )
-def test_steps_flown_by_hand_may_be_a_third_of_a_unit_off(third_s: float, found: bool) -> None:
+def test_steps_flown_by_hand_may_be_a_third_of_a_unit_off(third_s: float, result: bool) -> None:
     """The unit is the sum over seven: it grows with a hold that is too long."""
     inputs, rejected = find_3211(elevator([1.5, 1.0, third_s, 0.5]))
-    assert bool(inputs) is found and bool(rejected) is not found
+    assert bool(inputs) is result and bool(rejected) is not result
 
 
 @pytest.mark.parametrize(("lowest_m", "rejected"), [(5.0, True), (30.0, False)])

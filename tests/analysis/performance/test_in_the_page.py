@@ -100,36 +100,36 @@ def test_power_is_interpolated_to_three_parts_in_a_thousand(
     assert compared > 250, "of 12 curves of 31 points"
 
 
-def agrees_at_its_best(found: Any, expected: ConditionPerformance) -> None:
+def agrees_at_its_best(result: Any, expected: ConditionPerformance) -> None:
     case = expected.case
     for name, best in (("endurance", case.endurance_s), ("range", case.range_m)):
-        agrees(found[name]["best"], best, WITHIN)
-    assert found["endurance"]["speed"]["value"] == pytest.approx(case.endurance_speed_mps.value, rel=0.02)
-    assert found["range"]["speed"]["value"] == pytest.approx(case.range_speed_mps.value, rel=0.02)
+        agrees(result[name]["best"], best, WITHIN)
+    assert result["endurance"]["speed"]["value"] == pytest.approx(case.endurance_speed_mps.value, rel=0.02)
+    assert result["range"]["speed"]["value"] == pytest.approx(case.range_speed_mps.value, rel=0.02)
     if expected.full_throttle is None:
-        assert found["full"] is None
+        assert result["full"] is None
         return
     full = expected.full_throttle
-    known = [k for k, power in enumerate(found["full"]["power"]) if power is not None]
-    V, power = (np.array(found["full"][name], dtype=float)[known] for name in ("V", "power"))
+    known = [k for k, power in enumerate(result["full"]["power"]) if power is not None]
+    V, power = (np.array(result["full"][name], dtype=float)[known] for name in ("V", "power"))
     highest = float(np.nanmax(full.power.value))
     expected_W = np.interp(V, full.V, full.power.value)
     pulling = expected_W > 0.1 * highest  # where a propeller begins to brake, or folds, is far beyond level flight
     assert power[pulling] == pytest.approx(expected_W[pulling], abs=WITHIN * highest) and pulling.sum() > 8
-    agrees(found["full"]["maximumSpeed"], case.maximum_speed_mps, WITHIN)
+    agrees(result["full"]["maximumSpeed"], case.maximum_speed_mps, WITHIN)
     if case.best_climb_mps is not None:
-        assert found["full"]["bestClimb"]["value"] == pytest.approx(case.best_climb_mps.value, abs=0.02)
+        assert result["full"]["bestClimb"]["value"] == pytest.approx(case.best_climb_mps.value, abs=0.02)
 
 
-def agrees(found: dict[str, float | None], expected: Interval | None, within: float) -> None:
+def agrees(result: dict[str, float | None], expected: Interval | None, within: float) -> None:
     """A value, and its interval to a twentieth of itself; null where Python has none."""
     if expected is None:
-        assert found["error"] is None
+        assert result["error"] is None
         return
-    assert found["value"] == pytest.approx(expected.value, rel=within)
-    if found["error"] is not None:
+    assert result["value"] == pytest.approx(expected.value, rel=within)
+    if result["error"] is not None:
         half = expected.hi - expected.value
-        assert NORMAL_95 * found["error"] == pytest.approx(half, rel=0.05, abs=1e-3 * expected.value)
+        assert NORMAL_95 * result["error"] == pytest.approx(half, rel=0.05, abs=1e-3 * expected.value)
 
 
 def test_what_was_flown_is_a_node(browser: Browser, at: Condition, propeller: Propeller) -> None:

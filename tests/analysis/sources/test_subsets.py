@@ -54,7 +54,7 @@ def test_a_sensor_that_is_added_makes_no_curve_worse(sensors: tuple[str, ...], c
         )
 
     V = np.linspace(14.0, 18.0, 5)
-    aircraft = Flown(MASS_KG * g, AREA_M2, SPAN_M, V, lambda found: level_power_W(V, found.conditions.rho))
+    aircraft = Flown(MASS_KG * g, AREA_M2, SPAN_M, V, lambda result: level_power_W(V, result.conditions.rho))
     result = curves_by_sensors(sensors, recorded, aircraft)
     assert_more_is_never_less(result)
     assert sum(curve is not None for curve in result.values()) >= curves

@@ -149,14 +149,14 @@ def entries(change: Callable[[str, list[LogEntry]], list[LogEntry]], *topics: st
 
 
 def scaled(topic: str, fields: tuple[str, ...], factor: float, offset: float = 0.0) -> Change:
-    def change(_: str, found: list[LogEntry]) -> list[LogEntry]:
+    def change(_: str, log_entries: list[LogEntry]) -> list[LogEntry]:
         return [
             entry._replace(
                 message=msgspec.structs.replace(
                     entry.message, **{field: factor * getattr(entry.message, field) + offset for field in fields}
                 )
             )
-            for entry in found
+            for entry in log_entries
         ]
 
     return entries(change, topic)
@@ -171,11 +171,11 @@ def exchanged(topic: str, other: str) -> Change:
 
 
 def timed(time_ns: Callable[[int], int], *topics: str) -> Change:
-    return entries(lambda _, found: [entry._replace(time_ns=time_ns(entry.time_ns)) for entry in found], *topics)
+    return entries(lambda _, result: [entry._replace(time_ns=time_ns(entry.time_ns)) for entry in result], *topics)
 
 
 def counted(tick: Callable[[int], int]) -> Change:
-    return entries(lambda _, found: [entry._replace(tick=tick(entry.tick)) for entry in found])
+    return entries(lambda _, result: [entry._replace(tick=tick(entry.tick)) for entry in result])
 
 
 def without(topic: str, *, unknown: str = "") -> Change:
@@ -189,7 +189,8 @@ def without(topic: str, *, unknown: str = "") -> Change:
 def misnamed(topic: str, field: str, name: str) -> Change:
     """As read from messages that have `name` in place of `field`."""
     nothing = entries(
-        lambda _, found: [e._replace(message=msgspec.structs.replace(e.message, **{field: None})) for e in found], topic
+        lambda _, result: [e._replace(message=msgspec.structs.replace(e.message, **{field: None})) for e in result],
+        topic,
     )
     return lambda log: replace(nothing(log), fields=log.fields | {topic: log.fields[topic] - {field} | {name}})
 

@@ -228,6 +228,6 @@ def test_a_sensor_that_is_added_makes_no_curve_worse(
     V = np.linspace(14.0, 20.0, 5)
     aircraft = Flown(
         WEIGHT_N, GEOMETRY.wing_area_m2, GEOMETRY.span_m, V,
-        lambda found: true_power(AIRCRAFT, flight, errors, V, found.conditions.rho),
+        lambda result: true_power(AIRCRAFT, flight, errors, V, result.conditions.rho),
     )  # fmt: skip
     assert_more_is_never_less(curves_by_sensors(SENSORS, lambda sensors: with_sensors(px4, sensors), aircraft))
