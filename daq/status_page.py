@@ -202,7 +202,7 @@ def serve(sources: Sources, host: str, port: int, *, show: Callable[[str], None]
         server = waitress.create_server(application(sources), host=host, port=port, **SERVER)
     except (OSError, ValueError) as error:  # the latter for a name that has no address
         cause = error.strerror if isinstance(error, OSError) else None
-        raise InputError(f"{host}:{port}: cannot be listened on ({cause or error})") from None
+        raise InputError(f"{host}:{port}: is not available ({cause or error})") from None
     show(f"http://{_reachable(host)}:{port}/\nThe status page is served until Ctrl-C.")
     server.run()
 

@@ -337,7 +337,7 @@ KEYS: dict[str, Key] = {
         "Name of the installation of probe, tubes and tray.",
         "Choose one, and another whenever one of these is taken off or moved.",
         "pooling of flights",
-        "the probe is taken to be mounted anew for each flight",
+        "the probe is treated as remounted for each flight",
     ),
     "installation.accelerometer_offset": Key(
         '["0.1 m/s^2", "-0.05 m/s^2", "0.2 m/s^2"]',

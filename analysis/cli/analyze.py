@@ -151,7 +151,7 @@ def analyze(
 
 
 def _finish(done: Report, json: bool, quiet: bool) -> ExitCode:
-    """Print the results, and on stderr what speaks against them. Returns the exit code."""
+    """Print the results, and on stderr what contradicts them. Returns the exit code."""
     from flightpower.analysis.results.files import to_json
 
     def print_results() -> None:

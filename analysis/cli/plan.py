@@ -80,8 +80,8 @@ class PlanOptions:
     height_m: Annotated[
         float,
         Quantity("--height", "m", '"130 ft"', least=25, most=1000).as_option(
-            "Above the ground. Vertical gusts are as long as this: low flight averages them sooner, but leaves"
-            " less room for a stall.",
+            "Above the ground. The length of vertical gusts equals this height: flying low averages them sooner, but"
+            " leaves less room for a stall.",
             "HEIGHT",
         ),
     ] = 40.0

@@ -111,7 +111,7 @@ def _load_report() -> None:
 
 
 def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
-    """Write and print the results of all flights, and what speaks against them.
+    """Write and print the results of all flights, and what contradicts them.
 
     Raises InputError when they cannot be pooled.
     """

@@ -1,4 +1,4 @@
-"""What speaks against results, told on the terminal: doubts before them, reasons not to trust them at the end."""
+"""What contradicts results, told on the terminal: doubts before them, reasons not to trust them at the end."""
 
 import sys
 from collections.abc import Callable, Sequence

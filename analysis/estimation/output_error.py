@@ -161,7 +161,7 @@ def _second_start(
 ) -> Fit | None:
     """The fit from the estimates of the records cut in pieces; None where there is none.
 
-    In each piece the response begins anew, at a state that is estimated. Reference: Bock, Recent advances in parameter
+    In each piece the response starts again, at a state that is estimated. Reference: Bock, Recent advances in parameter
     identification techniques for O.D.E., 1983.
     """
     parts = [min(SEARCH.pieces, len(segment) // SEARCH.shortest_piece) for segment in segments]

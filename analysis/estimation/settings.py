@@ -43,7 +43,9 @@ class Search(Settings):
     pieces: int = setting(
         10, "pieces", "of a record, for a second start: a pole that is off by a factor of two slips no cycle in one"
     )
-    shortest_piece: int = setting(12, "samples", "of a record: less determines little beside its initial state")
+    shortest_piece: int = setting(
+        12, "samples", "of a record: a shorter record determines little besides its initial state"
+    )
     secant_length: float = setting(
         0.3, "standard errors", "secants of longer steps led away from the optimum of unstable aircraft"
     )

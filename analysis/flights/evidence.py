@@ -1,4 +1,4 @@
-"""What speaks against a pool or a comparison: the evidence against each flight, and against flights as one."""
+"""What contradicts a pool or a comparison: the evidence against each flight, and against flights as one."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -123,7 +123,7 @@ def installations_text(test: Test) -> str:
         )
     return (
         f"The errors of the installation differ between flights (p = {test.p:.2g}): probe, tubes or tray were moved,"
-        " and they are taken to be mounted anew. Give the flights before and after different [installation] names,"
+        " and they are treated as remounted. Give the flights before and after different [installation] names,"
         " or none."
     )
 
@@ -138,7 +138,7 @@ def thrust_text(test: Test) -> str:
 
 
 NOT_NAMED = (
-    "The aircraft file has no [installation] name: the probe is taken to be mounted anew for each flight. Give flights"
+    "The aircraft file has no [installation] name: the probe is treated as remounted for each flight. Give flights"
     " between which nothing was moved one name."
 )
 
@@ -147,7 +147,7 @@ class SharedErrors(Enum):
     """Which errors two configurations share, so that they cancel in the difference."""
 
     COMMON_PART = (
-        "The files name no installation: the probe is taken to be mounted anew for each flight, and only the common"
+        "The files name no installation: the probe is treated as remounted for each flight, and only the common"
         " part of these errors cancels."
     )
     INSTALLATION_AND_PROPELLER = (
@@ -163,8 +163,8 @@ class SharedErrors(Enum):
 
 
 NOT_ONE_VEHICLE = (
-    "Errors of current meter, airspeed, mass and thermometer are not taken to cancel, since A and B were logged by"
-    " different autopilots: where only the board was exchanged, the interval is wider than need be."
+    "Errors of current meter, airspeed, mass and thermometer are assumed not to cancel, since A and B were logged by"
+    " different autopilots: if only the board was replaced, the interval is wider than necessary."
 )
 
 

@@ -83,7 +83,7 @@ def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
                 earlier = left[flight.installation]
                 text = (
                     f"{name}: {flight.name} names the installation {flight.installation!r} of {earlier.name} again,"
-                    f" after {before.name} with {before.installation!r}: give what was mounted anew a new name,"
+                    f" after {before.name} with {before.installation!r}: give what was remounted a new name,"
                     " or two airframes their own names."
                 )
                 contradictions.append(_contradiction(Contradiction.INSTALLATION, name, flight, earlier, text))

@@ -9,7 +9,7 @@ zeros) have been marginalized: they are in its covariance.
 
 Where nothing says that the probe stayed mounted, each flight has its own deviation from the shared errors of the
 installation, with the variance Q. The prior of the shared part is smaller by Q, so that a single flight has its own
-prior again. A flight that denies the installation it is said to have is taken to be mounted anew: its deviation has the
+prior again. A flight that denies the installation it is said to have is treated as remounted: its deviation has the
 variance of the prior.
 """
 
@@ -126,7 +126,7 @@ def remounting_variance(flight: FlightStatistics, *, remounted: bool) -> Array:
 
 
 def stacked(flights: Sequence[FlightStatistics], remounted: Collection[int] = ()) -> FlightStack:
-    """Flights as arrays. anew: numbers of those that were mounted anew, whatever their files say."""
+    """Flights as arrays. remounted: numbers of those that were, whatever their files say."""
     normal_matrix, vector, gain, prior_part, own_covariance = (
         np.stack(part)
         for part in zip(

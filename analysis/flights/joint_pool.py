@@ -66,8 +66,8 @@ _UNITS = {"alpha_bias": "rad", "beta_bias": "rad", "air_data_lag": "s"}
 class JointPool(Pool):
     """The joint estimate of one or more flights of one aircraft, propeller and installation.
 
-    as_stated, stack : with the installation that the files state; with the flights `remounted` mounted anew
-    anew : numbers of the flights that contradict having the same installation as the others
+    as_stated, stack : with the installation that the files state; with the flights `remounted` treated as remounted
+    remounted : numbers of the flights that contradict having the same installation as the others
     condition : mean weight and density of the flights, at which curves are given
     flown_CL : lift coefficients that at least one flight covers
     """

@@ -101,7 +101,11 @@ class FlightSettings(Settings):
     """The flight as a whole, and maneuvers that overlap."""
 
     shortest_s: float = setting(10.0, "s", "a shorter time aloft is a hop; overlapping a 3-2-1-1 input, part of it")
-    bridged_s: float = setting(5.0, "s", "half of it outside the probe's calibrated range does not end a flight")
+    bridged_s: float = setting(
+        5.0,
+        "s",
+        "a gap in flight this long, or half as long outside the probe's calibrated range, does not end the flight",
+    )
     fewest_samples: int = setting(
         50, "1", "of a run or a steady point: ten of the estimators' blocks, two seconds; shorter ones tell nothing"
     )

@@ -47,7 +47,7 @@ INSTEAD: dict[int, str] = {
     Command.DELAY: "waits; circle for a time (19), or take it out",
     Command.GUIDED: "leaves the mission; end it there, or give the waypoints that are flown (16)",
     Command.SET_MODE: "leaves the mission; end it there, or give the waypoints that are flown (16)",
-    Command.SET_HOME: "moves home, which heights and return are told from; save two missions, or take it out",
+    Command.SET_HOME: "moves home, which heights and the return are measured from; save two missions, or take it out",
     Command.PARACHUTE: "ends the flight; end the mission before it, or by a landing (21)",
 }
 ENDS = (Command.RETURN, Command.LAND)
@@ -204,7 +204,7 @@ class _Steps:
         elif 0 < mps < math.inf:
             self.speed = Speed(mps, over_ground)
         elif mps != -1:  # no change of speed
-            raise InputError(f"{self._name(item)}: a speed of {mps:g} m/s; give one above zero")
+            raise InputError(f"{self._name(item)}: a speed of {mps:g} m/s; give a speed above zero")
 
     def _drop(self, item: Item) -> None:
         if not self.steps:
@@ -230,8 +230,8 @@ def _or_zero(value: float) -> float:
 def unrolled(items: Sequence[Item], where: str) -> list[Item]:
     """The items up to the first landing or return as they are flown, with jumps carried out, to items or to tags.
 
-    A jump counts over the whole mission, as in ArduPilot and PX4: within another it is not begun anew. Raises
-    InputError for one that is endless, or whose end is not in the file.
+    A jump counts over the whole mission, as in ArduPilot and PX4: an inner jump is not restarted by an outer one.
+    Raises InputError for one that is endless, or whose end is not in the file.
     """
     index: dict[float, int] = {}
     tags: dict[float, int] = {}

@@ -103,7 +103,9 @@ class Search(Settings):
 
     mean_share: float = setting(0.1, "1", "of the mean half width over speeds, beside the worst")
     fewest_run_pairs: int = setting(2, "1", "one alone shows no repeatability")
-    least_left: float = setting(0.02, "1", "of the information in any direction, when a piece is taken away")
+    least_left: float = setting(
+        0.02, "1", "share of the information, in every direction, that remains when a piece is removed"
+    )
 
 
 SEARCH = Search()

@@ -165,7 +165,7 @@ def _row(airframe_result: AirframeResult) -> tuple[str, ...]:
 
 
 def doubts(fleet: FleetResults) -> list[str]:
-    """What speaks against the curves, by airframe."""
+    """What contradicts the curves, by airframe."""
     of_curves = [
         f"{airframe.name}: {sentence(evidence)}" for airframe in fleet.airframes for evidence in airframe.evidence
     ]

@@ -48,7 +48,7 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
 
         path = write_candidates(error.maneuvers, folder, log.name)
         remedy = f"set keep = true in {path}, where all candidates are with their reasons, and add --runs {path}"
-        return f"{error}; to use a stretch all the same, {remedy}"
+        return f"{error}; to use a stretch anyway, {remedy}"
 
     predicted = _predicted_polar(options)
     analysis = analyze(source, options, progress, command_line=command_line, message_of=with_candidates)

@@ -345,7 +345,7 @@ def _flight_row(flight: PooledFlight) -> FlightRow:
     remarks = [
         *([flight.trust] if flight.trust is not Trust.TRUSTED else []),
         *([f"outlier: {flight.reason}"] if flight.outlier else []),
-        *(["taken to be mounted anew"] if flight.mounted_anew else []),
+        *(["treated as remounted"] if flight.mounted_anew else []),
     ]
     return FlightRow(
         date=date_text(flight.start_unix_s) or "–",

@@ -32,7 +32,7 @@ class Contradiction(StrEnum):
 
     SIZE = "wing area or span"
     FLIGHT = "one flight of two airframes"
-    INSTALLATION = "installation that returns"  # the probe was mounted anew meanwhile: its errors are others
+    INSTALLATION = "installation that returns"  # the probe was remounted meanwhile: its errors are others
 
 
 class ContradictionResult(msgspec.Struct, frozen=True, kw_only=True):

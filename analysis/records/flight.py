@@ -111,7 +111,7 @@ class Trust(StrEnum):
 
 
 class EvidenceKind(StrEnum):
-    """What speaks against a result. The order is that in which it is told: causes before their consequences."""
+    """What contradicts a result. The order is that in which it is told: causes before their consequences."""
 
     NOT_CONVERGED = "not converged"
     TRAJECTORY_NOT_CONVERGED = "trajectory not converged"

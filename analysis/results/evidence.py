@@ -1,4 +1,4 @@
-"""What speaks against a result: the evidence, and the verdict that it adds up to (docs/understand/trust.md).
+"""What contradicts a result: the evidence, and the verdict that it adds up to (docs/understand/trust.md).
 
 Each item has its own figure and limit. Limits of noise follow from a rate of false alarms, those of physics hold
 without noise. A result that is not to be trusted ends `analyze` with exit code 1; a doubtful one is told first.

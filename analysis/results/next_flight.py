@@ -25,12 +25,12 @@ from flightpower.flight.arrays import Array
 FLY = {
     NextFlightLowers.NOISE: "fly more accelerations and decelerations, the throttle opened slowly, down to the slowest"
     " speed that is safe",
-    NextFlightLowers.ALPHA_BIAS: "fly fast for long, to and fro or in circles both ways: the mean of vertical gusts"
+    NextFlightLowers.ALPHA_BIAS: "fly fast for long, back and forth or in circles both ways: the mean of vertical gusts"
     " becomes smaller with distance, and their angle with speed",
     NextFlightLowers.ALPHA_SCALE: "porpoise for several minutes: stick fore and aft, 1.3 to 1.8 s a cycle, with the"
     " load factor between 0 and 2",
-    NextFlightLowers.V_SCALE: "fly fast in circles both ways, or to and fro on opposite headings, where GPS shows the"
-    " airspeed",
+    NextFlightLowers.V_SCALE: "fly fast in circles both ways, or back and forth on opposite headings, where GPS shows"
+    " the airspeed",
 }
 TITLES = {
     NextFlightLowers.NOISE: "noise of the runs",

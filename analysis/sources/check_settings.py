@@ -62,7 +62,7 @@ class AxesSettings(Settings):
         " 0.74 to 1.00; and least slope of alpha's on the relative lift coefficient: 0.22 to 0.58, in hPa 0.01 at most",
     )
     ground_speed: tuple[float, float] = setting(
-        (0.05, 2.5), "1", "of the airspeed, medians; wind is slower than 1.5 of it"
+        (0.05, 2.5), "1", "median ground speed over median airspeed; the wind is slower than 1.5 times the airspeed"
     )
 
 

@@ -137,6 +137,6 @@ def _check_times(table: Path, t_s: Array, column_map: ColumnMap) -> None:
     interval_s, whole_s = float(np.median(step[step > 0])), float(np.sum(step))
     if interval_s > 5.0 or interval_s < 5e-5 or whole_s > 1e6:
         raise InputError(
-            f"{table}: {name} has {interval_s:.3g} s between samples and {whole_s:.3g} s in all, which is no flight;"
-            f" is its unit not {column_map.columns[Quantity.TIME].unit}?"
+            f"{table}: {name} has {interval_s:.3g} s between samples and {whole_s:.3g} s in all, which cannot be a"
+            f" flight; is its unit not {column_map.columns[Quantity.TIME].unit}?"
         )

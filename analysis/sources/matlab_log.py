@@ -25,7 +25,7 @@ def is_matlab_log(path: Path) -> bool:
 class MatlabLog:
     """The messages of a file by kind, as `dataflash.DataflashLog` gives them. kinds : to read; none stands for all."""
 
-    notes = ("The log was converted to a .mat file, which has not all that the log has: the .BIN shows more.",)
+    notes = ("The log was converted to a .mat file, which drops part of the log: analyze the .BIN to see all of it.",)
 
     def __init__(self, path: Path, kinds: tuple[str, ...]):
         self._messages = _messages(path, kinds)

@@ -85,7 +85,7 @@ MATTERS = ("alpha_bias", "alpha_scale", "V_scale")  # sensor errors with a large
 class FlightExcitation(NamedTuple):
     """What a flight contains that determines sensor errors.
 
-    mean_heading_vector : length of the mean of unit vectors along the headings: 1 on one heading, 0 to and fro
+    mean_heading_vector : length of the mean of unit vectors along the headings: 1 on one heading, 0 back and forth
     speed_ratio : 95th over 5th percentile of airspeed       gust_mps : vertical, 1 sigma
     """
 
@@ -104,7 +104,7 @@ class MissingExcitation(StrEnum):
     HEADINGS = "nearly one heading throughout; fly opposite headings, with turns between"
     SPEEDS = "nearly one speed throughout; fly slow and fast"
     CALM_AIR = "gusts; fly longer, or on a calmer day"
-    PORPOISING = "gusts; porpoise for a minute (stick to and fro, 1.5 s a cycle), or fly on a calmer day"
+    PORPOISING = "gusts; porpoise for a minute (stick back and forth, 1.5 s a cycle), or fly on a calmer day"
     DURATION = "too few changes of speed and attitude; fly longer, with quick changes of both"
 
 
@@ -461,6 +461,6 @@ def with_misfit(trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
     )
     named = "; ".join(f"{MISFIT[name]} by {rms:.1f}" for name, rms in beyond.items())
     return wider, [
-        f"Residuals of the flight path are larger than noise and gusts allow: {named}. The interval is wider by that"
-        " factor. Check the sensor, its line and its calibration."
+        f"Residuals of the flight path are larger than noise and gusts allow: {named}. The interval has been widened by"
+        " that factor. Check the sensor, its line and its calibration."
     ]

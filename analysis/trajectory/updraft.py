@@ -172,7 +172,7 @@ def updraft_by_day(trajectory: Trajectory, sun_rad: float | None) -> UpdraftByDa
         z,
         sigma_mps,
         f"Over the flight the air seems to have {'risen' if z > 0 else 'sunk'} by {abs(wider.value('updraft')):.1f} ±"
-        f" {half_mps:.1f} m/s, {abs(z):.1f} standard deviations of what the hour lets expect. The curve is corrected"
+        f" {half_mps:.1f} m/s, {abs(z):.1f} standard deviations from what is usual at that hour. The curve is corrected"
         " for it, and the interval is wider. Fly at dawn.",
     )
 
@@ -213,10 +213,10 @@ def updraft_notes(updraft: Updraft) -> list[str]:
         return [
             f"In the short time between the first run and the last the air may have risen or sunk by"
             f" {updraft.sigma_mps:.2f} m/s (1 sigma), where it is {STILL_MPS:g} m/s in twenty minutes before sunrise."
-            " The interval is wider by that. Spread the runs over more time."
+            " The interval has been widened accordingly. Spread the runs over more time."
         ]
     return [
         f"The sun was up to {math.degrees(updraft.sun_rad):.0f} deg high: on average over the runs the air may have"
         f" risen or sunk by {updraft.sigma_mps:.2f} m/s (1 sigma), where it is {STILL_MPS:g} m/s before sunrise. The"
-        " interval is wider by that. Fly at dawn; after a flight under clouds state [uncertainty] updraft."
+        " interval has been widened accordingly. Fly at dawn; after a flight under clouds state [uncertainty] updraft."
     ]

@@ -131,7 +131,9 @@ def file_system(address: str) -> tuple["AbstractFileSystem", str]:
 def _listed(address: str) -> list[RemoteLog]:
     """The log at an address, or those below it. Raises InputError."""
     if "@" in address.split("://", 1)[1].split("/", 1)[0]:
-        raise InputError("an address with a password in it: give it in the library's own way, such as ~/.netrc")
+        raise InputError(
+            "the address contains a password: put the password where the library looks for it, such as ~/.netrc"
+        )
     fs, path = file_system(address)
     fs.invalidate_cache()
     web = address.startswith("http")
@@ -187,7 +189,7 @@ def fetch(log: RemoteLog, to: Path) -> str:
     def copied() -> None:
         fs.get_file(path, str(to))
         if log.size is not None and to.stat().st_size != log.size:
-            raise OSError(f"{to.stat().st_size} bytes of {log.size}, or it was written anew meanwhile")
+            raise OSError(f"{to.stat().st_size} bytes of {log.size}, or it was rewritten meanwhile")
 
     _asked(log.address, copied)
     with to.open("rb") as stream:

@@ -89,9 +89,7 @@ def _listening(port: int) -> socket.socket:
     try:
         return socket.create_server(("127.0.0.1", port))
     except OSError as error:
-        raise InputError(
-            f"port {port}: cannot be listened on ({error.strerror or error}); give another --port"
-        ) from None
+        raise InputError(f"port {port}: is not available ({error.strerror or error}); give another --port") from None
 
 
 def opened_folder(logs: list[Path]) -> tuple[Path, str]:

@@ -59,10 +59,10 @@ class Folder:
         return list(polars_in(self.path))
 
     def flight(self, name: str) -> OpenedFlight:
-        """Raises InputError where there is no such log in the folder, or it cannot be read."""
+        """Raises InputError where there is there is no such log in the folder, or it cannot be read."""
         path = self.logs().get(name)
         if path is None:
-            raise InputError(f"{name[:80]}: no such log in {self.path}; choose one of the list")
+            raise InputError(f"{name[:80]}: there is no such log in {self.path}; choose one of the list")
         opened = self._opened.get(name)
         if opened is None or opened.changed():
             self._opened.pop(name, None)

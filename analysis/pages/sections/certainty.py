@@ -206,7 +206,7 @@ def _largest_shared(results: Results) -> str:
     return (
         f"{100 * share:.0f} % of the variance comes from the thrust of the propeller table; the rest of what is common"
         f" to all runs comes from the sensors ({rest}): the command calibrate airspeed, a finer"
-        " probe calibration, and flights on other days with the instruments installed anew reduce it."
+        " probe calibration, and flights on other days with the instruments reinstalled reduce it."
     )
 
 
