@@ -619,7 +619,7 @@ def main(
             (pages / path.name).write_text(path.read_text("utf-8"), "utf-8")
     for name in only or []:
         if name not in PARTS:
-            raise typer.BadParameter(f"{name} is none of {', '.join(PARTS)}")
+            raise typer.BadParameter(f"{name} is not one of {', '.join(PARTS)}")
     failed = run_parts([] if render_only else only or list(PARTS), pages / "data", jobs, quick=quick)
     render(pages, pages if quick else ROOT / "docs" / "figures")
     print(f"{os.path.relpath(pages, ROOT)}: rendered")

@@ -149,7 +149,7 @@ def main(
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
 ) -> None:
     if name not in CASES:
-        raise typer.BadParameter(f"{name} is none of {', '.join(CASES)}")
+        raise typer.BadParameter(f"{name} is not one of {', '.join(CASES)}")
     for kt in turbulence_kt or [0.0]:
         seeds = range(first_seed, first_seed + count)
         todo = [Setup(aircraft, world, plan or CASES[name].plan, kt, seed) for seed in seeds]

@@ -116,7 +116,9 @@ class Propeller(PropellerModel):
             raise InputError(f"propeller {name}: a diameter of {diameter_m:g} m is not positive")
         for row in self.rows:
             if not np.all(np.abs([row.rpm, *row.J, *row.cT, *row.cP]) < LARGEST_NUMBER):
-                raise InputError(f"propeller {name}: a number at {row.rpm:g} rpm is no propeller's: correct the table")
+                raise InputError(
+                    f"propeller {name}: a number at {row.rpm:g} rpm is impossible for a propeller: correct the table"
+                )
             if len(row.J) < 2 or np.any(np.diff(row.J) <= LEAST_STEP):
                 raise InputError(
                     f"propeller {name}: the row at {row.rpm:g} rpm needs at least two points with ascending J"

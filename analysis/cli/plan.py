@@ -130,7 +130,7 @@ class PlanOptions:
         for name, kind in (("question", QuestionName), ("pilot", PilotKind), ("firmware", Firmware)):
             value = getattr(self, name)
             if value not in set(kind):
-                raise InputError(f"{name}: {value!r} is none of {', '.join(kind)}")
+                raise InputError(f"{name}: {value!r} is not one of {', '.join(kind)}")
             object.__setattr__(self, name, kind(value))
         if self.wind_from_deg is not None and self.heading_deg is None:
             raise InputError(

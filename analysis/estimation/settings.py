@@ -69,7 +69,9 @@ class FilterError(Settings):
     negligible: float = setting(0.01, "1", "information about ln w or ln v, whose standard error is then 10")
     near_gain: float = setting(1.0, "1", "expected decrease of the cost below which a fit is near the optimum")
     tried_again: float = setting(
-        0.25, "1", "of the information at the trial without an intensity: then it has halved, and is tried again"
+        0.25,
+        "1",
+        "an intensity is tried again once the information has fallen to this share of what it was when it was left out",
     )
     zero_cost: float = setting(
         0.5, "1", "increase of the cost up to which noise counts as zero; an unstable model needs it, however small"

@@ -102,8 +102,8 @@ def _shared_flights(by_name: dict[str, list[PoolFlight]]) -> Iterator[Contradict
             owner, earlier = owners[shared[0].key]
             more = f" and {len(shared) - 1} more are flights" if len(shared) > 1 else " is a flight"
             text = (
-                f"{name}: {shared[0].name}{more} of {owner}, too, equal to the digit: give each log to one airframe,"
-                " and analyze and add them again."
+                f"{name}: {shared[0].name}{more} of {owner}, too (their figures are identical): give each log to one"
+                " airframe, and analyze and add them again."
             )
             yield _contradiction(Contradiction.FLIGHT, name, shared[0], earlier, text)
 

@@ -297,7 +297,7 @@ def refuse_repeated(flights: Sequence[PoolFlight]) -> None:
     for flight in flights:
         if flight.key in seen:
             raise InputError(
-                f"{flight.name} and {seen[flight.key]} are the same flight: their estimates are equal to the digit;"
+                f"{flight.name} and {seen[flight.key]} are the same flight: their estimates are identical;"
                 " give each flight once"
             )
         seen[flight.key] = flight.name

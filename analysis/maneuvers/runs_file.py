@@ -101,7 +101,7 @@ def entry_text(entry: ManeuverEntry, remarks: Sequence[str] = ()) -> str:
 def mistake_in(entry: ManeuverEntry) -> str:
     """What is wrong with an entry, whether it is kept or not; empty where nothing is."""
     if entry.kind not in KINDS:
-        return f"kind: {entry.kind[:40]!r} is none of {', '.join(KINDS)}"
+        return f"kind: {entry.kind[:40]!r} is not one of {', '.join(KINDS)}"
     if not 0 <= entry.start_s < entry.end_s < math.inf:
         return f"start ({entry.start_s:g} s) must lie before end ({entry.end_s:g} s), and not before 0"
     return ""

@@ -224,7 +224,7 @@ def _error_sentence(cause: Cause, errors: Mapping[str, ErrorEstimate]) -> str:
             sentence += f", and its slope is {_percent(scale, 'too high', 'too low')}"
         return f"{sentence}."
     if cause is Cause.PITCH_ATTITUDE:
-        return f"An accelerometer bias makes the pitch attitude that it levels {_degrees(errors['pitch'])}."
+        return f"An accelerometer bias makes the pitch attitude {_degrees(errors['pitch'])}."
     if cause is Cause.AIRSPEED:
         return f"The measured airspeed is {_percent(errors['airspeed_scale'], 'too high', 'too low')}."
     if cause is Cause.AIR_DATA_LAG:

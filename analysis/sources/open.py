@@ -38,7 +38,9 @@ def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecordi
 
         return log_of_table(path, columns)
     if columns is not None:
-        raise InputError(f"{path}: --columns: only for tables (CSV, Parquet, .mat), and this is none")
+        raise InputError(
+            f"{path}: --columns: only for tables (CSV, Parquet, .mat), and this file is not a table; leave it out"
+        )
     return read_log(path)
 
 

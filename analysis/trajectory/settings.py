@@ -143,8 +143,8 @@ class PredictionSettings(Settings):
     lag_limits: tuple[int, int] = setting(
         (2, 7),
         "blocks",
-        "newest and oldest load factors that predict the angle of attack (stick movements); not the last, as the means"
-        " of neighboring blocks share part of a gust's increment",
+        "how many blocks ago the newest and the oldest load factor were that predict the angle of attack (stick"
+        " movements); the last block is left out: its mean shares part of a gust's increment",
     )
 
     @property

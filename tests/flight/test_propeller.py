@@ -248,11 +248,11 @@ def test_covers_knows_the_table():
         ("# diameter_m = 0\nrpm,J,cT,cP\n5000,0,0.1,0.04\n5000,0.5,0.1,0.04\n", "a diameter of 0 m"),
         (
             "# diameter_m = 0.3\nrpm,J,cT,cP\n5000,0,0.1,0.04\n5000,nan,0.1,0.04\n",
-            "a number at 5000 rpm is no propeller's",
+            "a number at 5000 rpm is impossible for a propeller",
         ),
         (
             "# diameter_m = 0.3\nrpm,J,cT,cP\n5000,0,0.1,0.04\n5000,.5,1e300,.04\n",
-            "a number at 5000 rpm is no propeller's",
+            "a number at 5000 rpm is impossible for a propeller",
         ),
         ("# diameter_m = 0.3\nrpm,J,cT,cP\n5000,0,.1,.04\n5000,1e-320,.2,.04\n", "two points with ascending J"),
     ],

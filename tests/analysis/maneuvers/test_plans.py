@@ -182,7 +182,7 @@ ONE = '[[run]]\nkind = "acceleration"\nstart = "60 s"\nend = "68 s"\n'
         ("", "has no [[run]]"),
         ("[[run]", "not valid TOML"),
         ("runs = 1\n" + ONE, "unknown key 'runs'"),
-        (ONE.replace("acceleration", "speeding"), "kind: 'speeding' is none of acceleration"),
+        (ONE.replace("acceleration", "speeding"), "kind: 'speeding' is not one of acceleration"),
         (ONE.replace('"60 s"', "60"), "give a number with a unit"),
         (ONE.replace("60 s", "60 m"), "cannot be read as a quantity in s"),
         (ONE.replace("60 s", "70 s"), "must lie before end"),

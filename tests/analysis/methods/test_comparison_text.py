@@ -47,7 +47,7 @@ def test_a_cause_by_exclusion_is_a_tilt_that_turns_lift_into_drag(tilt_deg: floa
         ("angle of attack", {"alpha_bias": (0.01, 0.001), "alpha_scale": (-0.05, 0.02)},
          "and its slope is 5.0 ± 3.9 % too low. This"),
         ("pitch attitude", {"pitch": (-0.005, 0.001)},
-         "An accelerometer bias makes the pitch attitude that it levels 0.29 ± 0.11 deg too low. This"),
+         "An accelerometer bias makes the pitch attitude 0.29 ± 0.11 deg too low. This"),
         ("airspeed", {"airspeed_scale": (0.03, 0.005)}, "The measured airspeed is 3.0 ± 1.0 % too high. This"),
         ("air-data lag", {"lag": (0.1, 0.02)}, "The air data lag by 0.100 ± 0.039 s. This"),
         ("propeller table", {"thrust_scale": (-0.04, 0.01), "thrust_slope": (0.3, 0.1)},

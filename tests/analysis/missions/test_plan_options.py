@@ -24,5 +24,5 @@ def test_the_first_leg_is_the_one_into_the_wind(heading_deg: float, wind_from_de
 
 @pytest.mark.parametrize("name", ["question", "pilot", "firmware"])
 def test_a_name_that_does_not_exist_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match=f"{name}: 'autopillot' is none of"):
+    with pytest.raises(InputError, match=f"{name}: 'autopillot' is not one of"):
         PlanOptions(**{name: "autopillot"})
