@@ -169,3 +169,24 @@ def test_modules_that_scripts_start_can_be_started() -> None:
     started = {(module, path.name) for path in paths for module in started_modules(path)}
     assert {module for module, _ in started} >= {"flightpower", "flightpower.daq"}
     assert [where for where in sorted(started) if not can_be_started(where[0])] == []
+
+
+def test_no_script_of_benchmarks_is_left_to_itself() -> None:
+    """Another script imports it or starts it by name, or make, a page, a test or a file's head names it."""
+    scripts = {path.stem: path.read_text("utf-8") for path in (ROOT / "benchmarks").glob("*.py")}
+    pages = [
+        ROOT / "Makefile",
+        ROOT / "CONTRIBUTING.md",
+        *(ROOT / "docs").rglob("*.md"),
+        *(ROOT / "tests").rglob("*.py"),
+    ]
+    named = "\n".join(
+        path.read_text("utf-8") for path in [*pages, *(ROOT / "flight" / "data" / "propellers").glob("*.csv")]
+    )
+
+    def reached(name: str) -> bool:
+        by_script = rf"^\s*(?:import|from) {name}\b|_alone\(\"{name}\""
+        others = "\n".join(text for other, text in scripts.items() if other != name)
+        return bool(re.search(by_script, f"{others}\n{named}", re.MULTILINE) or re.search(rf"\b{name}\.py\b", named))
+
+    assert [name for name in sorted(scripts) if not reached(name)] == []
