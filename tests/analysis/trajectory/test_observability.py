@@ -197,7 +197,16 @@ def test_the_standard_error_of_a_mean_allows_for_slow_changes() -> None:
 
 def test_each_error_is_shown_in_its_unit():
     """The factor is what one SI unit (rad, s, 1) is in the unit that stands beside the number."""
-    in_unit = {"deg": 180 / np.pi, "deg/s": 180 / np.pi, "%": 100.0, "ms": 1000.0, "m/s²": 1.0, "m/s": 1.0, "Pa": 1.0}
+    in_unit = {
+        "deg": 180 / np.pi,
+        "deg/s": 180 / np.pi,
+        "%": 100.0,
+        "ms": 1000.0,
+        "m/s²": 1.0,
+        "m/s": 1.0,
+        "m": 1.0,
+        "Pa": 1.0,
+    }
     for kind in observability.SENSOR_ERROR_KINDS.values():
         factor, unit = kind.shown
         assert factor == pytest.approx(in_unit[unit]), kind.title
