@@ -334,7 +334,9 @@ def status(
     \b
     Examples:
       daq status --config tray.toml --listen 0.0.0.0:8080
-      daq status --config out/tray.toml --file out/status.json     beside `sim fly --real-time --status out/status.json`
+      daq status --config out/tray.toml --file out/status.json
+
+    The second serves what `sim fly --real-time --status out/status.json -o out` writes.
     """
     from flightpower.daq.config import load_tray
     from flightpower.daq.status_page import serve, sources_of

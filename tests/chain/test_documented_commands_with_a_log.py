@@ -117,6 +117,8 @@ NOT_RUN = {
     "(i2cdetect|rsync) .*": "needs the Raspberry Pi",
     "make -C firmware/esc_counter flash .*": "needs the microcontroller",
     "dask .*": "does not end",
+    "sim fly --real-time .*": "takes as long as the flight",
+    "daq status .*--file .*": "does not end",
 }
 
 
