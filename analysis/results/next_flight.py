@@ -40,7 +40,7 @@ TITLES = {
 }
 
 
-class MissingExcitation(NamedTuple):
+class MissingInformation(NamedTuple):
     """speed_mps: where the interval is largest. percent: its half width. cause: whose halving narrows it
     most. percent_without: the half width then."""
 
@@ -50,9 +50,9 @@ class MissingExcitation(NamedTuple):
     percent_without: float
 
 
-def lacking(
+def missing_information(
     trajectory: Trajectory, estimate: DynamicEstimate, condition: Condition, flown_CL: tuple[float, float]
-) -> MissingExcitation | None:
+) -> MissingInformation | None:
     """What made the interval wide; None where power is not known or the covariance is not finite."""
     V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), 9)
     power, sigma = power_required(V, estimate.polar, condition)
@@ -72,7 +72,7 @@ def lacking(
     # Correlation with other errors can make the part larger than the whole; half an error halves no interval further.
     left = float(sigma[i] ** 2) - (1 - 0.5**2) * min(variances[cause], float(sigma[i] ** 2))
     percent = 100 * NORMAL_95 / float(power[i])
-    return MissingExcitation(float(V[i]), percent * float(sigma[i]), cause, percent * float(np.sqrt(left)))
+    return MissingInformation(float(V[i]), percent * float(sigma[i]), cause, percent * float(np.sqrt(left)))
 
 
 class Advice(NamedTuple):
@@ -86,17 +86,17 @@ def next_flight(
     trajectory: Trajectory, estimate: DynamicEstimate, condition: Condition, flown_CL: tuple[float, float]
 ) -> Advice:
     """What to fly next; nothing where the standard error is negligible already."""
-    result = lacking(trajectory, estimate, condition, flown_CL)
-    if result is None or result.percent < 100 * NORMAL_95 * EVIDENCE.negligible:
+    missing = missing_information(trajectory, estimate, condition, flown_CL)
+    if missing is None or missing.percent < 100 * NORMAL_95 * EVIDENCE.negligible:
         return Advice()
     sentences = [
-        f"The next twenty minutes: {FLY[result.cause]}. The interval is widest at {result.speed_mps:.1f} m/s,"
-        f" ±{result.percent:.1f} %, most of all by {TITLES[result.cause]}; known twice as well it would leave"
-        f" ±{result.percent_without:.1f} %."
+        f"The next twenty minutes: {FLY[missing.cause]}. The interval is widest at {missing.speed_mps:.1f} m/s,"
+        f" ±{missing.percent:.1f} %, most of all by {TITLES[missing.cause]}; known twice as well it would leave"
+        f" ±{missing.percent_without:.1f} %."
     ]
-    if trajectory.gust_mps > GUSTS.dominate_mps and result.cause is not NextFlightLowers.NOISE:
+    if trajectory.gust_mps > GUSTS.dominate_mps and missing.cause is not NextFlightLowers.NOISE:
         sentences.append("A calmer day does the same in less time.")
-    return Advice(result.cause, sentences)
+    return Advice(missing.cause, sentences)
 
 
 def _effects_W(trajectory: Trajectory, A: Array, condition: Condition, V: float) -> tuple[Array, list[int]]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flightpower.analysis.curve import Condition, Polar
-from flightpower.analysis.results.next_flight import _effects_W, missing, next_flight
+from flightpower.analysis.results.next_flight import _effects_W, missing_information, next_flight
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.observability import MATTERS
 
@@ -63,14 +63,14 @@ def test_half_an_error_leaves_a_quarter_of_its_variance(cause: str, sigma: float
     effects, _ = _effects_W(trajectory, A, AT, float(fastest))  # type: ignore[arg-type]
     by_error = float(abs(effects[MATTERS.index(cause)])) * sigma
     polar = Polar(A, np.diag([(by_error / qSV) ** 2 + 0.0005**2, 0.0, 0.0]))
-    result = missing(trajectory, SimpleNamespace(polar=polar, noise=noise), AT, CL)  # type: ignore[arg-type]
+    result = missing_information(trajectory, SimpleNamespace(polar=polar, noise=noise), AT, CL)  # type: ignore[arg-type]
     assert result is not None and result.cause == cause
     assert result.speed_mps == pytest.approx(fastest)
     whole, by_noise = np.hypot(by_error, 0.0005 * qSV), 0.0005 * qSV
     assert result.percent == pytest.approx(196 * whole / power(fastest), rel=1e-3)
     assert result.percent_without == pytest.approx(196 * np.hypot(by_error / 2, by_noise) / power(fastest), rel=1e-3)
     unknown = Polar(A, np.full((3, 3), np.nan))
-    assert missing(trajectory, SimpleNamespace(polar=unknown, noise=noise), AT, CL) is None  # type: ignore[arg-type]
+    assert missing_information(trajectory, SimpleNamespace(polar=unknown, noise=noise), AT, CL) is None  # type: ignore[arg-type]
 
 
 def test_a_narrow_interval_needs_no_other_flight_and_calm_air_no_calmer_day() -> None:
