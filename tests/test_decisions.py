@@ -29,7 +29,7 @@ KINDS = {"kind", "cause", "status", "lowers", "level", "outcome", "category"}
 PARAMETER = {"name", "parameter"}
 SENSOR_ERROR = {"error", "sensor_error"}
 VECTORS = {"parameters", "effects", "covariance", "noise", "systematic", "polar", "A", "changes", "change", "theta"}
-ESTIMATES = {"fit", "found", "estimate", "joint", "dynamic", "solution", "statistics"}  # of `fit.values`, `fit.x`
+ESTIMATES = {"fit", "result", "estimate", "joint", "dynamic", "solution", "statistics"}  # of `fit.values`, `fit.x`
 LOOKS = {"startswith", "endswith", "removeprefix", "removesuffix", "find", "partition"}
 PATTERNS = {"match", "search", "fullmatch", "findall"}
 # Modules that read texts which others wrote: files, commands, messages of libraries and of the system.
@@ -51,6 +51,7 @@ PARSERS = {
     "flight/propeller_files.py": "files of propellers",
     "flight/propeller_search.py": "what the user types, and files of propellers",
     "flight/undecodable.py": "messages of msgspec",
+    "flight/unit_columns.py": "columns of tables of calibrations",
     "flight/units.py": "quantities that the user types",
     "sim/ulog_writer.py": "types of the fields of ULog",
 }

@@ -133,6 +133,7 @@ def excitation(trajectory: Trajectory) -> FlightExcitation:
 
 
 _AIR_DATA = frozenset({"alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag"})
+_STATED = frozenset({"probe_ahead"})  # not estimated where the aircraft file has it
 _CROSSWIND = frozenset({"V_scale", "beta_bias", "ay_bias", "r_bias"})  # a steady wind on one heading acts like these
 # Whether it is lacking, and the sensor errors that are then not determined.
 _MISSING_EXCITATION: dict[MissingExcitation, tuple[Callable[[FlightExcitation], bool], frozenset[str]]] = {
@@ -167,7 +168,7 @@ def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
             continue
         title, (factor, unit) = kind.title, kind.shown
         sigma, prior = trajectory.standard_error(name), trajectory.prior_standard_error(name)
-        if name == "probe_ahead" and prior <= 2 * NEGLIGIBLE:
+        if name in _STATED and prior <= 2 * NEGLIGIBLE:
             continue  # the aircraft file has it
         determined = sigma < STATISTICS.determined_share * prior
         reasons = () if determined else missing(name, flight)
