@@ -28,10 +28,10 @@ from flightpower.analysis.air.contents import Replacements
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
 from flightpower.analysis.methods.whole_flight.flight_table import FlightTable, flight_table
-from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.pipeline.runs import analyze_runs
 from flightpower.analysis.records.flight import Results
 from flightpower.analysis.sources.column_map import load_map, mapped_channels
+from flightpower.analysis.sources.daemon_recording import recording_of
 from flightpower.analysis.sources.map_draft import draft
 from flightpower.analysis.sources.paparazzi import read_paparazzi
 from flightpower.analysis.sources.position import velocity_by_position

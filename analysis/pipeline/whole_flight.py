@@ -18,7 +18,6 @@ from flightpower.analysis.methods.whole_flight.flight_table import (
     require_channels,
     require_length,
 )
-from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.methods.whole_flight.simulated_truth import compared
 from flightpower.analysis.methods.whole_flight.thrust_balance import motor_constants
 from flightpower.analysis.options import Options
@@ -26,6 +25,7 @@ from flightpower.analysis.records.flight import MethodTried, Results
 from flightpower.analysis.results.energy_balance import EnergyBalanceFindings, assemble_energy_balance
 from flightpower.analysis.results.provenance import provenance_of_file
 from flightpower.analysis.sources.daemon_log import SPEED
+from flightpower.analysis.sources.daemon_recording import recording_of
 from flightpower.analysis.sources.recording import FlightRecording
 from flightpower.analysis.sources.structure import check_lacking
 from flightpower.flight.aircraft import Aircraft, Propulsion, Uncertainty, load_aircraft, parse_aircraft

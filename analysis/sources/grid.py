@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.linalg import lapack
 
-from flightpower.analysis.sources.grid_settings import CHANNELS
+from flightpower.analysis.sources.grid_settings import CHANNELS, FLIGHT
 from flightpower.analysis.sources.recording import Channel
 from flightpower.flight.arrays import Array
 
@@ -132,7 +132,9 @@ def stretches(flag: NDArray[np.bool_]) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def resampled(channel: Channel, t_s: Array, window_s: float, longest_gap_s: float) -> Array:
+def resampled(
+    channel: Channel, t_s: Array, window_s: float = FLIGHT.smoothing_s, longest_gap_s: float = FLIGHT.longest_gap_s
+) -> Array:
     """Values at t_s (n,): moving average over a Hann window, then linear interpolation; NaN in gaps, beyond the ends.
 
     A channel slower than half the window is only interpolated, and a gap is at least four of its intervals.
@@ -145,7 +147,7 @@ def resampled(channel: Channel, t_s: Array, window_s: float, longest_gap_s: floa
     after = np.clip(np.searchsorted(channel.t_s, t_s), 1, len(channel.t_s) - 1)
     bridged = channel.t_s[after] - channel.t_s[after - 1] <= max(longest_gap_s, 4 * interval)
     within = (t_s >= channel.t_s[0]) & (t_s <= channel.t_s[-1])
-    return np.where(bridged & within, np.interp(t_s, channel.t_s, value), np.nan)
+    return np.where(bridged & within, Channel(channel.t_s, value).at(t_s), np.nan)
 
 
 def smoothed(value: Array, width: int) -> Array:

@@ -100,7 +100,7 @@ class Grid:
                 channel = Channel(channel.t_s, np.unwrap(channel.value))
             elif channel is not None and quantity in (Q.HEIGHT, Q.STATIC_PRESSURE):
                 channel = without_steps(channel)
-            made = None if channel is None else resampled(channel, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s)
+            made = None if channel is None else resampled(channel, self.t_s)
             self._made[quantity] = made
         return self._made[quantity]
 
@@ -174,9 +174,7 @@ class Grid:
             return (Q.GROUND_SPEED, Q.COURSE), both[0] * np.cos(both[1]), both[0] * np.sin(both[1])
         if {Q.LATITUDE, Q.LONGITUDE} <= self._channels.keys():
             by_position = velocity_by_position(self._channels[Q.LATITUDE], self._channels[Q.LONGITUDE])
-            north, east = (
-                resampled(channel, self.t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for channel in by_position
-            )
+            north, east = (resampled(channel, self.t_s) for channel in by_position)
             return (Q.LATITUDE, Q.LONGITUDE), north, east
         return None
 

@@ -181,7 +181,7 @@ def _airspeed(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
     if not len(by_speed.t_s):
         return measured, []
     flying = by_speed.value > 0  # zero stands for any negative pressure
-    by_pressure = np.interp(by_speed.t_s[flying], measured.t_s, measured.value)
+    by_pressure = measured.at(by_speed.t_s[flying])
     difference = by_speed.value[flying] - by_pressure
     zero_Pa = float(np.median(difference))
     if np.std(difference) > np.std(by_pressure):

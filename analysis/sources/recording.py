@@ -50,6 +50,10 @@ class Channel(NamedTuple):
     t_s: Array
     value: Array
 
+    def at(self, t_s: Array) -> Array:
+        """Values at other times (m,): linear between samples, the first and the last value beyond them."""
+        return np.interp(t_s, self.t_s, self.value)
+
 
 # Every number that a log has over time, by its own name, on the clock of the recording; read when it is called for.
 AllChannels = Mapping[str, Callable[[], Channel]]
@@ -344,7 +348,7 @@ def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
         return ()
     working = current_A >= np.mean(current_A)
     t_s, current_A = t_s[working], current_A[working]
-    shown = [(battery, np.interp(t_s, *battery.current)) for battery in others if len(battery.current.t_s)]
+    shown = [(battery, battery.current.at(t_s)) for battery in others if len(battery.current.t_s)]
     largest = sorted(shown, key=lambda pair: -float(np.mean(pair[1])))[:8]  # the combinations stay few in a damaged log
     errors_A = {
         parts: float(np.median(np.abs(current_A - sum(largest[i][1] for i in parts))))
@@ -358,7 +362,7 @@ def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
 def _same_pack(battery: Battery, other: Battery) -> bool:
     """Whether two monitors show the same voltage, and the same current at each time, within their errors."""
     t_s = battery.current.t_s
-    shown = [(np.interp(t_s, *b.voltage), np.interp(t_s, *b.current)) for b in (battery, other)]
+    shown = [(b.voltage.at(t_s), b.current.at(t_s)) for b in (battery, other)]
     (V, A), (other_V, other_A) = shown
     error_V = float(np.median(np.abs(V - other_V)))
     return error_V < 0.02 * float(np.median(V)) and _same_current(A, float(np.median(np.abs(A - other_A))))
@@ -372,8 +376,8 @@ def _same_current(current_A: Array, error_A: float) -> bool:
 def _in_parallel(battery: Battery, other: Battery) -> Battery:
     """Both packs as one with the voltage of the first that gives the power of both."""
     t_s = battery.current.t_s
-    other_W = np.interp(t_s, *other.voltage) * np.interp(t_s, *other.current)
-    current_A = battery.current.value + other_W / np.maximum(np.interp(t_s, *battery.voltage), 1.0)
+    other_W = other.voltage.at(t_s) * other.current.at(t_s)
+    current_A = battery.current.value + other_W / np.maximum(battery.voltage.at(t_s), 1.0)
     return Battery(f"{battery.name} and {other.name}", battery.voltage, Channel(t_s, current_A))
 
 
@@ -398,5 +402,5 @@ def most_varying(channels: Sequence[Channel]) -> Channel | None:
 def _mean_power_W(battery: Battery) -> float:
     if not len(battery.voltage.t_s) or not len(battery.current.t_s):
         return 0.0
-    voltage = np.interp(battery.current.t_s, *battery.voltage)
+    voltage = battery.voltage.at(battery.current.t_s)
     return float(np.mean(voltage * np.maximum(battery.current.value, 0.0)))

@@ -112,7 +112,7 @@ def as_log(path: Path, channels: Channels) -> Log:
         topics["/probe/airspeed"] = {"differential_pressure_Pa": q}
         for topic, angle in (("/probe/alpha", Q.ANGLE_OF_ATTACK), ("/probe/beta", Q.SIDESLIP)):
             if (channel := known.get(angle)) is not None:
-                value = ALPHA_PORT_SLOPE * channel.value * np.interp(channel.t_s, *q)
+                value = ALPHA_PORT_SLOPE * channel.value * q.at(channel.t_s)
                 topics[topic] = {"differential_pressure_Pa": Channel(channel.t_s, value)}
                 attachments["probe.json"] = _vane_as_probe()
     for topic, quantities in (("/imu", IMU), ("/attitude", ATTITUDE), ("/gps", GPS)):
@@ -188,10 +188,10 @@ def _static(known: Mapping[Quantity, Channel]) -> Channel | None:
 
 
 def _density(t_s: Array, pressure: Channel, temperature: Channel | None) -> Array:
-    pressure_Pa = np.interp(t_s, *pressure)
+    pressure_Pa = pressure.at(t_s)
     if temperature is None:
         return np.asarray(density(pressure_Pa, temperature_at(float(np.median(_height(pressure.value))))))
-    return np.asarray(density(pressure_Pa, np.interp(t_s, *temperature)))
+    return np.asarray(density(pressure_Pa, temperature.at(t_s)))
 
 
 def _dynamic_pressure(known: Mapping[Quantity, Channel], pressure: Channel | None) -> Channel | None:
@@ -218,7 +218,7 @@ def _battery(known: Mapping[Quantity, Channel]) -> Fields:
     """Voltage and current; of a power alone, the current at the voltage, or at one volt."""
     power, voltage, current = (known.get(quantity) for quantity in (Q.POWER, Q.VOLTAGE, Q.CURRENT))
     if power is not None:
-        volt = np.ones(len(power.t_s)) if voltage is None else np.interp(power.t_s, *voltage)
+        volt = np.ones(len(power.t_s)) if voltage is None else voltage.at(power.t_s)
         return {"voltage_V": Channel(power.t_s, volt), "current_A": Channel(power.t_s, power.value / volt)}
     return {"voltage_V": voltage, "current_A": current} if voltage is not None and current is not None else {}
 
@@ -233,7 +233,7 @@ def _entries(topic: str, fields: Fields, start_s: float) -> Entries:
     entries.status = array("B", [STATUS_CODE[Status.OK]]) * n
     for name, column in entries.columns.items():
         channel = fields.get(name)
-        column.extend([None] * n if channel is None else np.interp(densest.t_s, *channel).tolist())
+        column.extend([None] * n if channel is None else channel.at(densest.t_s).tolist())
     return entries
 
 

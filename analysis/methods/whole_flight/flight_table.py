@@ -292,9 +292,7 @@ def _variance(channel: Channel | None, t_s: Array) -> Array:
         return np.zeros(len(t_s))
     width = round(FLIGHT.step_s / 2 / float(np.median(np.diff(channel.t_s))))
     value = channel.value if width < 2 else smoothed(channel.value, width)
-    mean, square = (
-        resampled(Channel(channel.t_s, x), t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s) for x in (value, value**2)
-    )
+    mean, square = (resampled(Channel(channel.t_s, x), t_s) for x in (value, value**2))
     return np.asarray(np.maximum(np.nan_to_num(square - mean**2), 0.0))
 
 

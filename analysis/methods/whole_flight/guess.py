@@ -24,7 +24,7 @@ def guessed_aircraft(flight: FlightRecording) -> FlownAircraft:
     ):
         raise InputError(f"{flight.path}: no guess of the aircraft; the log lacks speed or power")
     t_s, q_Pa = _dynamic_pressure(flight)
-    power_W = np.interp(t_s, *channels[recording.VOLTAGE]) * np.interp(t_s, *channels[recording.CURRENT])
+    power_W = channels[recording.VOLTAGE].at(t_s) * channels[recording.CURRENT].at(t_s)
     cruising = q_Pa >= float(np.percentile(q_Pa, 95)) / 2
     q, P = float(np.median(q_Pa[cruising])), float(np.median(power_W[cruising]))
     if q <= 0 or P <= 0:
@@ -43,4 +43,4 @@ def _dynamic_pressure(flight: FlightRecording) -> tuple[Array, Array]:
     if (pitot := flight.channels.get(recording.AIRSPEED_PRESSURE)) is not None:
         return pitot.t_s, pitot.value - (0.0 if flight.zeroed else float(np.percentile(pitot.value, 5)))
     north, east, _ = (flight.channels[name] for name in recording.GPS)
-    return north.t_s, SEA_LEVEL_DENSITY / 2 * (north.value**2 + np.interp(north.t_s, *east) ** 2)
+    return north.t_s, SEA_LEVEL_DENSITY / 2 * (north.value**2 + east.at(north.t_s) ** 2)

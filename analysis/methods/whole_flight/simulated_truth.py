@@ -48,9 +48,7 @@ def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEs
         return None
     t_s = table.table.index.to_numpy() + flight.channels[recording.AIRSPEED_PRESSURE].t_s[0]
     true_V, true_height = (
-        resampled(flight.truth[name], t_s, FLIGHT.smoothing_s, FLIGHT.longest_gap_s)
-        if name in flight.truth
-        else np.full(len(t_s), np.nan)
+        resampled(flight.truth[name], t_s) if name in flight.truth else np.full(len(t_s), np.nan)
         for name in (recording.TRUE_AIRSPEED, recording.TRUE_HEIGHT)
     )
     rows, airspeed = table.table, estimate.airspeed

@@ -123,7 +123,7 @@ def rows_of_recording(flight: FlightRecording, start_s: float) -> list[Row]:
         drawn.append((Channel(pitot.t_s, speed), Axis("indicated airspeed", "m/s")))
     if known.keys() >= set(recording.GPS):
         north, east = known[recording.GPS[0]], known[recording.GPS[1]]
-        over_ground = np.hypot(north.value, np.interp(north.t_s, *east))
+        over_ground = np.hypot(north.value, east.at(north.t_s))
         drawn.append((Channel(north.t_s, over_ground), Axis("speed over ground", "m/s")))
     if (static := known.get(recording.STATIC)) is not None:
         lowest_Pa = float(np.percentile(static.value, 99))
@@ -131,7 +131,7 @@ def rows_of_recording(flight: FlightRecording, start_s: float) -> list[Row]:
         drawn.append((Channel(static.t_s, height_m), Axis("height", "m")))
     if known.keys() >= {recording.VOLTAGE, recording.CURRENT}:
         current = known[recording.CURRENT]
-        power_W = current.value * np.interp(current.t_s, *known[recording.VOLTAGE])
+        power_W = current.value * known[recording.VOLTAGE].at(current.t_s)
         drawn.append((Channel(current.t_s, power_W), Axis("electrical power", "W")))
     for name, factor, axis in (
         (recording.THROTTLE, 100, Axis("throttle", "%")),
@@ -146,11 +146,10 @@ def track_of(flight: FlightRecording, start_s: float, end_s: float) -> Track | N
     """The path over the ground, by the receiver's positions, or else by the integral of its velocity; once a second."""
     t_s = np.arange(0.0, end_s, 1.0)
     if flight.place:
-        north, east = (np.interp(t_s + start_s, *flight.place[name]) for name in recording.PLACE)
+        north, east = (flight.place[name].at(t_s + start_s) for name in recording.PLACE)
     elif flight.channels.keys() >= set(recording.GPS):
         north, east = (
-            np.append(0.0, np.cumsum(np.interp(t_s + start_s, *flight.channels[name])))[:-1]
-            for name in recording.GPS[:2]
+            np.append(0.0, np.cumsum(flight.channels[name].at(t_s + start_s)))[:-1] for name in recording.GPS[:2]
         )
     else:
         return None

@@ -14,7 +14,6 @@ import msgspec
 from flightpower.analysis.files import write_file, write_keeping_previous
 from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
 from flightpower.analysis.methods.whole_flight.guess import guessed_aircraft
-from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.options import Options, stretches_text
 from flightpower.analysis.pages.open import form
 from flightpower.analysis.pages.open.opened import (
@@ -40,6 +39,7 @@ from flightpower.analysis.records.flight import Kind
 from flightpower.analysis.results.read import read_results
 from flightpower.analysis.sources import autopilot, daemon, recording
 from flightpower.analysis.sources.daemon import times_ns
+from flightpower.analysis.sources.daemon_recording import recording_of
 from flightpower.analysis.sources.recognize import autopilot_of
 from flightpower.analysis.sources.recording import AllChannels, Channel, Event, FlightRecording
 from flightpower.flight.errors import InputError

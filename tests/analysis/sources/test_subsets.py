@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from flightpower.analysis.cli.analyze import app
-from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.sources.column_map import load_map, mapped_channels
+from flightpower.analysis.sources.daemon_recording import recording_of
 from flightpower.analysis.sources.recording import FlightRecording
 from flightpower.analysis.sources.table import as_log
 from flightpower.analysis.sources.table_file import read_columns

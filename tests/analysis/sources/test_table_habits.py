@@ -11,8 +11,8 @@ from scipy.io import savemat
 from typer.testing import CliRunner
 
 from flightpower.analysis.cli.analyze import app
-from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.sources.column_map import load_map
+from flightpower.analysis.sources.daemon_recording import recording_of
 from flightpower.analysis.sources.jeti import read_jeti
 from flightpower.analysis.sources.map_draft import draft
 from flightpower.analysis.sources.open import open_source

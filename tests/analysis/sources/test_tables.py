@@ -13,8 +13,8 @@ from flightpower.analysis.air.contents import Replacements
 from flightpower.analysis.cli.analyze import app
 from flightpower.analysis.methods.whole_flight.curve import estimate
 from flightpower.analysis.methods.whole_flight.flight_table import flight_table
-from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.sources.column_map import load_map
+from flightpower.analysis.sources.daemon_recording import recording_of
 from flightpower.analysis.sources.map_draft import draft
 from flightpower.analysis.sources.position import EARTH_RADIUS_M, velocity_by_position
 from flightpower.analysis.sources.recording import Channel

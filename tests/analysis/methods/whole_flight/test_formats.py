@@ -8,10 +8,10 @@ import pytest
 
 from flightpower.analysis.methods.whole_flight.curve import estimate
 from flightpower.analysis.methods.whole_flight.flight_table import flight_table
-from flightpower.analysis.methods.whole_flight.method import recording_of
 from flightpower.analysis.sources import recording
 from flightpower.analysis.sources.ardupilot import read_ardupilot
 from flightpower.analysis.sources.daemon_log import lacks_drag_topics
+from flightpower.analysis.sources.daemon_recording import recording_of
 from flightpower.analysis.sources.px4 import read_px4
 from flightpower.analysis.sources.recording import Channel, FlightRecording
 from flightpower.flight.complete_aircraft import load_complete_aircraft

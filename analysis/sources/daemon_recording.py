@@ -1,0 +1,63 @@
+"""A log of the daemon as the recording of an ordinary flight: without flow angles, with its electrical power."""
+
+import numpy as np
+
+from flightpower.analysis.sources import recording
+from flightpower.analysis.sources.autopilot_settings import READABLE
+from flightpower.analysis.sources.daemon import COLUMNS, events, fix_of_log, samples
+from flightpower.analysis.sources.position import places
+from flightpower.analysis.sources.recording import Channel, FlightRecording, in_order
+from flightpower.analysis.sources.rest import ZERO_FILE
+from flightpower.analysis.sources.table import TABLE
+from flightpower.flight.log_entries import NO_ENTRIES
+from flightpower.flight.log_reader import Log
+from flightpower.flight.messages import TOPICS_FOR_DRAG
+
+# By channel of a recording: topic and field.
+CHANNELS = {recording.AIRSPEED_PRESSURE: COLUMNS["q_c_Pa"], recording.MOTOR: COLUMNS["n_revps"]}
+CHANNELS |= {
+    name: COLUMNS[name] for name in (recording.STATIC, recording.FORCE_X, recording.FORCE_Y, recording.FORCE_Z)
+}
+CHANNELS |= {name: COLUMNS[name] for name in (recording.VOLTAGE, recording.CURRENT, *recording.GPS)}
+NOTE = "The pitot's pressure is taken as dynamic pressure: without flow angles the probe's calibration cannot be used."
+
+
+def recording_of(log: Log) -> FlightRecording:
+    """The channels of a log of the daemon; its clock starts at the first airspeed, or at the first GPS without one."""
+    start_ns = next(log.entries[topic][0].time_ns for topic in ("/probe/airspeed", "/gps") if log.entries.get(topic))
+    channels: dict[str, Channel] = {}
+    for name, (topic, field) in CHANNELS.items():
+        channel = Channel(*samples(log.entries.get(topic, NO_ENTRIES), field, start_ns))
+        if len(channel.t_s) >= READABLE.fewest_samples:
+            channels[name] = channel
+    zero = ZERO_FILE.parsed_if_any(log.attachments.get("zero.json"), f"{log.path}: zero.json")
+    zero_Pa = zero.by_channel().get("q_c_Pa") if zero else None
+    if zero_Pa is not None and (pitot := channels.get(recording.AIRSPEED_PRESSURE)) is not None:
+        channels[recording.AIRSPEED_PRESSURE] = Channel(pitot.t_s, pitot.value - zero_Pa)
+    warm = Channel(*samples(log.entries.get("/static", NO_ENTRIES), "temperature_K", start_ns))
+    first = float(np.mean(warm.value[:50])) if len(warm.value) else float("nan")
+    # The tray warms up: its first reading is that of the air.
+    air = Channel(warm.t_s, np.full(len(warm.t_s), first))
+    missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
+    lacks = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
+    notes = (*log.metadata.get(TABLE, {}).values(), *((lacks, NOTE) if missing else (NOTE,)))
+    return FlightRecording(
+        log.path,
+        channels,
+        {"/static": air},
+        notes,
+        zeroed=zero_Pa is not None,
+        place=_place(log, start_ns),
+        events=in_order(events(log, start_ns)),
+        fix=fix_of_log(log, start_ns),
+    )
+
+
+def _place(log: Log, start_ns: int) -> dict[str, Channel]:
+    latitude, longitude = (
+        Channel(*samples(log.entries.get("/gps", NO_ENTRIES), field, start_ns))
+        for field in ("latitude_deg", "longitude_deg")
+    )
+    if not len(latitude.t_s) or not len(longitude.t_s):
+        return {}
+    return places(latitude.t_s, latitude.value, longitude.at(latitude.t_s))
