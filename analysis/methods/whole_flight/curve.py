@@ -8,7 +8,6 @@ latter needs overwhelming evidence, and gives the curve between the slowest and 
 
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -89,30 +88,12 @@ def flown_aircraft(
     return flown
 
 
-class ElectricalEstimate(NamedTuple):
-    """Electrical power of level flight at the flight's weight and density.
-
-    curve : with noise as its own errors, and those that the whole flight shares by `Source`
-    among_flights : its power with the errors that another flight has anew as its own, and those of the aircraft by name
-    residual_W : (k,) of the windows of time_s (k,)
-    measured_V_mps, measured_W : (k,) the windows reduced to level flight
-    gust_mps, gust_s : standard deviation and correlation time of vertical air motion
-    rho_sigma : standard deviation of the air density, relative
-    shown_efficiency : natural logarithm (n,) of that from battery to thrust, as the flight's energy alone shows it
-    """
+@dataclass(frozen=True)
+class CurveOfFlight:
+    """The curve of a whole flight, and the parameters that it follows from."""
 
     curve: Curve
-    among_flights: Uncertain
     parameters: Estimate
-    airspeed: AirspeedErrors
-    time_s: Array
-    residual_W: Array
-    measured_V_mps: Array
-    measured_W: Array
-    gust_mps: float
-    gust_s: float
-    rho_sigma: float
-    shown_efficiency: Uncertain
 
     @property
     def V_mps(self) -> Array:
@@ -129,6 +110,31 @@ class ElectricalEstimate(NamedTuple):
     @property
     def conditions(self) -> FlightConditions:
         return self.parameters.conditions
+
+
+@dataclass(frozen=True)
+class ElectricalEstimate(CurveOfFlight):
+    """Electrical power of level flight at the flight's weight and density.
+
+    curve : with noise as its own errors, and those that the whole flight shares by `Source`
+    among_flights : its power with the errors that another flight has anew as its own, and those of the aircraft by name
+    residual_W : (k,) of the windows of time_s (k,)
+    measured_V_mps, measured_W : (k,) the windows reduced to level flight
+    gust_mps, gust_s : standard deviation and correlation time of vertical air motion
+    rho_sigma : standard deviation of the air density, relative
+    shown_efficiency : natural logarithm (n,) of that from battery to thrust, as the flight's energy alone shows it
+    """
+
+    among_flights: Uncertain
+    airspeed: AirspeedErrors
+    time_s: Array
+    residual_W: Array
+    measured_V_mps: Array
+    measured_W: Array
+    gust_mps: float
+    gust_s: float
+    rho_sigma: float
+    shown_efficiency: Uncertain
 
 
 def estimate(
@@ -203,8 +209,8 @@ def _estimate(
     at = Condition(weight_N, rho, wing_area_m2)
     return ElectricalEstimate(
         Curve(kind=Kind.ELECTRICAL, condition=at, V_mps=V, power_W=power_W, idle_W=conditions.idle_power_W),
-        _among_flights(power_W, gradient, parameters, _prior(balance, span_m), airspeed),
         parameters,
+        _among_flights(power_W, gradient, parameters, _prior(balance, span_m), airspeed),
         airspeed,
         balance.windows.centers_s,
         fit.residual_W,

@@ -1,6 +1,7 @@
 """Power required and shaft power of level flight, where a propeller's table gives thrust."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -8,9 +9,9 @@ import numpy as np
 
 from flightpower.analysis.curve import Curve
 from flightpower.analysis.estimation.model import NamedValues, PriorMeasurement
-from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, drag_prior, lift_prior
+from flightpower.analysis.methods.whole_flight.curve import CurveOfFlight, ElectricalEstimate, drag_prior, lift_prior
 from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
-from flightpower.analysis.methods.whole_flight.fit import Estimate, estimate_of, most_probable_fit, samples_of
+from flightpower.analysis.methods.whole_flight.fit import estimate_of, most_probable_fit, samples_of
 from flightpower.analysis.methods.whole_flight.flight_table import FlightTable
 from flightpower.analysis.methods.whole_flight.parameters import THRUST_ERRORS
 from flightpower.analysis.methods.whole_flight.settings import SHARED, THRUST, WINDOWS
@@ -72,26 +73,17 @@ class ThrustSource(NamedTuple):
     stand: Sequence[PriorMeasurement] = ()
 
 
-class DragEstimate(NamedTuple):
+@dataclass(frozen=True)
+class DragEstimate(CurveOfFlight):
     """Power required at the speeds of the electrical curve, and what it is made of.
 
     shaft : (n,) shaft power of level flight [W]; NaN where the table does not reach
     motor_efficiency : shaft power by the table over electrical power, mean of the flight under power
     """
 
-    curve: Curve
     shaft: Uncertain
-    parameters: Estimate
     motor_efficiency: float
     measured_speed: bool
-
-    @property
-    def V_mps(self) -> Array:
-        return self.curve.V_mps
-
-    @property
-    def power_W(self) -> Array:
-        return self.curve.power_W.value
 
 
 def drag_estimate(
@@ -147,4 +139,4 @@ def drag_estimate(
 
     power, shaft_power = (parameters.quantity(of) for of in (required, shaft))
     curve = Curve(kind=Kind.POWER_REQUIRED, condition=electrical.curve.condition, V_mps=V, power_W=power)
-    return DragEstimate(curve, shaft_power, parameters, efficiency, measured)
+    return DragEstimate(curve, parameters, shaft_power, efficiency, measured)

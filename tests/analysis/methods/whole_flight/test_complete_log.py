@@ -34,7 +34,7 @@ def test_the_polar_has_the_power_and_the_interval_of_the_curve() -> None:
     parameters = Estimate(NAMES, PARAMETERS, np.diag(np.full(len(NAMES), 1e-12)), shared, CONDITIONS)
     power = Uncertain(drag_W, np.zeros((len(V), len(V))))
     curve = Curve(kind=Kind.POWER_REQUIRED, condition=condition, V_mps=V, power_W=power)
-    drag = DragEstimate(curve, power, parameters, 0.8, True)
+    drag = DragEstimate(curve, parameters, power, 0.8, True)
     estimate = method_estimate(drag)
     assert estimate.polar is not None
     power, error = power_required(V, estimate.polar, condition)

@@ -418,7 +418,7 @@ def test_an_airspeed_by_gps_less_wind_is_as_uncertain_as_the_wind_and_half_the_d
 
 def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None:
     def text_of(**change: object) -> str:
-        return " ".join(_warnings(electrical._replace(**change)))
+        return " ".join(_warnings(dataclasses.replace(electrical, **change)))
 
     assert text_of() == ""
     assert "GPS" in text_of(airspeed=electrical.airspeed._replace(wind_mps=None))
