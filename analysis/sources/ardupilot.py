@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from enum import IntEnum
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,10 +37,9 @@ from flightpower.analysis.sources.recording import (
     FlightRecording,
     channel,
     in_order,
-    measuring_battery,
     modes,
     most_varying,
-    turning_motor,
+    propulsion,
     without_hover,
     without_jumps,
 )
@@ -126,19 +126,10 @@ def read_ardupilot(path: Path) -> FlightRecording:
         fix = fix._replace(unix_at_zero_s=0.0, by_satellites=False)
     batteries = _with_sums(_batteries(tables, BATTERY), parameters)
     controllers = list(_batteries(tables, CONTROLLERS).values())
-    battery, battery_notes = measuring_battery(batteries, controllers)
-    if battery:
-        channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
-    motor, motor_notes = turning_motor(_motors(log))
-    if motor is not None:
-        channels[recording.MOTOR] = motor
-    if (throttle := _throttle(log)) is not None:
-        channels[recording.THROTTLE] = throttle
+    driven, battery_notes, motor_notes = propulsion(batteries, controllers, _motors(log), _throttle(log))
+    channels |= driven
     (channels, thermometers, truth, place), jumps = without_jumps(channels, _thermometers(log), _truth(log), place)
-    hover_notes: list[str] = []
-    if recording.AIRSPEED_PRESSURE in channels:
-        wing = channels[recording.AIRSPEED_PRESSURE]
-        channels[recording.AIRSPEED_PRESSURE], hover_notes = without_hover(wing, _lifting_s(log, wing.t_s))
+    channels, hover_notes = without_hover(channels, partial(_lifting_s, log))
     return FlightRecording(
         path,
         channels,

@@ -24,10 +24,9 @@ from flightpower.analysis.sources.recording import (
     FlightRecording,
     channel,
     in_order,
-    measuring_battery,
     modes,
     most_varying,
-    turning_motor,
+    propulsion,
     vehicle_of,
     without_damage,
     without_hover,
@@ -90,21 +89,15 @@ def read_px4(path: Path) -> FlightRecording:
         Battery(f"battery_status {topic.instance}", topic.channel("voltage_v"), topic.channel("current_a"))
         for topic in topics.get("battery_status", [])
     ]
-    battery, battery_notes = measuring_battery(batteries, _controllers(topics))
-    if battery:
-        channels |= {recording.VOLTAGE: battery.voltage, recording.CURRENT: battery.current}
-    motor, motor_notes = turning_motor(_motors(topics))
-    if motor is not None:
-        channels[recording.MOTOR] = motor
-    if (throttle := most_varying(_throttles(topics))) is not None:
-        channels[recording.THROTTLE] = throttle
+    driven, battery_notes, motor_notes = propulsion(
+        batteries, _controllers(topics), _motors(topics), most_varying(_throttles(topics))
+    )
+    channels |= driven
     place, fix = _place(topics)
     (channels, thermometers, place), jumps = without_jumps(channels, _thermometers(topics), place)
     notes += jumps
-    hover_notes: list[str] = []
-    if recording.AIRSPEED_PRESSURE in channels:  # only now: a long hover is no jump of the clock
-        wing = channels[recording.AIRSPEED_PRESSURE]
-        channels[recording.AIRSPEED_PRESSURE], hover_notes = without_hover(wing, _lifting_s(topics, wing.t_s))
+    # Only now: a long hover is no jump of the clock.
+    channels, hover_notes = without_hover(channels, partial(_lifting_s, topics))
     return FlightRecording(
         path,
         channels,

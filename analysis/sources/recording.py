@@ -212,14 +212,19 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
     return {name: channel for name, channel in ascending.items() if len(channel.t_s) >= READABLE.fewest_samples}, notes
 
 
-def without_hover(airspeed: Channel, lifting_s: Sequence[Array]) -> tuple[Channel, list[str]]:
-    """The airspeed without the times in which a VTOL's lifting motors run, and a note; so no balance is made there.
+def without_hover(
+    channels: Mapping[str, Channel], lifting_s: Callable[[Array], Sequence[Array]]
+) -> tuple[dict[str, Channel], list[str]]:
+    """The channels with no airspeed where a VTOL's lifting motors run, and a note; so no balance is made there.
 
-    lifting_s: times (n,) at which the autopilot lets them run.
+    lifting_s: times (n,) at which the autopilot lets them run, by those of the airspeed.
     """
-    t_s = np.sort(np.concatenate([*lifting_s, np.empty(0)]))
+    airspeed = channels.get(AIRSPEED_PRESSURE)
+    if airspeed is None:
+        return {**channels}, []
+    t_s = np.sort(np.concatenate([*lifting_s(airspeed.t_s), np.empty(0)]))
     if not len(t_s):
-        return airspeed, []
+        return {**channels}, []
     after = np.searchsorted(t_s, airspeed.t_s)
     nearest = np.minimum(
         np.abs(airspeed.t_s - t_s[np.clip(after, 0, len(t_s) - 1)]),
@@ -227,9 +232,9 @@ def without_hover(airspeed: Channel, lifting_s: Sequence[Array]) -> tuple[Channe
     )
     wing = nearest > READABLE.hover_s
     if wing.all():
-        return airspeed, []
+        return {**channels}, []
     note = f"The lifting motors ran in {100 * np.mean(~wing):.0f} % of the log: hover and assisted flight are left out."
-    return Channel(airspeed.t_s[wing], airspeed.value[wing]), [note]
+    return {**channels, AIRSPEED_PRESSURE: Channel(airspeed.t_s[wing], airspeed.value[wing])}, [note]
 
 
 def _without_single_times(channel: Channel) -> Channel:
@@ -391,6 +396,18 @@ def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]
     if len(turning) > 1:
         return None, [f"{len(turning)} motors turn in this log; motor speed is used of a single one only."]
     return (turning[0], []) if turning else (None, [])
+
+
+def propulsion(
+    batteries: Sequence[Battery], controllers: Sequence[Battery], motors: Sequence[Channel], throttle: Channel | None
+) -> tuple[dict[str, Channel], list[str], list[str]]:
+    """Channels of the battery that feeds the motor, of the motor and of the throttle; notes on battery and motor."""
+    battery, battery_notes = measuring_battery(batteries, controllers)
+    motor, motor_notes = turning_motor(motors)
+    results = {MOTOR: motor, THROTTLE: throttle}
+    if battery:
+        results |= {VOLTAGE: battery.voltage, CURRENT: battery.current}
+    return {name: item for name, item in results.items() if item is not None}, battery_notes, motor_notes
 
 
 def most_varying(channels: Sequence[Channel]) -> Channel | None:

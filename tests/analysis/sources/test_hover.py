@@ -51,7 +51,8 @@ def test_a_flight_on_the_wing_is_whole(tmp_path: Path, lift: np.ndarray | None) 
 
 
 def test_the_wing_carries_alone_only_after_the_motors_have_stopped() -> None:
-    airspeed = Channel(T_S, 0 * T_S + 100.0)
-    left, _ = without_hover(airspeed, [np.array([20.0]), np.array([10.0])])
-    gone = np.setdiff1d(T_S, left.t_s)
+    channels = {recording.AIRSPEED_PRESSURE: Channel(T_S, 0 * T_S + 100.0), recording.STATIC: Channel(T_S, 0 * T_S)}
+    left, _ = without_hover(channels, lambda t_s: [np.array([20.0]), np.array([10.0])])
+    assert left[recording.STATIC] is channels[recording.STATIC] and without_hover({}, lambda t_s: [t_s]) == ({}, [])
+    gone = np.setdiff1d(T_S, left[recording.AIRSPEED_PRESSURE].t_s)
     assert np.all((np.abs(gone - 10) <= 1.0 + 1e-9) | (np.abs(gone - 20) <= 1.0 + 1e-9)) and len(gone) >= 38
