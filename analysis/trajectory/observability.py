@@ -25,7 +25,7 @@ from flightpower.analysis.settings import EVIDENCE
 from flightpower.analysis.sources.grid_settings import STATISTICS
 from flightpower.analysis.trajectory.consistency import time_shift_notes
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
-from flightpower.analysis.trajectory.priors import NEGLIGIBLE, PRIOR_MEAN, ZEROS
+from flightpower.analysis.trajectory.priors import PRIOR_MEAN, PRIOR_SIGMA, ZEROS
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.analysis.trajectory.settings import GUSTS, PRIOR_CHECK, SHOWN
 from flightpower.analysis.trajectory.smoother import StatesGivenErrors
@@ -133,7 +133,6 @@ def excitation(trajectory: Trajectory) -> FlightExcitation:
 
 
 _AIR_DATA = frozenset({"alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag"})
-_STATED = frozenset({"probe_ahead"})  # not estimated where the aircraft file has it
 _CROSSWIND = frozenset({"V_scale", "beta_bias", "ay_bias", "r_bias"})  # a steady wind on one heading acts like these
 # Whether it is lacking, and the sensor errors that are then not determined.
 _MISSING_EXCITATION: dict[MissingExcitation, tuple[Callable[[FlightExcitation], bool], frozenset[str]]] = {
@@ -158,18 +157,19 @@ def missing(name: str, flight: FlightExcitation) -> tuple[MissingExcitation, ...
 def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
     """Each of SENSOR_ERRORS that a flight determines, those with the largest effect on power first.
 
-    Without the zeros of the pressures, which rest shows and not flight; the compass only where one was used.
+    Without the zeros of the pressures, which rest shows and not flight; the compass only where one was used, and the
+    place of the probe where the aircraft file does not say it.
     """
     flight = excitation(trajectory)
     left_out = {*ZEROS} if "compass" in trajectory.residuals else {*ZEROS, "heading_bias"}
+    if trajectory.prior_standard_error("probe_ahead") <= 2 * PRIOR_SIGMA["probe_ahead"]:
+        left_out.add("probe_ahead")
     estimates = []
     for name, kind in SENSOR_ERROR_KINDS.items():
         if name in left_out:
             continue
         title, (factor, unit) = kind.title, kind.shown
         sigma, prior = trajectory.standard_error(name), trajectory.prior_standard_error(name)
-        if name in _STATED and prior <= 2 * NEGLIGIBLE:
-            continue  # the aircraft file has it
         determined = sigma < STATISTICS.determined_share * prior
         reasons = () if determined else missing(name, flight)
         value = factor * trajectory.value(name)

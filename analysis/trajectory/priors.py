@@ -67,9 +67,6 @@ CHANGE_OF_ZERO = "change_of_zero"  # between rest and flight; also of the angle-
 POSITION_ERROR = "position_error"  # an error of airspeed in proportion to the lift coefficient
 
 
-NEGLIGIBLE = 1e-6  # SI: of an error that is not there: the covariance keeps an inverse
-
-
 def stated_sigma(
     uncertainty: Uncertainty, wing_loading_Pa: float = 0.0, *, motor_speed: bool = True
 ) -> Mapping[str, float]:
@@ -84,7 +81,8 @@ def stated_sigma(
     """
     swing_s = 20.0
     accelerometer = uncertainty.accelerometer_offset_mps2
-    vibration = uncertainty.accelerometer_vibration_mps2 if motor_speed else NEGLIGIBLE
+    negligible = 1e-6  # of an error that is not there: the covariance keeps an inverse
+    vibration = uncertainty.accelerometer_vibration_mps2 if motor_speed else negligible
     return MappingProxyType({
         **{name: sigma for name, (_, sigma) in PRIORS.unstated.items()},
         "ax_bias": accelerometer, "ay_bias": accelerometer, "az_bias": accelerometer,
@@ -95,8 +93,8 @@ def stated_sigma(
         "air_data_lag": math.hypot(uncertainty.air_data_lag_s, uncertainty.hysteresis_fraction * swing_s / 2),
         "dp_alpha_zero": PRIORS.unmeasured_zero_Pa, "q_c_zero": PRIORS.unmeasured_zero_Pa,
         "ax_vibration": vibration, "az_vibration": vibration,
-        "alpha_per_g": uncertainty.boom_bending_rad, "probe_ahead": NEGLIGIBLE,
-        "updraft": max(uncertainty.updraft_mps, NEGLIGIBLE),  # may be stated as 0
+        "alpha_per_g": uncertainty.boom_bending_rad, "probe_ahead": negligible,
+        "updraft": max(uncertainty.updraft_mps, negligible),  # may be stated as 0
         CHANGE_OF_ZERO: uncertainty.transducer_zero_Pa,
         POSITION_ERROR: 2 * uncertainty.airspeed_per_lift_fraction * wing_loading_Pa,
     })  # fmt: skip
@@ -120,7 +118,7 @@ def upwash_slope_sigma(aircraft: Aircraft) -> float:
 def probe_ahead_sigma_m(aircraft: Aircraft) -> float:
     """Standard deviation [m] of the place of the probe ahead of the center of gravity; hardly any where the file gives
     it."""
-    return NEGLIGIBLE if aircraft.has(PROBE_POSITION) else PRIORS.probe_ahead_m
+    return PRIOR_SIGMA["probe_ahead"] if aircraft.has(PROBE_POSITION) else PRIORS.probe_ahead_m
 
 
 class SensorPriors(NamedTuple):
@@ -142,7 +140,7 @@ class SensorPriors(NamedTuple):
     factor: ArrayLike = 1.0
     height_noise: float = 1.0
     resolution: Mapping[str, float] = MappingProxyType({})
-    probe_ahead_m: float = NEGLIGIBLE
+    probe_ahead_m: float = PRIOR_SIGMA["probe_ahead"]
 
 
 def sensor_error_prior(
