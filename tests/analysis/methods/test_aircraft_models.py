@@ -1,6 +1,7 @@
 """The aircraft models against a Nexstar simulated here with an adaptive integrator and a simple control law."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -332,3 +333,16 @@ def test_sensors_show_scale_times_the_truth_plus_bias():
         assert (true["V"], true["alpha"]) == (18.0, 0.05)
         assert shown["V"] == pytest.approx(18.0 * 1.03 + 0.4) and shown["alpha"] == pytest.approx(0.05 * 1.1 + 0.02)
         assert (shown["ax"] - true["ax"], shown["az"] - true["az"]) == pytest.approx((0.3, -0.5))
+
+
+def test_each_derivative_of_the_forces_multiplies_what_it_is_named_after() -> None:
+    """(2.14), (2.15) at 0.1 rad and an elevator of 0.2 rad."""
+    names = ("CX0", "CXa", "CXa2", "CXde", "CZ0", "CZa", "CZa2", "CZde")
+    shares = (1.0, 0.1, 0.01, 0.2)
+    for i, name in enumerate(names):
+        force_coefficients = aircraft_models.force_coefficients(
+            0.1, 0.2, SimpleNamespace(**(dict.fromkeys(names, 0.0) | {name: 3.0}))
+        )
+        expected = [0.0, 0.0]
+        expected[i // 4] = 3.0 * shares[i % 4]
+        assert force_coefficients == pytest.approx(expected)

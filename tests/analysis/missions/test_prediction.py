@@ -19,9 +19,11 @@ from route_data import (
 from flightpower.analysis.curve import Condition
 from flightpower.analysis.missions.energy import energy_and_time
 from flightpower.analysis.missions.mission import Speed, Wind
-from flightpower.analysis.missions.power import AerodynamicPower
-from flightpower.analysis.missions.prediction import Objective, Route, predict
+from flightpower.analysis.missions.power import AerodynamicPower, _overall_efficiency
+from flightpower.analysis.missions.prediction import NoReturn, Objective, Route, predict
+from flightpower.analysis.missions.route_text import _no_return
 from flightpower.analysis.performance.stored_model import model_of
+from flightpower.analysis.records.flight import PowerPoint
 from flightpower.analysis.trajectory import dryden
 from flightpower.flight.errors import InputError
 
@@ -243,3 +245,21 @@ def test_a_faster_leg_takes_the_gain_of_kinetic_energy_and_a_slower_one_gives_it
 def test_the_same_mission_gives_the_same_result() -> None:
     first, second = (predict(aerodynamic_results(), legs(TRIANGLE), flight(WIND)) for _ in range(2))
     assert first == second
+
+
+def test_the_point_of_no_return_is_told_in_kilometers() -> None:
+    no_return = _no_return(NoReturn(leg="leg 3", route_m=12_340.0, from_home_m=5_670.0), 0.95)
+    assert "12.34 km along the route, on leg 3, 5.67 km from home" in no_return and "less than 95 % sure" in no_return
+    assert "at least 95 %" in _no_return(None, 0.95)
+
+
+@pytest.mark.parametrize(("of_battery", "result"), [(0.05, 0.1), (0.15, 0.15), (0.5, 0.5), (0.95, 0.9)])
+def test_the_efficiency_is_power_required_over_that_of_the_motor_within_a_tenth_and_nine(
+    of_battery: float, result: float
+) -> None:
+    """The battery drives an idling 5 W besides; at other speeds than those of power required."""
+    required = [PowerPoint(speed_mps=v, power_W=6 * v, power_lo_W=5 * v, power_hi_W=7 * v) for v in (12.0, 14.0)]
+    battery = [
+        PowerPoint(speed_mps=v, power_W=6 * v / of_battery + 5, power_lo_W=0, power_hi_W=0) for v in (10.0, 13.0, 16.0)
+    ]
+    assert _overall_efficiency(required, battery, 5.0) == pytest.approx(result)

@@ -71,6 +71,22 @@ def solution(noisy):
     return _solve(noisy, noisy.initial_states, noisy.initial_errors, 0.05, iterations=40, tolerance=SOLVER.converged[1])
 
 
+def test_over_a_lost_step_attitude_and_velocity_are_known_to_half_a_turn_and_twice_gravity(noisy) -> None:
+    """Of a specific force of g in an unknown direction, and g itself, over a step; other steps keep their weights."""
+    x, lost = noisy.initial_states, 7
+    before = noisy.process_model(x, 0.3).weight
+    noisy.lost[lost] = True
+    try:
+        after = noisy.process_model(x, 0.3).weight
+    finally:
+        noisy.lost[lost] = False
+    assert 1 / after[lost, :3] == pytest.approx([np.pi] * 3)
+    assert 1 / after[lost, 3:6] == pytest.approx([2 * 9.80665 * noisy.blocks.step_s] * 3)
+    assert np.all(before[lost, :6] > 2 * after[lost, :6])
+    others = np.arange(len(before)) != lost
+    assert np.array_equal(after[others], before[others])
+
+
 def test_a_converged_solution_does_not_move(noisy, solution) -> None:
     """One more step moves every sensor error by less than a fiftieth of its standard error."""
     assert solution.converged
