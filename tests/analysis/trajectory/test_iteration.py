@@ -72,7 +72,7 @@ def solution(noisy):
 
 
 def test_over_a_lost_step_attitude_and_velocity_are_known_to_half_a_turn_and_twice_gravity(noisy) -> None:
-    """Of a specific force of g in an unknown direction, and g itself, over a step; other steps keep their weights."""
+    """A specific force of g in an unknown direction, and g itself, act over a step; other steps keep their weights."""
     x, lost = noisy.initial_states, 7
     before = noisy.process_model(x, 0.3).weight
     noisy.lost[lost] = True
