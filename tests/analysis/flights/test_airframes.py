@@ -2,6 +2,7 @@
 
 import html
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.flights.airframes import airframes, fleet_curve, random_effects
 from flightpower.analysis.flights.dataset import Dataset
 from flightpower.analysis.flights.fleet_summary import fleet_results
-from flightpower.analysis.pages.fleet_page import doubts, render_fleet
+from flightpower.analysis.pages.fleet_page import doubts, history_figure, render_fleet
 from flightpower.analysis.records.fleet import Contradiction, What
 from flightpower.analysis.records.flight import Trust
 
@@ -142,3 +143,11 @@ def test_one_flight_under_the_names_of_two_airframes_is_told(tmp_path: Path) -> 
         "one-001.mcap",
     )
     assert "and 1 more are flights of one" in contradiction.text
+
+
+def test_the_history_is_drawn_over_days_that_are_told_as_dates() -> None:
+    """From 1 May 2024, 19844 days after 1 January 1970, every two days; a figure in UTC."""
+    shares = dict.fromkeys(("drag_half_width_percent", "thrust_percent", "thrust_half_width_percent"), 1.0)
+    history = [SimpleNamespace(start_unix_s=86400.0 * (19844 + 2 * i), drag_percent=i, **shares) for i in range(3)]
+    figure = history_figure(SimpleNamespace(history=history, changes=[]))  # type: ignore[arg-type]
+    assert figure.x.ticks == {19844.0: "2024-05-01", 19846.0: "2024-05-03", 19848.0: "2024-05-05"}

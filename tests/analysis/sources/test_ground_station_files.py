@@ -12,7 +12,7 @@ from flightpower.analysis.sources.ardupilot import read_ardupilot
 from flightpower.analysis.sources.ardupilot_messages import all_channels
 from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
 from flightpower.analysis.sources.recording import FlightRecording
-from flightpower.analysis.sources.telemetry import TelemetryLog
+from flightpower.analysis.sources.telemetry import TelemetryLog, _complete
 from flightpower.flight.errors import InputError
 from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash, write_text
 from flightpower.sim.telemetry_writer import write_telemetry
@@ -206,3 +206,14 @@ def test_a_term_named_like_an_instance_is_none(tmp_path: Path) -> None:
     assert channels["POS.Lat"]().value[0] == pytest.approx(48.1234567) and channels["POS.Lng"]().value[
         -1
     ] == pytest.approx(2.0)
+
+
+def test_px4_s_message_of_all_sensors_stands_in_for_pressure_and_acceleration() -> None:
+    """Celsius becomes hundredths, m/s^2 thousandths of g, as the messages have them that it replaces."""
+    item = np.ones(2)
+    names = ("abs_pressure", "diff_pressure", "temperature", "xacc", "yacc", "zacc")
+    tables = {"HIGHRES_IMU": {"TimeUS": item} | {name: (i + 1) * item for i, name in enumerate(names)}}
+    _complete(tables)
+    pressure, force = tables["SCALED_PRESSURE"], tables["RAW_IMU"]
+    assert (pressure["press_abs"][0], pressure["press_diff"][0], pressure["temperature"][0]) == (1.0, 2.0, 300.0)
+    assert [force[f"{axis}acc"][0] * 9.80665 / 1000 for axis in "xyz"] == pytest.approx([4.0, 5.0, 6.0])
