@@ -29,7 +29,8 @@ class MissedTicks:
             return []
         longest_s = self._longest * self._period_ns / 1e9
         stalled = self._longest * self._period_ns >= STALL_NS
-        text = f"{self._unreported} ticks missed, {longest_s:.1f} s in a row: stop other programs on this computer"
+        longest = f"{longest_s:.1f} s" if longest_s >= 0.1 else "less than 0.1 s"
+        text = f"{self._unreported} ticks missed, {longest} in a row: stop other programs on this computer"
         self._unreported = self._longest = 0
         self._reported_ns = now_ns
         return [Event(severity="error" if stalled else "warning", sensor="daq", text=text)]

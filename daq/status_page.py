@@ -154,7 +154,7 @@ def _logs(directory: Path) -> list[Row]:
             rows.append((path.name, f"{path.stat().st_size / 1e6:.1f} MB", True))
         except OSError:
             continue
-    return rows or [("none", f"in {directory}", True)]
+    return rows or [("none", f"named log-NNNN.mcap in {directory}", True)]
 
 
 def _zero(path: Path) -> Row:

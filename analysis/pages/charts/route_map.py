@@ -85,4 +85,5 @@ def _line(points: Sequence[tuple[float, float]], color: str) -> str:
 
 
 def _text(x: float, y: float, text: str) -> str:
-    return f'<text x="{x:.0f}" y="{y:.0f}">{text}</text>'
+    """Text with a white edge, since it may lie over a line."""
+    return f'<text x="{x:.0f}" y="{y:.0f}" paint-order="stroke" stroke="white" stroke-width="4">{text}</text>'

@@ -55,7 +55,7 @@ def open_page(
         token = secrets.token_urlsafe(24)
         address = f"http://127.0.0.1:{at.getsockname()[1]}/{token}/" + (f"#{quote(first)}" if first else "")
         reading = _read_apart(folder / first) if first.endswith(".mcap") else None
-        print(f"{address}\nThe page of {folder} is open until Ctrl-C.", flush=True)
+        print(f"{address}\nThe page of {folder.resolve()} is open until Ctrl-C.", flush=True)
         if browser:
             webbrowser.open(address)
         # A pool of threads costs several times the processor time of these small matrices.

@@ -130,7 +130,11 @@ class LocalPage:
                 return Answer(HTML, self.folder.report(name), REPORT_POLICY)
             case "GET", ["logs"]:
                 return _json(
-                    {"folder": str(self.folder.path), "logs": self.folder.listed(), "polars": self.folder.polars()}
+                    {
+                        "folder": str(self.folder.path.resolve()),
+                        "logs": self.folder.listed(),
+                        "polars": self.folder.polars(),
+                    }
                 )
             case "POST", ["open" | "curve" | "write" | "channels" | "strips" as action]:
                 return self._computed(action, _values(environ))
