@@ -240,7 +240,7 @@ class Options(LogOptions):
     ] = None
     mass_kg: Annotated[
         float | None,
-        Quantity("--mass", "kg", '"9 lb"', above=0, most=1000).as_option(
+        Quantity("--mass", "kg", '"9 lb"', least=0.01, most=1000).as_option(
             'Mass [kg], such as 9.4 or "21 lb", for a log of an autopilot.'
         ),
     ] = None

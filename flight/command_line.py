@@ -178,7 +178,8 @@ def _usage(error: Any, name: str) -> str:
         error.show()
         sys.exit(ExitCode.BAD_INPUT)
     command = error.ctx.command_path if error.ctx else name
-    return f"{error.format_message().rstrip('.')}; see `{command} --help`"
+    message = " ".join(error.format_message().split())  # choices are listed with tabs between them
+    return f"{message.rstrip('.')}; see `{command} --help`"
 
 
 DECIMAL_COMMA = re.compile(r"-?\d+,\d+(?! *,)")

@@ -210,7 +210,12 @@ def _unknown(start: bytes) -> str:
 
 
 def first_bytes(path: Path, count: int = START_BYTES) -> bytes:
-    """The first bytes of a file as they are. Raises InputError when it cannot be read."""
+    """The first bytes of a file as they are. Raises InputError when it cannot be read.
+
+    A pipe or a device is refused: opening one may wait forever, and a file is read several times.
+    """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise InputError(f"{path}: is a pipe or a device; save the log as a file, and give that")
     try:
         with path.open("rb") as stream:
             return stream.read(count)

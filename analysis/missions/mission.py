@@ -6,7 +6,7 @@ Positions are meters east and north of home, heights above it. Airspeeds are equ
 import re
 from collections.abc import Sequence
 from itertools import pairwise
-from math import atan2, cos, degrees, hypot, radians, sin
+from math import atan2, cos, degrees, hypot, pi, radians, sin
 from typing import NamedTuple
 
 from flightpower.analysis.missions.items import Start
@@ -150,6 +150,8 @@ def parse_legs(text: str, height_m: float) -> Mission:
                 ' or "drop 0.5 kg"'
             )
         distance_m, course_deg = to_si(leg["distance"], "m", where), _degrees(leg["course"], where)
+        if distance_m > pi * EARTH_RADIUS_M:
+            raise InputError(f"{where}: no two places are {distance_m / 1000:.3g} km apart; check its length")
         climb_m = to_si(leg["climb"].replace(" ", ""), "m", where) if leg["climb"] else 0.0
         course = radians(course_deg)
         place = Place(

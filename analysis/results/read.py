@@ -12,6 +12,7 @@ import msgspec
 
 from flightpower.analysis.methods.whole_flight.parameters import DRAG, LIFT, PROPELLER, prior_error
 from flightpower.analysis.performance.settings import ASKED
+from flightpower.analysis.records.fleet import FORMAT as FLEET_FORMAT
 from flightpower.analysis.records.flight import (
     FORMAT,
     POOLING_FORMAT,
@@ -24,6 +25,7 @@ from flightpower.analysis.records.flight import (
     Trust,
     WithCurves,
 )
+from flightpower.analysis.records.pool import COMPARISON_FORMAT, POOLED_FORMAT
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import json_object_text
 
@@ -37,6 +39,11 @@ NO_VERDICT = Evidence(
 Json = dict[str, Any]
 Read = TypeVar("Read", bound=WithCurves)
 
+OF_SEVERAL = {
+    POOLED_FORMAT: "the results of several flights",
+    COMPARISON_FORMAT: "a comparison",
+    FLEET_FORMAT: "a fleet",
+}
 FORMATS = (FORMAT, "flightpower-results-2")  # the newest first
 RESULTS_OF = "results of `analyze`"
 # Errors that a curve's flights share were numbered by the parameters of the energy balance.
@@ -67,12 +74,16 @@ def read_results(content: Path | Mapping[str, Any] | Results, where: str = "") -
 
 
 def read_file(path: Path, record: type[Read], formats: Sequence[str] = FORMATS) -> Read:
-    """A results.json as a record. Raises InputError where it cannot be read, or is something else."""
+    """A results.json as a record; of a folder that `analyze` wrote, the one in it.
+
+    Raises InputError where it cannot be read, or is something else.
+    """
     return as_record(read_json(path), record, str(path), formats)
 
 
 def read_json(path: Path) -> Json:
-    """The content of a results.json. Raises InputError where it cannot be read, or is no object."""
+    """The content of a results.json, or of the one in a folder. Raises InputError where none can be read."""
+    path = path / "results.json" if path.is_dir() else path
     try:
         return msgspec.json.decode(json_object_text(path, RESULTS_OF), type=Json)
     except (msgspec.MsgspecError, RecursionError) as error:
@@ -86,6 +97,11 @@ def as_record(content: Mapping[str, Any], record: type[Read], where: str, format
     """
     form = content.get("format", formats[0])
     if form not in formats:
+        if form in OF_SEVERAL:
+            raise InputError(
+                f"{where}: holds {OF_SEVERAL[form]}, and one flight's results are needed here; give the results.json in"
+                " that flight's folder"
+            )
         raise InputError(f"{where}: format {form!r} is not supported; expected {formats[0]!r}")
     try:
         return msgspec.convert(upgraded(content), record)

@@ -29,11 +29,8 @@ def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecordi
     """
     refuse_folder(path)
     autopilot = autopilot_of(path)
-    if autopilot:
-        return read_autopilot_log(path, autopilot)
-    if format_of(path) is not Format.DAEMON and (other := reader_of(path)) is not None:
-        return read_by(other, path)
-    if is_table(path):
+    other = reader_of(path) if not autopilot and format_of(path) is not Format.DAEMON else None
+    if not autopilot and other is None and is_table(path):
         from flightpower.analysis.sources.table import log_of_table  # loads pandas
 
         return log_of_table(path, columns)
@@ -41,7 +38,9 @@ def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecordi
         raise InputError(
             f"{path}: --columns: only for tables (CSV, Parquet, .mat), and this file is not a table; leave it out"
         )
-    return read_log(path)
+    if autopilot:
+        return read_autopilot_log(path, autopilot)
+    return read_log(path) if other is None else read_by(other, path)
 
 
 def has_log_suffix(name: str) -> bool:

@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import os
 import struct
 import zipfile
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from flightpower.analysis.flights.campaign.addresses import find_logs
 from flightpower.analysis.sources.open import open_source
 from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
 from flightpower.flight.errors import InputError
@@ -27,6 +29,15 @@ def archive(*names: str) -> bytes:
 def heartbeats() -> bytes:
     encoder = mavlink.MAVLink(None)
     return b"".join(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 0, 3).pack(encoder) for _ in range(5))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.ulg")
+    with pytest.raises(InputError, match=r"pipe\.ulg: is a pipe or a device; save the log as a file"):
+        format_of(tmp_path / "pipe.ulg")
+    logs = find_logs([str(tmp_path)])
+    assert not logs.logs and "no logs in this folder" in logs.failures[0]
 
 
 LINES = b"time [s],speed [m/s]\n" + b"".join(b"%d,12.5\n" % i for i in range(40))

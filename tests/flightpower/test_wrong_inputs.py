@@ -46,6 +46,9 @@ WRONG = {
     "flightpower export stood.mcap --to mat -o probe.json": "probe.json: exists already; give --replace",
     "flightpower export stood.mcap --to csv -o flown": "flown: is not empty; give --replace",
     # analyze: the log
+    "analyze stood.mcap --mass '1e-9 kg'": "--mass 1e-9 kg: should be at least 0.01 and at most 1000 kg",
+    "flightpower parameters probe.json -o new": "Choose from: ardupilot, px4, inav; see",
+    "flightpower parameters folder --for px4 -o new": "folder/results.json: cannot be read (No such file",
     "flightpower open mine.toml --no-browser": "mine.toml: text, which is not read",
     "flightpower open binary.bin --no-browser": "binary.bin: a file that begins with the bytes",
     "analyze missing.mcap": "missing.mcap: cannot be read",

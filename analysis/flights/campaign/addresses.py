@@ -104,7 +104,9 @@ def find_logs(given: Sequence[str]) -> FoundLogs:
                 listing.logs += listed
             elif (folder := Path(argument)).is_dir():
                 listing.in_folders = True
-                inside = sorted(path for path in folder.rglob("*") if path.suffix.lower() in suffixes())
+                inside = sorted(
+                    path for path in folder.rglob("*") if path.suffix.lower() in suffixes() and path.is_file()
+                )
                 if not inside:
                     raise InputError(f"{folder}: no logs in this folder{RESULTS_HERE if _has_results(folder) else ''}")
                 listing.logs += inside
@@ -176,7 +178,13 @@ def _asked(address: str, ask: Callable[[], T]) -> T:
             return ask()
         except Exception as error:  # of each library its own kinds
             if pause_s > left_s or isinstance(error, FOR_GOOD):
-                cause = " ".join(str(error).replace(address, shown(address)).split()) or type(error).__name__
+                message = " ".join(str(error).replace(address, shown(address)).split())
+                # A missing file's error holds the address alone.
+                cause = (
+                    message
+                    if message not in ("", shown(address))
+                    else "nothing answers there, or there is no such file"
+                )
                 raise InputError(f"{shown(address)}: cannot be read ({cause})") from None
             time.sleep(pause_s)
             pause_s, left_s = 2 * pause_s, left_s - pause_s

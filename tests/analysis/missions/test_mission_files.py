@@ -478,6 +478,12 @@ def test_legs_and_wind_are_what_their_texts_say() -> None:
     assert parse_wind("0 m/s", 1.0).mps == 0
 
 
+def test_a_leg_in_another_unit_of_length_is_refused() -> None:
+    assert len(parse_legs("20000 km 045", 100.0).steps) == 1
+    with pytest.raises(InputError, match=r"no two places are 9\.26e\+13 km apart; check its length"):
+        parse_legs("3 parsec 045", 100.0)
+
+
 def test_only_a_mission_that_ends_away_from_home_is_continued() -> None:
     away = with_return(parse_legs("3 km 090", 100.0), ends_by_landing=False)
     assert len(away.steps) == 2 and len(away.notes) == 1

@@ -7,7 +7,9 @@ from typing import Any
 import msgspec
 import pytest
 
+from flightpower.analysis.records.fleet import FORMAT as FLEET_FORMAT
 from flightpower.analysis.records.flight import FORMAT, EvidenceKind, Kind, PoolingStatistics, PowerStatistics, Trust
+from flightpower.analysis.records.pool import COMPARISON_FORMAT, POOLED_FORMAT
 from flightpower.analysis.results.files import to_json
 from flightpower.analysis.results.read import as_record, read_results
 from flightpower.flight.errors import InputError
@@ -131,3 +133,18 @@ def test_what_is_no_result_is_refused_in_one_line(change: dict[str, Any], messag
     assert str(error.value).startswith("a.json: ") and "\n" not in str(error.value)
     with pytest.raises(InputError):
         as_record({**drag(), **change}, type(aerodynamic_flight()), "a.json")
+
+
+@pytest.mark.parametrize(
+    ("form", "what"),
+    [(POOLED_FORMAT, "the results of several flights"), (COMPARISON_FORMAT, "a comparison"), (FLEET_FORMAT, "a fleet")],
+)
+def test_results_of_several_flights_are_told_from_those_of_one(tmp_path: Path, form: str, what: str) -> None:
+    (tmp_path / "results.json").write_text(json.dumps({"format": form}))
+    with pytest.raises(InputError, match=f"holds {what}, and one flight's results are needed here"):
+        read_results(tmp_path / "results.json")
+
+
+def test_a_folder_that_analyze_wrote_stands_for_the_results_in_it(tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_bytes(to_json(electrical_flight()))
+    assert to_json(read_results(tmp_path)) == to_json(read_results(tmp_path / "results.json"))

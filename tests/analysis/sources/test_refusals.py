@@ -37,8 +37,7 @@ def floats(value: float, n: int = 1000) -> np.ndarray:
 
 AIRSPEED = topic("airspeed_validated", {"indicated_airspeed_m_s": floats(1.0)})
 BARO = topic("vehicle_air_data", {"baro_pressure_pa": floats(1e5)})
-# 40 s on the ground, then 160 s some 85 m above it.
-BARO_IN_FLIGHT = topic("vehicle_air_data", {"baro_pressure_pa": floats(1e5) - 1000.0 * (np.arange(1000) > 200)})
+CLIMB = topic("vehicle_air_data", {"baro_pressure_pa": floats(1e5) - np.linspace(0, 1000, 1000, dtype=np.float32)})
 BATTERY = topic("battery_status", {"voltage_v": floats(15.0), "current_a": floats(1.0)})
 
 
@@ -68,12 +67,10 @@ def test_nobody_is_asked_to_measure_an_aircraft_for_a_log_without_a_curve(tmp_pa
     write_ulog(path, UlogContents([status(2, 1), AIRSPEED, BARO]))
     with pytest.raises(InputError, match="the log lacks battery"):
         analyze_recording(read_px4(path), Options(), lambda _: None)
-    write_ulog(path, UlogContents([status(2, 1), AIRSPEED, BARO, BATTERY]))
-    with pytest.raises(InputError, match="for 0 s in the air"):
-        analyze_recording(read_px4(path), Options(), lambda _: None)
-    write_ulog(path, UlogContents([status(2, 1), AIRSPEED, BARO_IN_FLIGHT, BATTERY]))
-    with pytest.raises(InputError, match="--mass"):
-        analyze_recording(read_px4(path), Options(), lambda _: None)
+    for height, refusal in ((BARO, "for 0 s in the air; 60 s"), (CLIMB, "--mass")):
+        write_ulog(path, UlogContents([status(2, 1), AIRSPEED, height, BATTERY]))
+        with pytest.raises(InputError, match=refusal):
+            analyze_recording(read_px4(path), Options(), lambda _: None)
 
 
 @pytest.fixture
@@ -96,9 +93,8 @@ def test_the_format_is_that_of_the_first_bytes(tmp_path: Path, log: Path) -> Non
 
 
 def test_what_the_aircraft_is_must_be_given(tmp_path: Path) -> None:
-    log = tmp_path / "flight.ulg"
-    write_ulog(log, UlogContents([status(2, 1), AIRSPEED, BARO_IN_FLIGHT, BATTERY]))
-    done = CliRunner().invoke(app, [str(log), "--mass", "9.4 kg"])
+    write_ulog(tmp_path / "log.ulg", UlogContents([status(2, 1), AIRSPEED, CLIMB, BATTERY]))
+    done = CliRunner().invoke(app, [str(tmp_path / "log.ulg"), "--mass", "9.4 kg"])
     assert isinstance(done.exception, InputError) and '--wing-area "1.5 m^2"' in str(done.exception)
 
 
@@ -108,6 +104,8 @@ def test_options_of_the_daemons_logs_are_refused(tmp_path: Path, log: Path) -> N
     assert isinstance(done.exception, InputError) and "--probe: has no effect" in str(done.exception)
     done = CliRunner().invoke(app, [str(log), *given, "--weight", "9 kg"])
     assert isinstance(done.exception, InputError) and "--mass and --weight" in str(done.exception)
+    done = CliRunner().invoke(app, [str(log), *given, "--columns", "map.toml"])
+    assert isinstance(done.exception, InputError) and "--columns: only for tables" in str(done.exception)
     done = CliRunner().invoke(app, [str(log), *given[:-3], "4 kg"])
     assert isinstance(done.exception, InputError) and "--span 4 kg" in str(done.exception)
 
