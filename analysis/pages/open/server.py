@@ -31,7 +31,7 @@ from flightpower.analysis.pages.open.folder_files import POLARS, is_polar
 from flightpower.analysis.pages.open.request import LIMITS, FieldError, Values
 from flightpower.analysis.pages.predicted_polar import read_predicted_polar
 from flightpower.analysis.sources.column_map import BESIDE, load_map, map_files
-from flightpower.analysis.sources.open import is_table
+from flightpower.analysis.sources.open import is_table, suffixes
 from flightpower.analysis.sources.recognize import autopilot_of
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import read_log
@@ -204,7 +204,7 @@ def _recognized(path: Path, suffix: str) -> Dropped:
         if is_polar(path):
             return Dropped.POLAR
         if suffix != ".csv":
-            read_predicted_polar(path)  # says why it is none
+            _refuse_polar(path)
     if autopilot_of(path):
         return Dropped.LOG
     if is_table(path):
@@ -215,6 +215,15 @@ def _recognized(path: Path, suffix: str) -> Dropped:
         return Dropped.TABLE
     read_log(path)
     return Dropped.LOG
+
+
+def _refuse_polar(path: Path) -> None:
+    """Raises InputError with the reason why a file that has the name of a polar is none; it is no log either."""
+    try:
+        read_predicted_polar(path)
+    except InputError as error:
+        reason = str(error).removeprefix(f"{path}: ")
+        raise InputError(f"{path}: no log by its name ({', '.join(suffixes())}), and {reason}") from None
 
 
 def _drafted_map(table: Path) -> str:

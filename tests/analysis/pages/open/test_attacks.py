@@ -173,6 +173,14 @@ def test_a_dropped_log_is_kept_and_opens(page: LocalPage, flown: bytes) -> None:
     )
 
 
+def test_a_text_that_is_dropped_is_refused_as_a_log_too(page: LocalPage) -> None:
+    answer = answer_to(page, "PUT", of("file/readme.txt"), b"Flights of May.\n")
+    content = answer.body.decode()
+    assert answer.status == 422 and content.startswith("readme.txt: no log by its name (.mcap, .ulg, ")
+    assert "and no polar: neither columns CL and CD" in content
+    assert "readme.txt" not in files_in(page.folder.path)
+
+
 @pytest.mark.parametrize(
     "name", ["полёт.mcap", "उड़ान 3.mcap", "飛行.mcap", "vol d'été (2).MCAP", "رحلة.mcap", "u\u0308bung.mcap"]
 )
