@@ -153,7 +153,11 @@ class SharedErrors(Enum):
     INSTALLATION_AND_PROPELLER = (
         "Errors of installation and propeller table cancel, since both share them and the flights do not contradict it."
     )
-    INSTALLATION = "Errors of the installation cancel, since both share it; those of the two propeller tables do not."
+    INSTALLATION = (
+        "Errors of the installation cancel, since both share it; those of the two propeller tables do not. Power is"
+        " drag times airspeed, whatever the propeller's efficiency: which propeller takes less from the battery, the"
+        " tables for the field in both reports say."
+    )
     NOT_THRUST = "Errors of the installation cancel; those of thrust do not, since the flights show that it differs."
     NEITHER = "No error cancels: installations differ, and by the flights thrust differs, too."
     PROPELLER = "Errors of the propeller table cancel; those of the two installations do not."
