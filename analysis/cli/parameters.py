@@ -26,7 +26,8 @@ def parameters(
     """Airspeeds, sink and level-flight power as a file for ArduPilot (.param), PX4 (.params) or INAV (CLI lines).
 
     Each value stands with its interval, what it follows from, and the value in the log. No airspeed is below the stall
-    margin. What does not follow from the flight is named. Compare each value with yours before you load it.
+    margin; sink and power are those of the cruise written. What does not follow from the flight is named. Compare each
+    value with yours before you load it.
 
     \b
     Examples:

@@ -30,7 +30,8 @@ class StallOptions:
     stall_mps: Annotated[
         float | None,
         Quantity("--stall", "m/s", '"20 kt"', above=0, most=100).as_option(
-            "Stall speed (equivalent airspeed); default: of the largest lift coefficient of the flight."
+            "Stall speed (equivalent airspeed); default: that of the largest lift coefficient flown, or if that is"
+            " unknown the slowest speed flown."
         ),
     ] = None
     stall_margin: Annotated[

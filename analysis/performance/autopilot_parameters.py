@@ -102,7 +102,7 @@ BASIS = {
     "idle_power": "from the battery with the motor off",
 }
 REQUIRES_THROTTLE = "a throttle calibrated against power; read it at cruise speed in level flight."
-NO_STALL = "A stall speed cannot be derived: no stall was flown. The lowest values are the slowest speed flown."
+NO_STALL = "A stall speed cannot be derived: no stall was flown."
 ALWAYS_WITHHELD = (
     "FW_THR_TRIM (PX4 1.14 and later; FW_THR_CRUISE before), TRIM_THROTTLE (ArduPlane) and nav_fw_cruise_thr (INAV) do"
     f" not follow: they require {REQUIRES_THROTTLE}",
@@ -110,9 +110,10 @@ ALWAYS_WITHHELD = (
 )
 THROTTLE = {PX4: "FW_THR_TRIM (FW_THR_CRUISE before 1.14)", PLANE: "TRIM_THROTTLE", INAV: "nav_fw_cruise_thr"}
 WITHOUT = {
-    "sink": "drag is not known well enough; {takes} a propeller table and motor speed, or glides.",
-    "CD0": "the drag polar is not known well enough; {takes} glides at several speeds, or a propeller table and motor"
-    " speed.",
+    "sink": "drag is not known well enough, or its power exceeds the battery's; {takes} a propeller table and motor"
+    " speed, or glides, and the right mass and current.",
+    "CD0": "the drag polar is not known well enough, or its power exceeds the battery's; {takes} glides at several"
+    " speeds, or a propeller table and motor speed, and the right mass and current.",
     "airspeed_factor": "{takes} an autopilot's airspeed and GPS.",
     "idle_power": "the power with the motor off is too small for this current meter, or not measured.",
     "airspeed_ratio": "{takes} GPS and the ratio that the airspeed was computed with, which ArduPlane logs as a"
@@ -233,7 +234,8 @@ def flight_values(
     """What an autopilot can be told of a flight. best_range: among the speeds flown; logged: its parameters.
 
     Sink and polar are those of the propeller's table where it gives drag (without an idling propeller), or else of the
-    electrical balance, with the propeller idling.
+    electrical balance, with the propeller idling. Both are None where level flight would take more power against drag
+    at the cruise speed than the motor takes from the battery: mass or current is wrong, or the propulsion simulated.
     """
     V, c, airspeed = estimate.V_mps, estimate.conditions, estimate.airspeed
     to_equivalent = float(np.sqrt(c.rho / SEA_LEVEL_DENSITY))
@@ -269,6 +271,12 @@ def flight_values(
         return np.asarray(np.linalg.lstsq(np.stack([np.ones_like(CL), CL**2], axis=1), CD, rcond=None)[0])
 
     (sink,), (CD0, B) = (_intervals(source.quantity(of)) for of in (sinking, two_term_polar))
+
+    def drag_power_W(p: NamedValues, given: FlightConditions) -> Array:
+        return drag_power(np.array([cruise]), 1.0, 0.0, QuarticPolar.of(p), given)
+
+    (level_W,) = source.quantity(drag_power_W).value
+    possible = level_W <= power - c.idle_power_W
     scale_half = NORMAL_95 * float(np.sqrt(airspeed.scale_variance + by_density**2))
     by_gps = airspeed.wind_mps is not None and airspeed.wind is None
     return FlightValues(
@@ -278,9 +286,9 @@ def flight_values(
         wing_loading=wing_loading_of(c.mass_kg * GRAVITY_MPS2, c.wing_area_m2),
         cruise_power=around(power, NORMAL_95 * half),
         idle_power=around(c.idle_power_W, NORMAL_95 * c.idle_sigma_W, 0.0),
-        sink=sink,
-        CD0=CD0,
-        B=B,
+        sink=sink if possible else None,
+        CD0=CD0 if possible else None,
+        B=B if possible else None,
         airspeed_factor=around(1 / (1 + airspeed.scale), scale_half) if by_gps else None,
         logged=logged,
     )

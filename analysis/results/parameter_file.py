@@ -9,6 +9,7 @@ from enum import StrEnum
 from math import ceil
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from flightpower.analysis.curve import Condition, speed_at
@@ -35,6 +36,8 @@ CENTIMETERS = "cm/s"
 FASTEST_CLIMB = {For.ARDUPILOT: "TECS_CLMB_MAX", For.PX4: "FW_T_CLMB_MAX"}
 FASTEST_SINK = {For.ARDUPILOT: "TECS_SINK_MAX", For.PX4: "FW_T_SINK_MAX"}
 WHOLE = {"TRIM_ARSPD_CM", "ARSPD_FBW_MIN", "ARSPD_FBW_MAX"}  # of ArduPlane; all of INAV
+CRUISE_SINK = {"FW_T_SINK_MIN", "TECS_SINK_MIN"}
+CRUISE_POWER = {"cruise_power"}
 
 
 class StallMargin(NamedTuple):
@@ -68,36 +71,107 @@ def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMa
     own = [parameter for parameter in results.autopilot_parameters if parameter.firmware == FIRMWARE[firmware]]
     if not own:
         raise InputError(f"{results.log}: no parameter of {FIRMWARE[firmware]} follows from these results")
+    least_mps, reason = stall.least_mps(results)
+    cruise_mps = next((parameter.value / _per_mps(parameter) for parameter in own if parameter.name in CRUISE), 0.0)
+    unknown_at_cruise: list[str] = []
+    if raised := 0.0 < cruise_mps < least_mps:
+        own, unknown_at_cruise = _at_raised_cruise(own, results, cruise_mps, least_mps)
     own += [
         _rate(name, firmware, interval, basis)
         for names, interval, basis in (
-            (FASTEST_CLIMB, climb_at_cruise(results), "full throttle at cruise speed, the lower end of its interval"),
+            (
+                FASTEST_CLIMB,
+                climb_at_cruise(results, least_mps if raised else None),
+                "full throttle at cruise speed, the lower end of its interval",
+            ),
             (FASTEST_SINK, sink_at_fastest(results), "drag times airspeed over weight at the fastest flown"),
         )
         if interval is not None and (name := names.get(firmware))
     ]
-    least_mps, reason = stall.least_mps(results)
+    given = {parameter.name for parameter in own} | set(unknown_at_cruise)
     lines = [
         f"# {FIRMWARE[firmware]}, from the flight {results.log}, by flightpower {results.software_version}.",
         "# Airspeeds are equivalent (calibrated) ones, rounded up. Compare each value with yours before you load it.",
         f"# {reason}",
         *(line for parameter in _names_used(own) for line in _lines(parameter, firmware, least_mps)),
-        *(f"# {sentence}" for sentence in withheld_of(FIRMWARE[firmware], {parameter.name for parameter in own})),
+        *(f"# {name} is withheld: its value at the raised cruise speed is not known." for name in unknown_at_cruise),
+        *(f"# {sentence}" for sentence in withheld_of(FIRMWARE[firmware], given)),
     ]
     return "\n".join(lines) + "\n"
 
 
-def climb_at_cruise(results: Results) -> Interval | None:
+def _at_raised_cruise(
+    own: list[AutopilotParameter], results: Results, from_mps: float, to_mps: float
+) -> tuple[list[AutopilotParameter], list[str]]:
+    """The parameters with sink and power of the raised cruise speed, and the names of those not known there.
+
+    from_mps, to_mps : equivalent airspeeds. The relative width of an interval stays.
+    """
+    ratios = [
+        (CRUISE_SINK, _power_required_ratio(results, own, from_mps, to_mps)),
+        (CRUISE_POWER, _battery_power_ratio(results, from_mps, to_mps)),
+    ]
+    by_name = {name: ratio for names, ratio in ratios for name in names}
+    kept, unknown = [], []
+    for parameter in own:
+        ratio = by_name.get(parameter.name, 1.0)
+        if ratio is None:
+            unknown.append(parameter.name)
+            continue
+        value, lo, hi = (ratio * end for end in (parameter.value, parameter.lo, parameter.hi))
+        kept.append(msgspec.structs.replace(parameter, value=value, lo=lo, hi=hi))
+    return kept, unknown
+
+
+def _power_required_ratio(
+    results: Results, own: list[AutopilotParameter], from_mps: float, to_mps: float
+) -> float | None:
+    """Power required at one equivalent airspeed over that at another; without its curve by the soaring polar."""
+    if results.power_required:
+        points = results.power_required
+        return _ratio(results, [(point.speed_mps, point.power_W) for point in points], from_mps, to_mps)
+    polar = {parameter.name: parameter.value for parameter in results.autopilot_parameters}
+    names = ("SOAR_POLAR_CD0", "SOAR_POLAR_B", "SOAR_POLAR_K")
+    if not polar.keys() >= set(names):
+        return None
+    CD0, B, loading = (polar[name] for name in names)
+    before, after = (V**3 * (CD0 + B * (loading / V**2) ** 2) for V in (from_mps, to_mps))  # C_L = K / V^2
+    return after / before
+
+
+def _battery_power_ratio(results: Results, from_mps: float, to_mps: float) -> float | None:
+    """Battery power of level flight at one equivalent airspeed over that at another."""
+    points = [(power_point.speed_mps, power_point.power_W) for power_point in results.electrical_power]
+    if not points and results.use:
+        points = [(row.speed_mps, row.battery_W) for row in results.use.field_table]
+    return _ratio(results, points, from_mps, to_mps)
+
+
+def _ratio(results: Results, points: list[tuple[float, float]], from_mps: float, to_mps: float) -> float | None:
+    """points : true airspeed and power. None where the second speed is not among them."""
+    to_true = (SEA_LEVEL_DENSITY / results.test.air_density_kgpm3) ** 0.5
+    V = [speed for speed, _ in points]
+    if not points or not V[0] <= to_mps * to_true <= V[-1]:
+        return None
+    before_W, after_W = np.interp([from_mps * to_true, to_mps * to_true], V, [power_W for _, power_W in points])
+    return float(after_W / before_W)
+
+
+def climb_at_cruise(results: Results, raised_mps: float | None = None) -> Interval | None:
     """Rate of climb [m/s] at full throttle and the speed of best range: the lower end of its interval.
 
-    None where full throttle is not known, or holds no climb.
+    raised_mps : equivalent airspeed of cruise, where it is faster. None where full throttle is not known, or holds no
+    climb.
     """
     use = results.use
     best = use.available.best_climb_mps if use else None
     if use is None or best is None or not use.loadings or not use.available.power_available:
         return None
     V = [point.speed_mps for point in use.available.power_available]
-    climb_mps = float(np.interp(use.loadings[0].range_speed_mps.value, V, use.available.climb_mps))
+    cruise_mps = use.loadings[0].range_speed_mps.value
+    if raised_mps is not None:
+        cruise_mps = raised_mps * (SEA_LEVEL_DENSITY / results.test.air_density_kgpm3) ** 0.5
+    climb_mps = float(np.interp(cruise_mps, V, use.available.climb_mps))
     low, high = (climb_mps * end / best.value for end in (best.lo, best.hi))
     return Interval(value=low, lo=low, hi=high) if low > 0 else None
 
@@ -133,7 +207,7 @@ def _lines(p: AutopilotParameter, firmware: For, least_mps: float) -> Iterator[s
     yield f"# {p.name}: {p.value:.4g} ({p.lo:.4g} to {p.hi:.4g}){unit}: {p.basis}."
     if p.logged is not None:
         yield f"# {p.name} in the log: {p.logged:g}"
-    least = least_mps * (100.0 if p.unit == CENTIMETERS else 1.0)
+    least = least_mps * _per_mps(p)
     value = p.value
     if p.name in FASTEST and value < least:
         raise InputError(
@@ -143,6 +217,11 @@ def _lines(p: AutopilotParameter, firmware: For, least_mps: float) -> Iterator[s
     if p.name in SLOWEST | CRUISE and value < least:
         yield f"# {p.name} is raised to the stall margin, {least:.4g}{unit}."
         value = least
+        if p.name in CRUISE:
+            yield (
+                "# Cruise is now the lowest airspeed: best range lies below the margin. The values at cruise speed"
+                " are those of the raised speed. If the stall is slower, give --stall."
+            )
     written = _up(value, p, firmware) if p.name in SLOWEST | CRUISE | FASTEST else _rounded(value, firmware)
     match firmware:
         case For.INAV:
@@ -157,6 +236,11 @@ def _up(value: float, parameter: AutopilotParameter, firmware: For) -> str:
     """Rounded up: no airspeed falls below its margin by rounding."""
     digits = 0 if firmware is For.INAV or parameter.name in WHOLE else 2
     return f"{ceil(10**digits * value - 1e-9) / 10**digits:.{digits}f}"
+
+
+def _per_mps(parameter: AutopilotParameter) -> float:
+    """The parameter's unit of airspeed in one m/s."""
+    return 100.0 if parameter.unit == CENTIMETERS else 1.0
 
 
 def _rounded(value: float, firmware: For) -> str:

@@ -211,6 +211,18 @@ def test_a_glide_is_with_the_idling_propeller_unless_its_table_gives_the_drag() 
             assert 1 - quantity.lo / quantity.value == pytest.approx(0.03 * NORMAL_95)
 
 
+def test_drag_that_takes_more_than_the_battery_gives_is_withheld() -> None:
+    """43.7 W against drag at 14 m/s: of 46 W for the motor an efficiency of 95 %, of 41 W none that can be."""
+    possible = values()
+    assert possible.sink and possible.CD0 and possible.B and possible.cruise_power
+    weaker = estimate()
+    weaker.power_W = POWER_W - 5.0
+    best = SpeedInterval(speed_mps=14.0, lo_mps=13.5, hi_mps=14.2, inside_flown_range=True)
+    impossible = flight_values(source(**(vars(weaker) | {"conditions": GIVEN})), best, {}, None)
+    assert (impossible.sink, impossible.CD0, impossible.B) == (None, None, None)
+    assert impossible.cruise_power and impossible.cruise_power.value == 45.0
+
+
 def test_equivalent_airspeeds_have_the_error_of_scale_and_zero() -> None:
     """A zero of 2 Pa at 10 m/s is 2/(rho V^2) of the speed."""
     to_equivalent = np.sqrt(1.1 / SEA_LEVEL_DENSITY)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from flightpower.analysis.cli import parameters
@@ -121,6 +122,39 @@ def test_where_no_stall_is_known_the_slowest_flown_stands_for_it(firmware: For) 
         if name in SLOWEST | CRUISE:
             assert value == pytest.approx(least * (100.0 if firmware is For.INAV else 1.0), rel=1e-3)
     assert "--stall" in text and f"{least:.4g} m/s" in text
+
+
+def test_sink_and_power_are_those_of_a_raised_cruise() -> None:
+    """Power as the cube of airspeed: 1.3 times the speed takes 2.197 times the power; the interval widens with it."""
+    speeds = [10.0, *np.linspace(12.0, 20.0, 801), 24.0]
+    points = [PowerPoint(speed_mps=v, power_W=v**3, power_lo_W=0.9 * v**3, power_hi_W=1.1 * v**3) for v in speeds]
+    result = results()
+    curves = {
+        kind: CurveResult(condition=result.test, points=points) for kind in (Kind.POWER_REQUIRED, Kind.ELECTRICAL)
+    }
+    result = msgspec.structs.replace(result, curves=curves)
+    raised = StallMargin(1.3 * 13.117 / 1.2)
+    sink = read(parameter_file(result, For.ARDUPILOT, raised), For.ARDUPILOT)
+    assert sink["TECS_SINK_MIN"] == pytest.approx(1.2 * 1.3**3, rel=1e-3)
+    text = parameter_file(result, For.INAV, raised)
+    assert read(text, For.INAV)["cruise_power"] == pytest.approx(7466 * 1.3**3, rel=1e-3)
+    assert f"({7266 * 1.3**3:.4g} to {7666 * 1.3**3:.4g})" in text and "Cruise is now the lowest airspeed" in text
+    assert read(text, For.INAV)["idle_power"] == 800  # of a stopped motor at any speed
+    slower = parameter_file(result, For.INAV, StallMargin(10.0))
+    assert read(slower, For.INAV)["cruise_power"] == 7466 and "Cruise is now" not in slower
+
+
+def test_without_a_curve_of_drag_the_sink_of_a_raised_cruise_is_that_of_the_polar() -> None:
+    """V^3 (C_D0 + B C_L^2), C_L = K / V^2; and the power is withheld where no curve has it."""
+    V, raised_mps = 13.117, 15.6
+    power = [v**3 * (0.0405 + 0.0510 * (132.7 / v**2) ** 2) for v in (V, raised_mps)]
+    text = parameter_file(results(), For.PX4, StallMargin(13.0))
+    assert read(text, For.PX4)["FW_T_SINK_MIN"] == pytest.approx(1.2 * power[1] / power[0], rel=1e-3)
+    text = parameter_file(results(), For.INAV, StallMargin(13.0))
+    assert "cruise_power" not in read(text, For.INAV) and "# cruise_power is withheld: its value at the raised" in text
+    polar = [parameter for parameter in results().autopilot_parameters if parameter.name != "SOAR_POLAR_B"]
+    text = parameter_file(results(autopilot_parameters=polar), For.PX4, StallMargin(13.0))
+    assert "FW_T_SINK_MIN" not in read(text, For.PX4) and text.count("FW_T_SINK_MIN is withheld") == 1
 
 
 def test_a_stall_speed_that_is_given_is_told() -> None:
