@@ -14,6 +14,7 @@ from flightpower.analysis.performance.request import Request, parse_request, par
 from flightpower.flight.aircraft import load_aircraft
 from flightpower.flight.command_line import Quantity
 from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
 from flightpower.flight.units import GRAVITY_MPS2
 
 if TYPE_CHECKING:
@@ -89,6 +90,15 @@ def parse_stretches(text: str, name: str) -> tuple[tuple[float, float], ...]:
             raise InputError(f'{name}: {part.strip()[:40]!r} is no stretch of time; write "120 to 180 s, 300 to 320 s"')
         stretches.append((start_s, end_s))
     return tuple(sorted(stretches))
+
+
+LEFT_OUT = "left_out.txt"  # in the report's folder of a whole flight
+
+
+def read_stretches(path: Path, name: str) -> tuple[tuple[float, float], ...]:
+    """The stretches [s] of a file that `analyze` wrote; none of an empty one. Raises InputError."""
+    text = read_text(path).strip().replace("\n", ", ")
+    return parse_stretches(text, f"{name} {path}") if text else ()
 
 
 def stretches_text(stretches_s: Iterable[tuple[float, float]]) -> str:
@@ -269,7 +279,7 @@ class Options(LogOptions):
             "--leave-out",
             metavar="LIST",
             help='Stretches to leave out of the energy balance of a whole flight, such as "120 to 180 s, 300 to 320 s",'
-            " counted from the start of the log as in the report's figures.",
+            " counted from the start of the log as in the report's figures; or the left_out.txt of an earlier report.",
         ),
     ] = None
 
@@ -293,7 +303,9 @@ class Options(LogOptions):
 
     @cached_property
     def left_out_s(self) -> tuple[tuple[float, float], ...]:
-        """Start and end [s] of each stretch of --leave-out, in order of time."""
+        """Start and end [s] of each stretch of --leave-out, a list or a file of one, in order of time."""
+        if self.leave_out is not None and self.leave_out.endswith(".txt"):
+            return read_stretches(Path(self.leave_out), "--leave-out")
         return parse_stretches(self.leave_out, "--leave-out") if self.leave_out is not None else ()
 
     @property

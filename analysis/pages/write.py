@@ -12,6 +12,7 @@ from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.files import write_keeping_previous
 from flightpower.analysis.maneuvers.kinds import Maneuvers
 from flightpower.analysis.maneuvers.runs_file import blocks, head, to_toml
+from flightpower.analysis.options import LEFT_OUT, stretches_text
 from flightpower.analysis.pages import page
 from flightpower.analysis.pages.charts.style import ORANGE, OTHER_RUN
 from flightpower.analysis.pages.page import figures_by_name, run_fits
@@ -46,7 +47,9 @@ def trajectory_csv(trajectory: Trajectory) -> str:
 def write_report(
     analysis: Analysis | WholeFlightAnalysis, folder: Path, predicted: PredictedPolar | None = None
 ) -> str:
-    """Write report.html, results.json and the curve as CSV into `folder`; of runs path.csv and the field table, too.
+    """Write report.html, results.json and the curve as CSV into `folder`; of runs also path.csv and the field table.
+
+    Of a whole flight left_out.txt lists the stretches that the user left out, and is empty after none replaced some.
 
     predicted : a polar to draw beside the measured one
     Returns what of another log or of other options they replaced, in a sentence; empty where they replaced nothing.
@@ -68,6 +71,8 @@ def write_report(
             "runs": embedded_runs(analysis),
             "predicted": comparison(predicted, results) if predicted else "",
         }
+    elif analysis.left_out_s or (folder / LEFT_OUT).exists():
+        files[LEFT_OUT] = f"{stretches_text(analysis.left_out_s)}\n"
     before = replaced(folder, results, files)
     figures = figures_by_name(analysis, predicted)
     fits = run_fits(analysis) if isinstance(analysis, Analysis) else {}

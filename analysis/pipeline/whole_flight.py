@@ -38,12 +38,16 @@ from flightpower.flight.propeller_search import with_table_error
 
 @dataclass(frozen=True, kw_only=True)
 class WholeFlightAnalysis:
-    """What is known of a flight by its energy balance, for the report; results: what is written."""
+    """What is known of a flight by its energy balance, for the report; results: what is written.
+
+    left_out_s : stretches [s] that the user left out
+    """
 
     log: Log | FlightRecording
     flight: FlightTable
     estimate: ElectricalEstimate
     results: Results
+    left_out_s: tuple[tuple[float, float], ...] = ()
 
 
 def analyze_daemon_log(
@@ -142,7 +146,9 @@ def analyze_recording(
     results = assemble_energy_balance(path, flown, known, provenance)
     questions = options.request.questions(flown.weight_N)
     results = structs.replace(results, warnings=[*results.warnings, *questions])
-    return WholeFlightAnalysis(log=recording, flight=flight, estimate=electrical, results=results)
+    return WholeFlightAnalysis(
+        log=recording, flight=flight, estimate=electrical, results=results, left_out_s=options.left_out_s
+    )
 
 
 def _aircraft_file(options: Options) -> Aircraft | None:

@@ -14,7 +14,7 @@ import msgspec
 from flightpower.analysis.files import write_file, write_keeping_previous
 from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
 from flightpower.analysis.methods.whole_flight.guess import guessed_aircraft
-from flightpower.analysis.options import Options, stretches_text
+from flightpower.analysis.options import LEFT_OUT, Options, read_stretches, stretches_text
 from flightpower.analysis.pages.open import form
 from flightpower.analysis.pages.open.opened import (
     OpenedFlight,
@@ -83,9 +83,19 @@ class WholeFlight(OpenedFlight):
             "propellers": shipped_propellers(),
             "propeller": self.aircraft_keys.get("propulsion.propeller", ""),
             "remembered": {} if self.aircraft_keys else remembered(report_folder(self.path)),
+            "left_out": self._remembered_stretches(),
             "needed": {} if self.aircraft_keys else {key: form.OPTIONS[key].label for key in form.NEEDED},
             "end_s": self.end_s,
         }
+
+    def _remembered_stretches(self) -> list[tuple[float, float]]:
+        """The stretches [s] that the last report left out; none where its list cannot be used with this log."""
+        try:
+            stretches = list(read_stretches(report_folder(self.path) / LEFT_OUT, "left out"))
+            self._left_out(Values("", left_out=stretches))
+        except InputError:
+            return []
+        return stretches
 
     @cached_property
     def start_s(self) -> float:
@@ -209,12 +219,13 @@ class WholeFlight(OpenedFlight):
 
 
 def remembered(report: Path) -> dict[str, str]:
-    """Mass, wing area and span of the last report of a log, as typed; empty where there is none."""
+    """Mass, wing area, span and battery of the last report of a log, as typed; empty where there is none."""
     try:
         results = read_results(report / "results.json")
     except InputError:
         return {}
-    return {
+    battery = {"battery-Wh": f"{results.battery.energy_Wh:.4g}"} if results.battery else {}
+    return battery | {
         "mass": f"{results.test.weight_N / GRAVITY_MPS2:.4g} kg",
         "wing-area": f"{results.aircraft.wing_area_m2:.4g} m^2",
         "span": f"{results.aircraft.span_m:.4g} m",

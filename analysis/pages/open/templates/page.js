@@ -118,6 +118,10 @@ function open(file, note = "") {
     location.hash = encodeURIComponent(file);
     [runs, edited, selected, changed, propeller, last, first, other, method, polar] = [flight.runs || [], false, -1, {}, "", null, null, null, "", ""];
     [airborne, drawnChannels] = [[], []];
+    if (flight.left_out && flight.left_out.length) {
+      runs = flight.left_out.map(([start_s, end_s]) => ({kind: BY_HAND, start_s, end_s, keep: false, why: BY_HAND}));
+      edited = true;
+    }
     if (flight.remembered) changed = {...(Object.keys(flight.remembered).length ? flight.remembered : typed)};
     at("title").textContent = file;
     for (const [name, on] of [["whole", whole()], ["by-runs", !whole()]]) at("flight").classList.toggle(name, on);

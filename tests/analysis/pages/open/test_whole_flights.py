@@ -109,9 +109,20 @@ def test_what_was_left_out_by_hand_is_repeated_by_the_command(
     assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
     again = json.loads((tmp_path / "again" / "results.json").read_text("utf-8"))
     assert again["curves"] == results["curves"]
-    assert opened(Folder(folder.path, folder.workspace)).shown["remembered"] == {
+    reopened = opened(Folder(folder.path, folder.workspace))
+    assert reopened.shown["remembered"] == {
         "mass": "3.84 kg", "wing-area": "0.464 m^2", "span": "1.75 m",
     }, "the next time its report says what was flown"  # fmt: skip
+    assert reopened.shown["left_out"] == values.left_out, "and what was left out"
+    kept = log.path.parent / "flight.report" / "left_out.txt"
+    assert Options(leave_out=str(kept)).left_out_s == tuple(values.left_out)
+    log.write(msgspec.structs.replace(values, left_out=[], aircraft=AIRCRAFT | {"battery-Wh": "74"}))
+    emptied = opened(Folder(folder.path, folder.workspace)).shown
+    assert (emptied["left_out"], Options(leave_out=str(kept)).left_out_s) == ([], ())
+    assert emptied["remembered"]["battery-Wh"] == "74"
+    for unusable in ("100000 to 200000 s", "soon"):
+        kept.write_text(unusable, "utf-8")
+        assert opened(Folder(folder.path, folder.workspace)).shown["left_out"] == []
 
 
 @pytest.mark.parametrize(
