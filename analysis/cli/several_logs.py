@@ -26,6 +26,7 @@ from flightpower.analysis.flights.campaign.processes import Outcome, below
 from flightpower.analysis.flights.campaign.processes import Progress as Step
 from flightpower.analysis.options import ATTACHMENTS, Options, option_name
 from flightpower.analysis.pages.one_log import analyze_log
+from flightpower.analysis.performance.request import Request
 from flightpower.analysis.sources.column_map import map_files
 from flightpower.analysis.sources.recognize import autopilot_of
 from flightpower.flight.aircraft import load_aircraft, parse_aircraft
@@ -97,7 +98,7 @@ def analyze_logs(
             stderr.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
         if not campaign.folders:
             raise InputError(f"{output}: none of the {len(campaign.failures)} logs can be used")
-        verdict = _pool(campaign, output, quiet)
+        verdict = _pool(campaign, output, quiet, options.request)
     return ExitCode.FAILURE if campaign.failures else verdict
 
 
@@ -110,7 +111,7 @@ def _load_report() -> None:
         importlib.import_module(module)
 
 
-def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
+def _pool(campaign: Campaign, output: Path, quiet: bool, request: Request = Request()) -> ExitCode:
     """Write and print the results of all flights, and what contradicts them.
 
     Raises InputError when they cannot be pooled.
@@ -130,7 +131,7 @@ def _pool(campaign: Campaign, output: Path, quiet: bool) -> ExitCode:
         if kind is Kind.ELECTRICAL and any(flight.pooling for flight in readable.flights):
             print("note: the flights are pooled by electrical power, which some give without drag", file=sys.stderr)
         try:
-            pooled = pool_results(readable.flights, kind).results(readable.left_out, campaign.failures)
+            pooled = pool_results(readable.flights, kind).results(readable.left_out, campaign.failures, request)
             write_pooled(pooled, output)
         except StorageError:
             raise

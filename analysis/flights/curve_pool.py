@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
@@ -33,7 +34,10 @@ from flightpower.analysis.flights.evidence import shape_text, vehicle_notes
 from flightpower.analysis.flights.flight_statistics import FlightCurve
 from flightpower.analysis.flights.pool_settings import POOLING
 from flightpower.analysis.flights.pooled import Pool, refuse_repeated
+from flightpower.analysis.performance.other_weights import electrical_at_weights
+from flightpower.analysis.performance.request import Request
 from flightpower.analysis.records.flight import CurveResult, Kind
+from flightpower.analysis.records.pool import PooledResults
 from flightpower.analysis.results.curves import curve_result, power_statistics
 from flightpower.analysis.results.settings import TRUST
 from flightpower.analysis.settings import CURVES
@@ -250,6 +254,10 @@ class CurvePool(Pool):
     @property
     def notes(self) -> list[str]:
         return vehicle_notes([flight.content for flight in self.flights])
+
+    def _form(self, results: PooledResults, request: Request) -> PooledResults:
+        others = electrical_at_weights(self.curve, request.weights_N, self.battery)
+        return structs.replace(results, notes=[*results.notes, *others, *request.questions(self.condition.weight_N)])
 
 
 def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = None) -> CurvePool:

@@ -51,6 +51,8 @@ from flightpower.analysis.flights.pooled import Pool
 from flightpower.analysis.flights.power_train import pooled_performance, pooled_use, slowest_flown
 from flightpower.analysis.methods import consider as covariance
 from flightpower.analysis.methods.rejected_assumptions import Assumption
+from flightpower.analysis.performance.other_weights import NO_BATTERY, NO_MODEL
+from flightpower.analysis.performance.request import Request
 from flightpower.analysis.records.flight import CurveResult, Kind
 from flightpower.analysis.records.pool import PolarCoefficients, PooledFlight, PooledResults, SharedParameter
 from flightpower.analysis.results.curves import curve_result
@@ -197,9 +199,13 @@ class JointPool(Pool):
         power, _ = self.power(V)
         return np.asarray(100 * power_gradient(V, self.condition) / power[:, None])
 
-    def _form(self, results: PooledResults) -> PooledResults:
+    def _form(self, results: PooledResults, request: Request) -> PooledResults:
         error = self.estimate.parameters.standard_error
         use = pooled_use(self)
+        performance = pooled_performance(self, use, results.air, request) if use else None
+        missing = []
+        if performance is None and (request.weights_N or request.density_altitudes_m):
+            missing = [NO_MODEL if self.battery else NO_BATTERY]
         shared = zip(POOLED[_N_POLAR:], self.estimate.parameters.value[_N_POLAR:], error[_N_POLAR:], strict=True)
         return structs.replace(
             results,
@@ -212,7 +218,8 @@ class JointPool(Pool):
             ],
             slowest_flown=slowest_flown(self),
             use=use,
-            performance=pooled_performance(self, use, results.air) if use else None,
+            performance=performance,
+            notes=[*results.notes, *missing, *request.questions(self.condition.weight_N)],
         )
 
     def _form_of_flight(self, number: int, flight: PooledFlight) -> PooledFlight:

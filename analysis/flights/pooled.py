@@ -29,6 +29,7 @@ from flightpower.analysis.flights.evidence import (
 )
 from flightpower.analysis.flights.flight_statistics import PoolFlight
 from flightpower.analysis.flights.pool_settings import POOLING
+from flightpower.analysis.performance.request import Request
 from flightpower.analysis.records.flight import AirFound, BatteryResult, CurveResult, Evidence, EvidenceKind, Kind
 from flightpower.analysis.records.pool import (
     Agreement,
@@ -135,7 +136,7 @@ class Pool(ABC):
     def curve_result(self) -> CurveResult:
         """The curve of all flights as results have it."""
 
-    def _form(self, results: PooledResults) -> PooledResults:
+    def _form(self, results: PooledResults, request: Request) -> PooledResults:
         """The results with what only this kind has."""
         return results
 
@@ -173,10 +174,13 @@ class Pool(ABC):
             return Agreement.NOT_THE_CURVES
         return Agreement.NOT_THE_INSTALLATION if EvidenceKind.INSTALLATIONS_DIFFER in kinds else Agreement.YES
 
-    def results(self, left_out: Sequence[str] = (), failures: Sequence[str] = ()) -> PooledResults:
+    def results(
+        self, left_out: Sequence[str] = (), failures: Sequence[str] = (), request: Request = Request()
+    ) -> PooledResults:
         """The contents of the pooled results.json.
 
         left_out, failures: lines about flights that are not in the pool, and about logs that cannot be used.
+        request: weights and density altitudes to compute.
         """
         flights = self._flights()
         curves, installations = self.homogeneity, self.installation_homogeneity
@@ -208,7 +212,8 @@ class Pool(ABC):
                 notes=[*self.notes, *self._undated()],
                 left_out=list(left_out),
                 failures=list(failures),
-            )
+            ),
+            request,
         )
 
     @property

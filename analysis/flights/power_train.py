@@ -68,14 +68,16 @@ def pooled_use(pool: DragPool) -> PooledUse | None:
     )
 
 
-def pooled_performance(pool: DragPool, use: PooledUse, air: AirFound) -> PerformanceResult | None:
-    """Endurance, range and full throttle at the pool's weight and density and around it, as of a flight; None where
+def pooled_performance(
+    pool: DragPool, use: PooledUse, air: AirFound, request: Request = Request()
+) -> PerformanceResult | None:
+    """Endurance, range and full throttle at the pool's weight and density and as requested, as of a flight; None where
     the battery or the air is not known, or the propeller's table cannot give the thrust of level flight."""
     if pool.battery is None or air.temperature_K is None or air.pressure_Pa is None:
         return None
     at = FlownCondition(pool.condition, air.pressure_Pa, air.temperature_K)
     performance = flight_performance(
-        model_of(use.model), pool.condition, requested_conditions(Request(), at), pool.battery
+        model_of(use.model), pool.condition, requested_conditions(request, at), pool.battery
     )
     if performance is None:
         return None

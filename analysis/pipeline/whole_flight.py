@@ -21,6 +21,7 @@ from flightpower.analysis.methods.whole_flight.flight_table import (
 from flightpower.analysis.methods.whole_flight.simulated_truth import compared
 from flightpower.analysis.methods.whole_flight.thrust_balance import motor_constants
 from flightpower.analysis.options import Options
+from flightpower.analysis.performance.other_weights import electrical_at_weights
 from flightpower.analysis.records.flight import MethodTried, Results
 from flightpower.analysis.results.energy_balance import EnergyBalanceFindings, assemble_energy_balance
 from flightpower.analysis.results.provenance import provenance_of_file
@@ -144,8 +145,9 @@ def analyze_recording(
     )
     provenance = provenance_of_file(path, weighed, options.aircraft, command_line, recording)
     results = assemble_energy_balance(path, flown, known, provenance)
-    questions = options.request.questions(flown.weight_N)
-    results = structs.replace(results, warnings=[*results.warnings, *questions])
+    others = electrical_at_weights(electrical.curve, options.request.weights_N, results.battery)
+    notes = [*others, *options.request.questions(flown.weight_N)]
+    results = structs.replace(results, warnings=[*results.warnings, *notes])
     return WholeFlightAnalysis(
         log=recording, flight=flight, estimate=electrical, results=results, left_out_s=options.left_out_s
     )

@@ -21,6 +21,8 @@ from flightpower.analysis.flights.evidence import NOT_ONE_VEHICLE
 from flightpower.analysis.flights.pool import of_one_kind, pool_results
 from flightpower.analysis.flights.pooled import flights_to_see
 from flightpower.analysis.pages.pooled_page import render_pooled
+from flightpower.analysis.performance.other_weights import NO_BATTERY, electrical_at_weights
+from flightpower.analysis.performance.request import Request
 from flightpower.analysis.records.flight import POWER_FORMAT, BatteryResult, EvidenceKind, Kind, Results, Trust
 from flightpower.analysis.records.pool import POOLED_FORMAT
 from flightpower.analysis.results.read import read_results
@@ -168,6 +170,29 @@ def test_a_pool_knows_endurance_by_the_battery_of_its_flights() -> None:
     least_W = min(point.power_W for point in pooled.main.points)
     assert pooled.main.endurance_s is not None
     assert pooled.main.endurance_s.value == pytest.approx(3600 * 80.0 / least_W)
+
+
+def test_a_pool_answers_other_weights() -> None:
+    """At equal lift coefficients speed goes with the root of the weight, motor power with its 1.5th power."""
+    pool = electrical_pool([flight("a"), flight("b", 0.01)])
+    request = Request(weights_N=(1.44 * WEIGHT_N,))
+    battery = BatteryResult(energy_Wh=100.0, usable=0.8)
+    (without,) = electrical_at_weights(pool.curve, request.weights_N, None)
+    least = int(np.argmin(pool.curve.power_W.value))
+    power_W = IDLE_W + 1.44**1.5 * (pool.curve.power_W.value[least] - IDLE_W)
+    assert f"With {1.44 * WEIGHT_N / 9.80665:.2f} kg: least power {power_W:.0f} W (" in without
+    assert f"at {1.2 * pool.curve.V_mps[least]:.1f} m/s" in without and " min" not in without
+    assert pool.results(request=request).notes == [without] and pool.results().notes == []
+    (with_battery,) = electrical_at_weights(pool.curve, request.weights_N, battery)
+    assert f", {80 * 60 / power_W:.0f} min (" in with_battery and " km (" in with_battery
+    assert "times the weight flown" in pool.results(request=Request(weights_N=(4 * WEIGHT_N,))).notes[-1]
+
+
+def test_a_pool_of_drag_without_a_battery_says_what_other_weights_require() -> None:
+    rng = np.random.default_rng(3)
+    pool = pool_results([synthetic_flight(truth(rng), rng, name) for name in "ab"])
+    notes = pool.results(request=Request(weights_N=(WEIGHT_N,))).notes
+    assert [note for note in notes if note not in pool.results().notes] == [NO_BATTERY]
 
 
 def test_one_more_flight_and_a_difference_to_see_follow_from_own_errors() -> None:
