@@ -64,5 +64,10 @@ class Flown(Settings):
         0.7, "1", "of the runs, outside the propeller's table: beyond it the table is that of another propeller"
     )
 
+    @property
+    def doubtful_CL(self) -> float:
+        """Half of what no wing reaches, as much as slotted flaps give; clean wings have 1.6."""
+        return self.possible_CL[1] / 2
+
 
 EVIDENCE, CURVES, FLOWN = EvidenceLimits(), Curves(), Flown()

@@ -124,6 +124,7 @@ class EvidenceKind(StrEnum):
     PROPELLER_EFFICIENCY = "propeller efficiency"
     MOTOR_EFFICIENCY = "motor efficiency"
     THRUST_EFFICIENCY = "efficiency from battery to thrust"
+    LIFT_COEFFICIENT = "lift coefficient of the slowest speed"
     IMPLAUSIBLE_READINGS = "readings that cannot be true together"
     SENSOR_ERROR = "sensor error against its prior"
     SENSOR_ERRORS_TOGETHER = "sensor errors against their priors, together"

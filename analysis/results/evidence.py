@@ -39,6 +39,7 @@ from flightpower.analysis.results.settings import TRUST
 from flightpower.analysis.settings import CURVES, EVIDENCE, FLOWN
 from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS
 from flightpower.flight.messages import Comparison
+from flightpower.flight.units import GRAVITY_MPS2
 
 _WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
 
@@ -86,6 +87,7 @@ def evidence_against(results: Results) -> list[Evidence]:
         *_efficiencies(results),
         *_shaft(results),
         *_thrust_efficiency(results),
+        *_lift_coefficient(results),
         *_implausible(results),
         *_sensor_errors(results),
         *_sensor_errors_together(results),
@@ -445,6 +447,29 @@ def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
             f" {eta.value:.2f} ({eta.lo:.2f} to {eta.hi:.2f}), where small aircraft have 0.4 to 0.7, as if the"
             f" current were shown {usual.mean / eta.value:.2g} times as large as it is: check the scale of the"
             " current sensor against a charger or a clamp meter, then voltage, mass and wing area."
+        ),
+    )
+
+
+def _lift_coefficient(results: Results) -> Iterator[Evidence]:
+    """Judges the lift coefficient of level flight at the slowest speed flown, which a mass or an area gives wrongly."""
+    measured = [point.speed_mps for point in results.curves[results.kind].points if not point.extrapolated]
+    if not measured:
+        return
+    q_Pa = results.test.air_density_kgpm3 / 2 * measured[0] ** 2
+    CL = results.test.weight_N / (q_Pa * results.aircraft.wing_area_m2)
+    if CL <= FLOWN.doubtful_CL:
+        return
+    yield Evidence(
+        kind=EvidenceKind.LIFT_COEFFICIENT,
+        level=Trust.DOUBTFUL,
+        part=PartOfResult.CURVE,
+        figure=CL,
+        limit=FLOWN.doubtful_CL,
+        text=(
+            f"At the slowest speed flown, {measured[0]:.1f} m/s, {results.test.weight_N / GRAVITY_MPS2:.3g} kg on"
+            f" {results.aircraft.wing_area_m2:.3g} m² require a lift coefficient of {CL:.1f}; clean wings reach 1.6,"
+            f" wings with slotted flaps {FLOWN.doubtful_CL:g}. Check mass and wing area, then the airspeed."
         ),
     )
 

@@ -85,6 +85,9 @@ EVIDENCE: Mapping[EvidenceKind, Trouble] = {
         "Less or more of the battery's energy becomes thrust than in any aircraft.",
         "Calibrate the power module's current; check the weight.",
     ),
+    EvidenceKind.LIFT_COEFFICIENT: Trouble(
+        "No wing carries this weight at the slowest speed flown.", "Check mass, wing area and airspeed."
+    ),
     EvidenceKind.IMPLAUSIBLE_READINGS: Trouble(
         "Two sensors contradicted each other in flight.", "Look at the events in the log: a blocked or leaking line."
     ),

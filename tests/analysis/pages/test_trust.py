@@ -300,6 +300,20 @@ def test_a_power_train_of_impossible_efficiency_tells_a_wrong_current(
     assert all(f"shown {0.6 / value:.2g} times" in item.text for item in evidence)
 
 
+@pytest.mark.parametrize(("times", "doubted"), [(1.0, False), (2.0, False), (10.0, True)])
+def test_a_mass_that_no_wing_carries_at_the_slowest_speed_is_doubted(
+    results: Results, times: float, doubted: bool
+) -> None:
+    heavier = replace(results.test, weight_N=times * results.test.weight_N)
+    slowest_mps = results.power_required[0].speed_mps
+    CL = 2 * heavier.weight_N / (heavier.air_density_kgpm3 * slowest_mps**2 * results.aircraft.wing_area_m2)
+    evidence = evidence_against(replace(results, test=heavier))
+    assert [(item.level, item.figure) for item in evidence if item.kind is EvidenceKind.LIFT_COEFFICIENT] == (
+        [(Trust.DOUBTFUL, pytest.approx(CL))] if doubted else []
+    )
+    assert (CL > 2.5) == doubted
+
+
 @pytest.mark.parametrize(
     ("reasons", "is_reported"),
     [
