@@ -31,7 +31,7 @@ class StallOptions:
         float | None,
         Quantity("--stall", "m/s", '"20 kt"', above=0, most=100).as_option(
             "Stall speed (equivalent airspeed); default: that of the largest lift coefficient flown, or if that is"
-            " unknown the slowest speed flown."
+            " unknown the slowest of the curve."
         ),
     ] = None
     stall_margin: Annotated[

@@ -68,7 +68,7 @@ def best_of_battery(results: WithCurves) -> list[HeadlineAnswer]:
     endurance = f", {interval_text(curve.endurance_s.times(1 / 60), 'min', 0)}" if curve.endurance_s else ""
     distance = f", {interval_text(curve.range_m.times(1e-3), 'km', 1)}" if curve.range_m else ""
     return [
-        HeadlineAnswer(question, _end_remark(speed, curve), note(speed.speed_mps, on_battery), speed.speed_mps)
+        HeadlineAnswer(question, end_remark(speed, curve), note(speed.speed_mps, on_battery), speed.speed_mps)
         for question, speed, on_battery in (
             ("Best endurance", curve.least_power_speed or UNKNOWN_SPEED, endurance),
             ("Best range", curve.best_range_speed or UNKNOWN_SPEED, distance),
@@ -76,15 +76,17 @@ def best_of_battery(results: WithCurves) -> list[HeadlineAnswer]:
     ]
 
 
-def _end_remark(best: SpeedInterval, curve: CurveResult) -> str:
-    """What follows the speed; one at an end of the speeds flown may lie outside them."""
+def end_remark(best: SpeedInterval, curve: CurveResult) -> str:
+    """What follows the speed; one at an end of the curve may lie beyond it."""
     if best.inside_flown_range or best.speed_mps is None:
         return optimum_remark(best)
-    return f", the {'slowest' if _at_slowest(best.speed_mps, curve) else 'fastest'} of the curve"
+    if _at_slowest(best.speed_mps, curve):
+        return ", the slowest of the curve"
+    return ", the fastest of the curve" if best.speed_mps == curve.points[-1].speed_mps else optimum_remark(best)
 
 
 def _at_slowest(speed_mps: float | None, curve: CurveResult) -> bool:
-    return speed_mps is not None and speed_mps <= curve.points[0].speed_mps
+    return speed_mps is not None and bool(curve.points) and speed_mps == curve.points[0].speed_mps
 
 
 def _optimum(results: WithCurves, question: str, optimum: SpeedInterval, note: str) -> HeadlineAnswer:
@@ -111,9 +113,10 @@ def stall_margin_percent(slowest: SlowestFlown) -> int:
     return math.floor(100 * (math.sqrt(slowest.largest_lift_coefficient / slowest.lift_coefficient) - 1))
 
 
-def optimum_speed_text(optimum: SpeedInterval) -> str:
+def optimum_speed_text(optimum: SpeedInterval, curve: CurveResult | None = None) -> str:
     """ "13.2 m/s (12.9 to 13.5)", "(up to 13.5)" where the interval has no lower end, or why there is none."""
-    return HeadlineAnswer("", optimum_remark(optimum), "", _known_speed(optimum)).answer
+    remark = end_remark(optimum, curve) if curve and curve.points else optimum_remark(optimum)
+    return HeadlineAnswer("", remark, "", _known_speed(optimum)).answer
 
 
 def _known_speed(optimum: SpeedInterval) -> float | None:

@@ -90,8 +90,8 @@ ENTRIES = (
 )
 BASIS = {
     "cruise": "best range among the speeds flown",
-    "slowest": "the slowest flown; how far below the stall lies is not known",
-    "fastest": "the fastest flown",
+    "slowest": "the slowest of the curve; how far below the stall lies is not known",
+    "fastest": "the fastest of the curve",
     "sink": "drag times airspeed over weight at cruise speed",
     "airspeed_factor": "airspeed against GPS",
     "airspeed_ratio": "airspeed against GPS, and the logged ratio",

@@ -49,7 +49,7 @@ class StallMargin(NamedTuple):
     def least_mps(self, results: Results) -> tuple[float, str]:
         """The slowest equivalent airspeed that an autopilot may be told to fly, and what it follows from.
 
-        Where neither stall nor largest lift is known, the slowest speed flown stands for the stall, as for a route.
+        Where neither stall nor largest lift is known, the slowest of the curve stands for the stall, as for a route.
         """
         at = Condition(results.test.weight_N, SEA_LEVEL_DENSITY, results.aircraft.wing_area_m2)
         if self.stall_mps is not None:
@@ -61,7 +61,7 @@ class StallMargin(NamedTuple):
             curve = results.electrical_power or results.power_required
             to_equivalent = (results.test.air_density_kgpm3 / SEA_LEVEL_DENSITY) ** 0.5
             stall_mps = curve[0].speed_mps * to_equivalent if curve else 0.0
-            what = "the slowest speed flown, as no stall speed is given (--stall)"
+            what = "the slowest of the curve, as no stall speed is given (--stall)"
         least = self.margin * stall_mps
         return least, f"No airspeed is below {least:.4g} m/s: {self.margin:g} times {stall_mps:.4g} m/s, {what}."
 
@@ -211,7 +211,7 @@ def _lines(p: AutopilotParameter, firmware: For, least_mps: float) -> Iterator[s
     value = p.value
     if p.name in FASTEST and value < least:
         raise InputError(
-            f"{p.name}: the fastest flown, {value:.4g}{unit}, is below the stall margin, {least:.4g}{unit};"
+            f"{p.name}: the fastest of the curve, {value:.4g}{unit}, is below the stall margin, {least:.4g}{unit};"
             " fly faster, or give the stall speed with --stall"
         )
     if p.name in SLOWEST | CRUISE and value < least:

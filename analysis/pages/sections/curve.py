@@ -29,9 +29,9 @@ class CurveSection(NamedTuple):
 def curve_section(results: Results) -> CurveSection:
     main, words = results.main, results.kind.words
     by_battery = results.kind is Kind.ELECTRICAL
-    range_at = optimum_speed_text(main.best_range_speed or UNKNOWN_SPEED)
+    range_at = optimum_speed_text(main.best_range_speed or UNKNOWN_SPEED, main)
     facts = [
-        (f"Least {words} at", optimum_speed_text(main.least_power_speed or UNKNOWN_SPEED)),
+        (f"Least {words} at", optimum_speed_text(main.least_power_speed or UNKNOWN_SPEED, main)),
         ("Best range at" if by_battery else "Least drag at", range_at + _best_range_on_battery(results)),
     ]
     if polar := results.drag_polar:

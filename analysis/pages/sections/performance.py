@@ -71,9 +71,9 @@ IN_LOG = "in the log"
 HEADER = ("autopilot", "parameter", "value", "95 % interval", "unit", "firmware", IN_LOG, "from")
 AIRSPEEDS = (
     "Airspeeds are equivalent airspeeds, which autopilots call calibrated. They hold once the airspeed's own error is"
-    " corrected. No value lies below the slowest speed flown. `flightpower parameters` writes the file: it raises the"
-    " lowest airspeed and cruise to 1.2 times the stall speed (--stall, or else the slowest flown), and gives sink and"
-    " power at that cruise."
+    " corrected. No value lies below the slowest of the curve. `flightpower parameters` writes the file: it raises the"
+    " lowest airspeed and cruise to 1.2 times the stall speed (--stall, or else the slowest of the curve), and gives"
+    " sink and power at that cruise."
 )
 
 

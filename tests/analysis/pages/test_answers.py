@@ -7,20 +7,24 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from flightpower.analysis.pages.answers import headline_answers, not_slower
+from flightpower.analysis.pages.answers import end_remark, headline_answers, not_slower, optimum_speed_text
 from flightpower.analysis.pages.sections.curve import curve_section
 from flightpower.analysis.pages.sections.flight import decimals, sensors_section
 from flightpower.analysis.pages.sections.performance import ceilings, loading_rows, speed_rows, to_csv, to_markdown
 from flightpower.analysis.pages.terminal import print_summary
 from flightpower.analysis.records.flight import (
     Check,
+    ConditionResult,
     ConsistencyCheck,
+    CurveResult,
     Interval,
     Kind,
     PathResult,
     PerformanceResult,
+    PowerPoint,
     Results,
     SensorError,
+    SpeedInterval,
 )
 
 
@@ -70,6 +74,23 @@ def test_an_answer_that_is_not_sure_says_so(with_battery: Results, use: Performa
     unknown = replace(results, use=replace(use, available=replace(use.available, reason="No full throttle.")))
     last = headline_answers(unknown)[-1]
     assert (last.speed_mps, last.answer, last.note) == (None, "not known", "No full throttle.")
+
+
+def test_the_end_of_a_curve_is_named_the_same_in_card_and_table() -> None:
+    """At an end the best speed may lie beyond it: no interval, and no word of an extrapolation, which it is not."""
+    points = [
+        PowerPoint(speed_mps=v, power_W=p, power_lo_W=0.9 * p, power_hi_W=1.1 * p) for v, p in ((14.4, 31), (28, 354))
+    ]
+    for speed_mps, end in ((14.4, "slowest"), (28.0, "fastest")):
+        best = SpeedInterval(speed_mps=speed_mps, lo_mps=None, hi_mps=14.6, inside_flown_range=False)
+        curve = CurveResult(
+            condition=ConditionResult(weight_N=19.6, air_density_kgpm3=1.2), points=points, least_power_speed=best,
+            best_range_speed=best,
+        )  # fmt: skip
+        assert end_remark(best, curve) == f", the {end} of the curve"
+        assert optimum_speed_text(best, curve) == f"{speed_mps:.1f} m/s, the {end} of the curve"
+    beyond = SpeedInterval(speed_mps=31.0, lo_mps=29.0, hi_mps=33.0, inside_flown_range=False)
+    assert optimum_speed_text(beyond, curve) == "31.0 m/s (29.0 to 33.0), outside the speeds flown: an extrapolation"
 
 
 def test_ceilings_are_density_altitudes_with_their_intervals(use: PerformanceResult) -> None:
