@@ -37,7 +37,7 @@ def print_summary(results: Results, page: Path, console: Console) -> None:
     _print_answers(console, headline_answers(results))
     if not results.evidence:
         lines = verdict_section(results)
-        console.print(f"{lines.heading}: {escape(lines.reasons)}", highlight=False)
+        console.print(f"{lines.heading}{lines.colon} {escape(lines.reasons)}".rstrip(), highlight=False)
     disagreements = (disagreement.text for disagreement in results.disagreements)
     _print_notes(console, [*results.warnings, *results.withheld, *disagreements])
     _print_page(console, page)

@@ -26,7 +26,7 @@ class Verdict(NamedTuple):
     reasons: list[str]
 
 
-OF_A_POOL = "No warnings for these flights, nor for pooling them."
+OF_A_POOL = "No evidence against these flights, nor against pooling them."
 
 
 def verdict(trust: Trust, evidence: Sequence[Evidence], none: str = OF_A_POOL) -> Verdict:

@@ -12,8 +12,6 @@ from flightpower.analysis.results.evidence import sentences
 from flightpower.analysis.results.settings import RESULTS
 from flightpower.flight.units import FOOT_M, GRAVITY_MPS2
 
-NO_WARNINGS = "No warnings for this flight."
-
 
 class AnswerCard(NamedTuple):
     """A headline answer. Of one that is a speed, `speed` is its number in m/s and `answer` what follows the unit."""
@@ -73,7 +71,12 @@ class VerdictSection(NamedTuple):
     sentence: str
     heading: str
     color_class: str
-    reasons: str
+    reasons: str  # empty where nothing more is known than the heading
+
+    @property
+    def colon(self) -> str:
+        """What follows the heading."""
+        return ":" if self.reasons else "."
 
 
 def reference_point(results: Results) -> NamedPoint:
@@ -121,9 +124,9 @@ def verdict_section(results: Results) -> VerdictSection:
 
 
 def _support(results: Results) -> str:
-    """What supports the result."""
+    """What supports the result; empty where no other method is applied."""
     if results.kind is Kind.ELECTRICAL:
-        return NO_WARNINGS
+        return ""
     others = sum(bool(method.power_required) for method in results.methods)
     parts = ["the estimation converged" if results.status is CurveStatus.CONVERGED else results.verdict]
     pairs = len(results.disagreements)

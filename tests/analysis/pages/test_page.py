@@ -127,3 +127,8 @@ def test_a_speed_whose_interval_has_no_lower_end_says_so() -> None:
     lowest = polar_curve(polar, at, (0.2, 10.0)).best(Cost.POWER)
     assert lowest.lo_mps is None and lowest.speed_mps and lowest.hi_mps
     assert optimum_speed_text(lowest) == f"{lowest.speed_mps:.1f} m/s (up to {lowest.hi_mps:.1f})"
+
+
+def test_what_is_to_be_known_beside_the_verdict_is_called_a_note(results: Results) -> None:
+    text = page.render(replace(results, warnings=["The autopilot dropped a message."]), drawings(results), {})
+    assert '<p class="warning">Note: The autopilot dropped a message.</p>' in text

@@ -136,9 +136,9 @@ def test_one_flight_has_nothing_to_agree_with() -> None:
 def test_card_and_verdict_say_the_same_of_one_flight_that_differs() -> None:
     content = pooled(12)
     assert pooled_answers(content)[1].answer == "all but 2026-05-01-07 <flight>"
-    assert "No warnings" not in body(render_pooled(content))
+    assert "No evidence against" not in body(render_pooled(content))
     content = msgspec.structs.replace(content, agreement=Agreement.YES, outliers=[], trust="trusted", evidence=[])
-    assert pooled_answers(content)[1].answer == "yes" and "No warnings" in body(render_pooled(content))
+    assert pooled_answers(content)[1].answer == "yes" and "No evidence against" in body(render_pooled(content))
 
 
 @pytest.mark.parametrize(("independent", "is_reported"), [(4.0, True), (0.9, False)])

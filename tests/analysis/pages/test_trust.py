@@ -14,6 +14,7 @@ from flightpower.analysis.cli.export import app as export_app
 from flightpower.analysis.missions.information import read_results
 from flightpower.analysis.pages.one_log import Report
 from flightpower.analysis.pages.sections.curve import curve_section
+from flightpower.analysis.pages.sections.summary import verdict_section
 from flightpower.analysis.records.flight import (
     CurveStatus,
     EnergyBalanceResult,
@@ -407,3 +408,14 @@ def test_no_flight_is_planned_after_such_a_result(results: Results, tmp_path: Pa
         else:
             with pytest.raises(InputError, match="plan without it"):
                 read_results(file)
+
+
+def test_the_verdict_of_electrical_power_claims_no_more_than_trust(results: Results) -> None:
+    """A curve of electrical power without evidence is trusted, without the claim that nothing is to be noted."""
+    electrical = replace(
+        results, kind=Kind.ELECTRICAL, curves={Kind.ELECTRICAL: results.main}, evidence=[], trust=Trust.TRUSTED,
+        warnings=["The autopilot dropped a message."],
+    )  # fmt: skip
+    verdict = verdict_section(electrical)
+    assert (verdict.heading.split(",")[0], verdict.reasons, verdict.colon) == ("Trusted", "", ".")
+    assert verdict_section(results).colon == ":"
