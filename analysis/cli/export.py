@@ -12,7 +12,7 @@ from flightpower.analysis.pages.exports import FOLDERS, KINDS
 from flightpower.analysis.sources.open import open_source
 from flightpower.flight.command_line import ExitCode, application, run, takes_options
 from flightpower.flight.errors import InputError
-from flightpower.flight.files import check_new_file
+from flightpower.flight.files import check_new_file, write_error
 
 SUFFIX = {"parquet": ".parquet", "csv": ".csv", "mat": ".mat", "mcap": ".derived.mcap"}
 
@@ -22,8 +22,9 @@ app = application(no_args_is_help=False)
 @app.command()
 @takes_options(Options)
 def export(
-    log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="A log of the daemon, PX4, ArduPilot or Paparazzi, or a table.")
+    logs: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG…", help="Logs of the daemon, PX4, ArduPilot or Paparazzi, or tables."),
     ],
     to: Annotated[str, typer.Option("--to", metavar="KIND", help=f"{', '.join(KINDS[:-1])} or {KINDS[-1]}.")],
     output: Annotated[
@@ -32,7 +33,8 @@ def export(
             "-o",
             "--output",
             metavar="FILE",
-            help="File to write; for csv and parquet a folder of files, one a table. Default: beside the log.",
+            help="File to write; for csv and parquet a folder of files, one a table. Of several logs: the folder for"
+            " what is written of each. Default: beside the log.",
         ),
     ] = None,
     options: Options = Options(),
@@ -50,15 +52,35 @@ def export(
       flightpower export log.mcap --to parquet -o flight
       flightpower export log.mcap --to mat -o flight.mat
       flightpower export log.mcap --to mcap        opens in Foxglove beside the log
+      flightpower export flights/*.mcap --to csv -o tables
 
     Exit code 0: done. 1: written, but the result is not to be trusted; stderr says why. 2: the input cannot be used;
-    one line on stderr says why, and nothing was written.
+    one line on stderr says why, and nothing was written of that log and those after it.
     """
     if to not in KINDS:
         raise InputError(f"--to {to}: should be one of {', '.join(KINDS)}")
-    path = output or log.with_suffix(SUFFIX[to])
+    if len(logs) == 1:
+        return _export(logs[0], output or logs[0].with_suffix(SUFFIX[to]), to, options, replace=replace, quiet=quiet)
+    if output is not None and output.is_file():
+        raise InputError(f"{output}: is a file; give the folder for several logs with -o")
+    paths = [(output or log.parent) / log.with_suffix(SUFFIX[to]).name for log in logs]
+    if same := [path for path in paths if paths.count(path) > 1]:
+        raise InputError(f"{same[0]}: two logs would be written there; export one of them alone, with another -o")
+    if output is not None:
+        try:
+            output.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise write_error(output, error) from None
+    codes = [
+        _export(log, path, to, options, replace=replace, quiet=quiet) for log, path in zip(logs, paths, strict=True)
+    ]
+    return max(codes)
+
+
+def _export(log: Path, path: Path, to: str, options: Options, *, replace: bool, quiet: bool) -> ExitCode:
+    """Analyze a log and write it to `path`. Raises InputError; then nothing was written."""
     if log.is_dir():
-        raise InputError(f"{log}: is a folder; give a log, such as log.mcap")
+        raise InputError(f"{log}: is a folder; give its logs, such as {log}/*.mcap")
     if path.exists() and log.exists() and path.samefile(log):
         raise InputError(f"{path}: is the log itself; give another name with -o")
     if path.is_dir() != (to in FOLDERS) and path.exists():
