@@ -12,7 +12,7 @@ from flightpower.analysis.pages.open.request import LIMITS, Json
 from flightpower.analysis.pipeline import way_of
 from flightpower.analysis.records.flight import Kind
 from flightpower.analysis.sources.column_map import BESIDE
-from flightpower.analysis.sources.open import TABLES, has_log_suffix, open_source, suffixes
+from flightpower.analysis.sources.open import TABLES, has_log_suffix, is_table, open_source, suffixes
 from flightpower.analysis.sources.recording import FlightRecording
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import Log
@@ -29,7 +29,12 @@ def open_flight(path: Path, workspace: Path, reading: Future[Log] | None = None)
     with suppress(BrokenExecutor):
         source = reading.result() if reading else None
     source = source or open_source(path)
-    if way_of(source).kind is Kind.POWER_REQUIRED:
+    way = way_of(source)
+    if isinstance(source, Log) and is_table(path) and not way.without_drag:
+        from flightpower.analysis.sources.table import refuse_without_method
+
+        refuse_without_method(source)
+    if way.kind is Kind.POWER_REQUIRED:
         from flightpower.analysis.pages.open.runs_flight import RunsFlight  # loads casadi
 
         assert isinstance(source, Log)

@@ -17,6 +17,8 @@ from flightpower.analysis.options import Options
 from flightpower.analysis.pages.one_log import Report
 from flightpower.analysis.pages.open.request import LIMITS, FieldError, Json, Values
 from flightpower.analysis.records.flight import Kind, PowerPoint, SpeedInterval
+from flightpower.analysis.sources.column_map import map_files
+from flightpower.analysis.sources.open import is_table
 from flightpower.analysis.sources.recording import AllChannels, Channel
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2
@@ -145,9 +147,10 @@ def report_folder(log: Path) -> Path:
     return log.parent / f"{log.stem}.report"
 
 
-def _stat(path: Path) -> tuple[int, int]:
-    stat = path.stat()
-    return stat.st_mtime_ns, stat.st_size
+def _stat(path: Path) -> list[tuple[int, int]]:
+    """Time and size of a log, and of the map of a table's columns."""
+    files = [path, *(map_files(path, None) if is_table(path) else [])]
+    return [(stat.st_mtime_ns, stat.st_size) for stat in (file.stat() for file in files)]
 
 
 def _speed(speed_interval: SpeedInterval) -> float | None:

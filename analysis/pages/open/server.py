@@ -237,7 +237,10 @@ def _drafted_map(table: Path) -> str:
         write_file(beside, draft(table, beside))
     except InputError as error:
         return f"{error}; write {beside.name} beside it"
-    return f"its columns are taken by their names: look through {beside.name}, and correct it where it is wrong"
+    return (
+        f"its columns were drafted by their names into {beside.name} in the folder: correct that file where it is"
+        " wrong, then open the table again"
+    )
 
 
 def _length(environ: Environ, most: int) -> int:

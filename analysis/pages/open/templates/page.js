@@ -114,42 +114,64 @@ async function list() {
 
 function open(file, note = "") {
   return working(`reading ${file} …`, async () => {
-    flight = await ask("open", {file});
-    location.hash = encodeURIComponent(file);
-    [runs, edited, selected, changed, propeller, last, first, other, method, polar] = [flight.runs || [], false, -1, {}, "", null, null, null, "", ""];
-    [airborne, drawnChannels] = [[], []];
-    if (flight.left_out && flight.left_out.length) {
-      runs = flight.left_out.map(([start_s, end_s]) => ({kind: BY_HAND, start_s, end_s, keep: false, why: BY_HAND}));
-      edited = true;
-    }
-    if (flight.remembered) changed = {...(Object.keys(flight.remembered).length ? flight.remembered : typed)};
-    at("title").textContent = file;
-    for (const [name, on] of [["whole", whole()], ["by-runs", !whole()]]) at("flight").classList.toggle(name, on);
-    at("runs-title").textContent = whole() ? "Stretches of the flight" : "Runs";
-    at("add").textContent = whole() ? "leave out a stretch" : "new run";
-    at("flight").hidden = at("done").hidden = false;
-    at("command").textContent = flight.command;
-    draw("over-speed", "");
-    draw("from-above", "");
-    for (const id of ["sources", "number"]) at(id).replaceChildren();
-    at("guessed").hidden = at("notes").hidden = true;
-    showForm();
-    showEvents();
-    showChannels();
-    draw("over-time", flight.strips, true);
-    drawBands();
-    showRuns();
-    const log = (await list()).find(one => one.name === file);
-    showReport(log && log.report);
-    await compute();
+    try { await show(file); }
+    catch (error) { if (note) error.message = `${error.message}. ${file}: ${note}`; throw error; }
     if (note) say(`${file}: ${note}`);
   });
+}
+
+async function show(file) {
+  flight = await ask("open", {file});
+  location.hash = encodeURIComponent(file);
+  [runs, edited, selected, changed, propeller, last, first, other, method, polar] = [flight.runs || [], false, -1, {}, "", null, null, null, "", ""];
+  [airborne, drawnChannels] = [[], []];
+  if (flight.left_out && flight.left_out.length) {
+    runs = flight.left_out.map(([start_s, end_s]) => ({kind: BY_HAND, start_s, end_s, keep: false, why: BY_HAND}));
+    edited = true;
+  }
+  if (flight.remembered) changed = {...(Object.keys(flight.remembered).length ? flight.remembered : typed)};
+  at("title").textContent = file;
+  for (const [name, on] of [["whole", whole()], ["by-runs", !whole()]]) at("flight").classList.toggle(name, on);
+  at("runs-title").textContent = whole() ? "Stretches of the flight" : "Runs";
+  at("add").textContent = whole() ? "leave out a stretch" : "new run";
+  at("flight").hidden = at("done").hidden = false;
+  at("command").textContent = flight.command;
+  draw("over-speed", "");
+  draw("from-above", "");
+  for (const id of ["sources", "number"]) at(id).replaceChildren();
+  at("guessed").hidden = at("notes").hidden = true;
+  showForm();
+  showEvents();
+  showChannels();
+  draw("over-time", flight.strips, true);
+  drawBands();
+  showRuns();
+  const log = (await list()).find(one => one.name === file);
+  showReport(log && log.report);
+  await compute();
 }
 
 function showReport(there) {
   const frame = at("report");
   frame.hidden = at("apart").hidden = !there;
   if (there) at("apart").querySelector("a").href = frame.src = `report/${encodeURIComponent(flight.file)}?${Date.now()}`;
+}
+
+// Dropped files wait for each other. What was refused stays in the status until other files are dropped.
+let adding = Promise.resolve(), pending = 0, refused = [];
+function addFiles(files) {
+  if (!pending) refused = [];
+  for (const file of files) {
+    pending += 1;
+    adding = adding.then(() => addFile(file)).finally(() => { pending -= 1; });
+  }
+}
+
+async function addFile(file) {
+  const before = [...refused];
+  await drop(file);
+  if (!at("wrong").hidden) refused.push(at("wrong").textContent);
+  if (before.length) complain(new Error(refused.join(" – ")));
 }
 
 async function drop(file) {
@@ -440,13 +462,13 @@ function listen() {
     showReport(true);
     await list();
   }));
-  at("logs").querySelector("input").addEventListener("change", event => { if (event.target.files[0]) drop(event.target.files[0]); });
+  at("logs").querySelector("input").addEventListener("change", event => { addFiles([...event.target.files]); event.target.value = ""; });
   addEventListener("dragover", event => { event.preventDefault(); document.body.classList.add("dropping"); });
   addEventListener("dragleave", () => document.body.classList.remove("dropping"));
   addEventListener("drop", event => {
     event.preventDefault();
     document.body.classList.remove("dropping");
-    if (event.dataTransfer.files[0]) drop(event.dataTransfer.files[0]);
+    addFiles([...event.dataTransfer.files]);
   });
 }
 
@@ -461,11 +483,18 @@ function move(end, by, atOnce) {
 }
 
 function add() {
-  const start_s = Math.round(10 * (Number.isNaN(pointed) ? last_s() / 2 : Math.max(0, pointed))) / 10;
+  const start_s = Math.round(10 * (Number.isNaN(pointed) ? middleOfFlight() : Math.max(0, pointed))) / 10;
   if (whole()) return leaveOut(Math.min(start_s, last_s() - 1), Math.min(last_s(), start_s + 30));
   runs.push({kind: "deceleration", start_s, end_s: Math.min(last_s(), start_s + 10), keep: true, why: ""});
   selected = runs.length - 1;
   changedRuns();
+}
+
+// The middle of the longest stretch that is in the curve, or of the log.
+function middleOfFlight() {
+  if (!airborne.length) return last_s() / 2;
+  const [start, end] = airborne.reduce((longest, one) => one[1] - one[0] > longest[1] - longest[0] ? one : longest);
+  return (start + end) / 2;
 }
 
 function leaveOut(start_s, end_s) {
@@ -575,6 +604,8 @@ function showGuess() {
     box.placeholder = `guessed: ${text}`;
     box.classList.add("guessed");
   }
+  const words = guessed.map(([key]) => flight.needed[key]);
+  at("missing").textContent = words.length ? `It lacks ${words.join(", ")}, which are only guessed: type them first.` : "";
   at("guessed").hidden = !guessed.length;
   at("guessed").textContent = guessed.length ? "Drawn with a guessed aircraft, by speed and power of this flight: type mass, wing area and span." : "";
 }

@@ -88,6 +88,31 @@ def test_mass_and_span_stand_beside_the_curve_and_it_follows(page: Browser) -> N
     assert page.value_of("String(last.curve.power_W)") == power
 
 
+def test_dropped_files_wait_for_each_other_and_a_refusal_stays_in_view(page: Browser) -> None:
+    """The second of two that are no logs does not hide the first."""
+    wrong = "new File(['nothing'], '{}.BIN')".format
+    page.value_of(f"addFiles([{wrong('first')}, {wrong('second')}])")
+    page.wait_for(f"pending === 0 && {QUIET}")
+    message = page.value_of("at('wrong').hidden ? '' : at('wrong').textContent")
+    assert "first.BIN" in message and "second.BIN" in message
+    page.value_of(f"addFiles([{wrong('third')}])")
+    page.wait_for(f"pending === 0 && {QUIET}")
+    message = page.value_of("at('wrong').textContent")
+    assert "third.BIN" in message and "first.BIN" not in message, "those of an earlier drop are not repeated"
+
+
+def test_what_the_command_lacks_is_said_and_a_stretch_begins_in_flight(page: Browser) -> None:
+    page.value_of("pointed = NaN; changed = {}; recompute()")
+    page.wait_for(f"at('missing').textContent !== '' && {QUIET}")
+    assert "mass in flight, wing area, wing span" in page.value_of("at('missing').textContent")
+    start, end = page.value_of("airborne.reduce((a, b) => b[1] - b[0] > a[1] - a[0] ? b : a)")
+    page.value_of("window.before = last; add()")
+    page.wait_for(f"last !== window.before && {QUIET}")
+    assert page.value_of("runs[0].start_s") == pytest.approx((start + end) / 2, abs=0.06)
+    page.value_of("window.before = last; takeAgain(0)")
+    page.wait_for(f"last !== window.before && {QUIET}")
+
+
 def test_a_stretch_is_left_out_dragged_and_taken_again_by_mouse_and_keyboard(page: Browser) -> None:
     power, airborne = page.value_of("[String(last.curve.power_W), airborne.length]")
     middle = page.value_of("Math.round((airborne[0][0] + airborne[0][1]) / 2)")

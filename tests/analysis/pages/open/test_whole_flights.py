@@ -16,6 +16,7 @@ from flightpower.analysis.pages.charts.figure import Axis
 from flightpower.analysis.pages.open.flights import Folder
 from flightpower.analysis.pages.open.pictures import strips
 from flightpower.analysis.pages.open.request import LIMITS, FieldError, Values
+from flightpower.analysis.pages.open.server import _drafted_map
 from flightpower.analysis.pages.open.whole_flight import WholeFlight
 from flightpower.analysis.pipeline import analyze
 from flightpower.analysis.sources.open import open_source
@@ -214,3 +215,25 @@ def test_what_an_autopilot_says_is_drawn_as_text_alone() -> None:
     drawn = strips([(t_s, t_s, Axis("height", "m"))], {script: Channel(t_s, t_s)}, events, 9.0)
     assert "<img" not in drawn and drawn.count("&lt;img") >= 3
     assert strips([], {}, [], 9.0) == ""
+
+
+def test_a_table_whose_map_gives_no_curve_says_what_its_map_lacks(tmp_path: Path) -> None:
+    """Not that the log lacks an aircraft file, which nobody attaches to a table; a corrected map is read again."""
+    (tmp_path / "workspace").mkdir()
+    t_s = np.arange(0.0, 600.0, 0.5)
+    rows = zip(t_s, 15 + 3 * np.sin(t_s / 20), 100 + 10 * np.sin(t_s / 40), 8 + np.sin(t_s / 20), strict=True)
+    lines = ["time,airspeed,altitude,current,pack", *(f"{t:.1f},{V:.2f},{h:.1f},{A:.2f},15.0" for t, V, h, A in rows)]
+    table = tmp_path / "flight.csv"
+    table.write_text("\n".join(lines), "utf-8")
+    note = _drafted_map(table)
+    columns = tmp_path / "flight.csv.columns.toml"
+    assert f"drafted by their names into {columns.name}" in note and "battery_voltage" not in columns.read_text("utf-8")
+    folder = Folder(tmp_path, tmp_path / "workspace")
+    with pytest.raises(InputError, match=r"the map of its columns lacks \[battery_voltage\]") as refused:
+        folder.flight(table.name)
+    assert "aircraft.toml" not in str(refused.value)
+    columns.write_text(columns.read_text("utf-8") + '\n[battery_voltage]\ncolumn = "pack"\nunit = "V"\n', "utf-8")
+    flight = folder.flight(table.name)
+    assert flight.kind is Kind.ELECTRICAL and not flight.changed()
+    columns.write_text(columns.read_text("utf-8") + "# checked\n", "utf-8")
+    assert flight.changed()
