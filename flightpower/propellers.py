@@ -174,7 +174,7 @@ def _apart(table: Table, query: Query) -> str:
 def _print_cost(cost: Cost, size: str) -> None:
     print(
         f"\nWith {cost.table} for {size}, at the same airspeed and motor speed, J {cost.J[0]:.2f} to {cost.J[1]:.2f}:"
-        f"\n  its thrust is {_percent(cost.thrust)}, its power {_percent(cost.power)} of the table's"
+        f"\n  your propeller's thrust is {_percent(cost.thrust)}, its power {_percent(cost.power)} of that table's"
         f" ({cost.compared} propellers compared)."
     )
     if cost.per_inch:

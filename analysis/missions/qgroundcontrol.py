@@ -54,7 +54,8 @@ def _of_speed(cruise_mps: Any, items: Sequence[Item]) -> tuple[str, ...]:
     if not cruise_mps or any(item.command == Command.CHANGE_SPEED for item in items):
         return ()
     return (
-        f"QGroundControl computes times with {float(cruise_mps):g} m/s, which no vehicle gets: not taken as asked.",
+        f"QGroundControl computes times with {float(cruise_mps):g} m/s, which the plan does not send to the"
+        " vehicle: that speed is not flown.",
     )
 
 

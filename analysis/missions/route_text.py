@@ -30,9 +30,9 @@ def lines(result: RouteResult) -> Iterator[str]:
     near = min(result.directions, key=lambda direction: direction.safe_radius_m)
     far = max(result.directions, key=lambda direction: direction.safe_radius_m)
     yield (
-        f"Out and back on one charge: safely {near.safe_radius_m / 1000:.1f} km (course"
-        f" {course_text(radians(near.course_deg))}) to {far.safe_radius_m / 1000:.1f} km (course"
-        f" {course_text(radians(far.course_deg))}); without climb."
+        f"Farthest safe point of return on one charge, without climb: {near.safe_radius_m / 1000:.1f} km out on course"
+        f" {course_text(radians(near.course_deg))}, the shortest, {far.safe_radius_m / 1000:.1f} km on course"
+        f" {course_text(radians(far.course_deg))}, the longest."
     )
     yield (
         f"Airspeeds allowed: {result.slowest_airspeed_mps:.1f} to {result.fastest_airspeed_mps:.1f} m/s (equivalent),"

@@ -17,6 +17,7 @@ from flightpower.analysis.records.flight import (
     WithCurves,
 )
 
+LEAST_POWER, LEAST_DRAG = "Power required is least there.", "Drag is least there."
 BEYOND_TABLE = "Outside the propeller table: an extrapolation."
 
 
@@ -48,8 +49,8 @@ def headline_answers(results: WithCurves, use: PerformanceResult | None = None) 
     if use is None:
         main = results.main
         return [
-            _optimum(results, "Best endurance", main.least_power_speed or UNKNOWN_SPEED, "least power required"),
-            _optimum(results, "Best range", main.best_range_speed or UNKNOWN_SPEED, "least drag"),
+            _optimum(results, "Best endurance", main.least_power_speed or UNKNOWN_SPEED, LEAST_POWER),
+            _optimum(results, "Best range", main.best_range_speed or UNKNOWN_SPEED, LEAST_DRAG),
         ]
     return [_endurance(results, use), _range(results, use), _full_throttle(results, use.available)]
 

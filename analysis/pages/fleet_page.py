@@ -142,7 +142,7 @@ def news_table(fleet: FleetResults) -> HtmlTable:
 
 def airframes_table(fleet: FleetResults) -> HtmlTable:
     return HtmlTable(
-        ("airframe", "mounted", "flights", "last flight", "least power", "± %", "trust"),
+        ("airframe", "installation", "flights pooled", "last flight", "least power", "± %", "trust"),
         [_row(airframe) for airframe in fleet.airframes],
         numbers=True,
     )

@@ -83,7 +83,7 @@ def render_pooled(pooled: PooledResults) -> str:
         warnings=pooled.notes,
         curve=curve_table(pooled),
         one_more=(
-            f"One flight more: another one like {more.like}, the flight that contributed most. The best flight alone"
+            f"One more flight means another one like {more.like}, which contributed most. The best flight alone"
             f" is {best.log}."
         ),
         same="the same aircraft" if pooled.kind is Kind.ELECTRICAL else "the same installation of the probe",
@@ -179,9 +179,9 @@ def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
         )
     answers.append(
         HeadlineAnswer(
-            "One flight more",
-            f"from ±{more.half_width_percent[worst]:.1f} to ±{more.half_width_then_percent[worst]:.1f} %",
-            f"At {more.speed_mps[worst]:.1f} m/s, by another flight like {more.like}.",
+            "With one more flight",
+            f"±{more.half_width_then_percent[worst]:.1f} % instead of ±{more.half_width_percent[worst]:.1f} %",
+            f"At {more.speed_mps[worst]:.1f} m/s, if it is like {more.like}.",
         )
     )
     for flight in pooled.flights_to_see:
@@ -211,7 +211,7 @@ def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
             f"Probability of a difference this large by errors alone: {probability(comparison.p)}.",
         ),
         HeadlineAnswer(
-            "Clearest" if comparison.differs else "Narrowest interval",
+            "Clearest difference" if comparison.differs else "Difference where it is known best",
             f"{best.difference_percent:+.1f} % ({best.lo_percent:+.1f} to {best.hi_percent:+.1f})",
             f"B minus A at {best.speed_mps:.1f} m/s.{cancels}",
         ),

@@ -149,7 +149,7 @@ def read_messages(path: Path) -> Messages:
     dropped = log.columns("DSF").get("Dp", np.zeros(1))
     known = dropped[np.isfinite(dropped)] if dropped.dtype.kind == "f" else np.zeros(0)
     lost = int(np.max(known, initial=0.0))
-    notes = [*log.notes, *([f"The autopilot dropped {lost} messages."] if lost else [])]
+    notes = [*log.notes, *([f"The autopilot dropped {lost} message{'s' * (lost != 1)}."] if lost else [])]
     parameters = {_text(name): float(x) for name, x in pairs if isinstance(x, float)}
     timed = tuple(zip(_times_s("MSG", messages, len(texts)), texts, strict=True))
     return Messages(tables, parameters, notes, vehicle, timed, isinstance(log, TelemetryLog))

@@ -31,15 +31,21 @@ class SimulatedTruth:
 
     def sentence(self) -> str:
         comparison = (
-            "The flight is a simulation by ArduPilot. Its truth is not used; the airspeed found is"
-            f" {100 * self.airspeed_error:+.1f} % off it (± {100 * self.airspeed_half_width:.1f} % stated)"
+            "The flight is a simulation by ArduPilot. Its truth is not used; the airspeed differs"
+            f" from it by {signed_percent(self.airspeed_error)} (95 % interval ±{100 * self.airspeed_half_width:.1f} %)"
         )
         if not self.steady_windows:
             return f"{comparison}."
         return (
-            f"{comparison}, and in {self.steady_windows} windows of truly steady level flight the curve is"
-            f" {100 * self.power_error:+.1f} % off the measured power."
+            f"{comparison}, and in {self.steady_windows} windows of truly steady level flight the curve differs from the"
+            f" measured power by {signed_percent(self.power_error)}."
         )
+
+
+def signed_percent(share: float) -> str:
+    """ "+0.3 %", and "0.0 %" of what rounds to zero."""
+    shown = round(100 * share, 1)
+    return f"{shown:+.1f} %" if shown else "0.0 %"
 
 
 def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEstimate) -> SimulatedTruth | None:

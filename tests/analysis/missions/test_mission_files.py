@@ -103,7 +103,9 @@ def test_a_speed_goes_back_to_the_default_and_stays_without_change(tmp_path: Pat
 def test_a_cruise_speed_of_qgroundcontrol_is_not_flown(tmp_path: Path) -> None:
     """It writes one into every plan for times of its own; the vehicle never gets it."""
     fast = read(tmp_path, plan_text(item(16, east_km=1.0), cruiseSpeed=22))
-    assert {step.speed for step in fast.steps} == {None} and "with 22 m/s, which no vehicle gets" in fast.notes[0]
+    assert {step.speed for step in fast.steps} == {None} and "with 22 m/s, which the plan does not send" in fast.notes[
+        0
+    ]
     bare = read(tmp_path, plan_text(item(16, east_km=1.0), cruiseSpeed=0))
     assert bare.steps == fast.steps and len(bare.notes) == len(fast.notes) - 1
 

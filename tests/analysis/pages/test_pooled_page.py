@@ -117,7 +117,7 @@ def test_a_page_of_a_hundred_flights_is_small_and_names_them() -> None:
     page = render_pooled(pooled(100))
     assert len(page.encode()) < 0.6e6
     text = body(page)
-    assert "±2.0 to ±2.0 %" in text and "from ±2.0 to ±1.5 %" in text and "5 flights" in text
+    assert "±2.0 to ±2.0 %" in text and "±1.5 % instead of ±2.0 %" in text and "5 flights" in text
     assert "outlier: was the probe touched?" in text
     assert "+1.2 %" in text and "281.0 K" in text and "293.0 K" in text
     said_first = text.index("2026-05-01-03 &lt;flight&gt;: Check the poles.")
@@ -129,7 +129,7 @@ def test_a_page_of_a_hundred_flights_is_small_and_names_them() -> None:
 
 
 def test_one_flight_has_nothing_to_agree_with() -> None:
-    assert [answer.question for answer in pooled_answers(pooled(1))][1] == "One flight more"
+    assert [answer.question for answer in pooled_answers(pooled(1))][1] == "With one more flight"
     assert "Do the flights agree" not in body(render_pooled(pooled(1)))
 
 
