@@ -86,6 +86,7 @@ COMMON_UNITS: Mapping[str, tuple[str, float]] = types.MappingProxyType(
 )
 
 NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
+FEET_AND_INCHES = re.compile(r"(\d[\d.]*\s*[a-z]+)\s+(\d[\d.]*\s*[a-z]+)")  # and pounds and ounces
 NO_EXAMPLES: Mapping[str, str] = types.MappingProxyType({})
 
 NO_KEY: Mapping[str, bool] = types.MappingProxyType({"key": False})  # metadata of a field that no file has
@@ -102,12 +103,14 @@ def _registry() -> Any:
 
 
 def to_si(text: object, unit: str, where: str) -> float:
-    """The value of `text` ("5.73 ft") in `unit` ("m").
+    """The value of `text` ("5.73 ft", "6 ft 2 in") in `unit` ("m").
 
     Raises InputError, which names `where`, when the unit is missing, unknown or of another dimension.
     """
     if not isinstance(text, str):
         raise InputError(f'{where} = {text!r}: give a number with a unit, in quotes, such as "{text} {unit}"')
+    if unit in ("m", "kg") and (parts := FEET_AND_INCHES.fullmatch(text.strip())):
+        return to_si(parts[1], unit, where) + to_si(parts[2], unit, where)
     try:
         match = NUMBER_AND_UNIT.fullmatch(text.strip())
         if match is None:

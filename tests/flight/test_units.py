@@ -130,3 +130,11 @@ def test_a_bad_table_names_the_key(change, named):
 )
 def test_the_suffix_of_a_field_is_the_unit_it_is_given_in(name, text, value):
     assert to_si(text, split_unit(name)[1], name) == pytest.approx(value)
+
+
+def test_a_length_or_a_mass_may_have_two_units() -> None:
+    assert to_si("6 ft 2 in", "m", "span") == pytest.approx(74 * 0.0254)
+    assert to_si("5 lb 4 oz", "kg", "mass") == pytest.approx(5.25 * 0.45359237)
+    for wrong in ("6 ft 2", "6 ft 2 kg", "6 ft -2 in"):
+        with pytest.raises(InputError, match="span"):
+            to_si(wrong, "m", "span")

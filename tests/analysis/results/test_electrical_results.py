@@ -279,3 +279,8 @@ def test_two_answers_for_the_battery_are_said_where_they_differ_by_more_than_the
     table = against_field_table(whole, points(60.0), [row])
     assert bool(table) == is_reported and all(f"{electrical_W:.0f} W" in item and "at 14 m/s" in item for item in table)
     assert not against_field_table(whole, points(60.0), [msgspec.structs.replace(row, speed_mps=25.0)])
+
+
+def test_a_difference_that_rounds_to_zero_has_no_sign() -> None:
+    assert "measured power by 0.0 %." in SimulatedTruth(0.001, 0.01, 75, -0.0002).sentence()
+    assert "measured power by -1.2 %." in SimulatedTruth(0.001, 0.01, 75, -0.012).sentence()
