@@ -70,18 +70,27 @@ class Sides(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         name, command, rest = super().resolve_command(ctx, args)
-        return name, load(name) if name in SIDES else command, rest
+        return name, load(name, help_alone="--help" in rest) if name in SIDES else command, rest
 
 
-def load(name: str) -> Any:
-    """The command of a side. Raises InputError saying what to install when something that it needs is missing."""
+def load(name: str, *, help_alone: bool = False) -> Any:
+    """The command of a side. Raises InputError saying what to install when something that it needs is missing.
+
+    help_alone : its help is asked for, which is shown where the module can be loaded all the same
+    """
     side = SIDES[name]
     missing = [module for module in side.needs if find_spec(module) is None]
-    if missing:
-        raise InputError(
-            f'flightpower {name}: {", ".join(missing)} not installed; in the clone: pip install ".[{side.extra}]"'
-        )
-    command = command_of(importlib.import_module(side.module).app)
+    lacking = InputError(
+        f'flightpower {name}: {", ".join(missing)} not installed; in the clone: pip install ".[{side.extra}]"'
+    )
+    if missing and not help_alone:
+        raise lacking
+    try:
+        command = command_of(importlib.import_module(side.module).app)
+    except ImportError:
+        if missing:
+            raise lacking from None
+        raise
     command.name = name
     return command
 

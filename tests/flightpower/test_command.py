@@ -6,8 +6,10 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
+from typer.testing import CliRunner
 
 import flightpower.command as umbrella
 from flightpower import scripts, templates
@@ -86,6 +88,18 @@ def test_a_side_that_is_not_installed_says_what_to_install(monkeypatch: pytest.M
     monkeypatch.setattr(umbrella, "find_spec", lambda name: None if name == "scipy" else object())
     with pytest.raises(InputError, match=r'scipy not installed; in the clone: pip install "\.\[analysis\]"'):
         umbrella.load("analyze")
+
+
+def test_help_of_a_side_that_is_not_installed_is_shown_where_it_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`fleet` loads what its extra installs when it runs; a module that cannot be loaded says what to install."""
+    monkeypatch.setattr(umbrella, "find_spec", lambda name: None if name == "fsspec" else object())
+    shown = CliRunner().invoke(umbrella.app, ["fleet", "--help"])
+    assert shown.exit_code == 0 and "Keep the statistics of flights" in shown.output
+    with pytest.raises(InputError, match="fsspec not installed"):
+        umbrella.load("fleet")
+    monkeypatch.setattr(umbrella.importlib, "import_module", Mock(side_effect=ImportError("no fsspec")))
+    with pytest.raises(InputError, match="fsspec not installed"):
+        umbrella.load("fleet", help_alone=True)
 
 
 def test_completion_knows_the_options_of_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
