@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
 from msgspec import UNSET
 
 from flightpower.analysis.pages.answers import optimum_speed_text
@@ -108,7 +109,23 @@ def _data(results: Results) -> str:
     return " and ".join(f"{n} {kind}{'' if n == 1 else 's'}" for n, kind in counts)
 
 
+def at_whole_speeds(points: Sequence[PowerPoint], most: int = 40) -> list[PowerPoint]:
+    """The curve between its points at whole m/s, each or every few of them; empty where it has no two of them."""
+    V = [point.speed_mps for point in points]
+    whole = np.arange(math.ceil(min(V, default=0.0)), math.floor(max(V, default=0.0)) + 1)
+    if len(whole) < 2:
+        return []
+    speeds = whole[:: math.ceil(len(whole) / most)].astype(float)
+    names = ("power_W", "power_lo_W", "power_hi_W")
+    columns = (np.interp(speeds, V, [getattr(point, name) for point in points]).tolist() for name in names)
+    return [
+        PowerPoint(speed_mps=v, power_W=p, power_lo_W=lo, power_hi_W=hi)
+        for v, p, lo, hi in zip(speeds.tolist(), *columns, strict=True)
+    ]
+
+
 def _curve_table(results: Results) -> HtmlTable:
+    points = at_whole_speeds(results.main.points) if results.kind is Kind.ELECTRICAL else []
     return HtmlTable(
         ("speed, m/s", "ft/s", "power, W", "95 % interval, W", "ft lbf/s"),
         [
@@ -119,7 +136,7 @@ def _curve_table(results: Results) -> HtmlTable:
                 f"{p.power_lo_W:.1f} to {p.power_hi_W:.1f}",
                 f"{p.power_W / FOOT_POUND_PER_SECOND_W:.1f}",
             )
-            for p in every(results.main.points)
+            for p in points or every(results.main.points)
         ],
         numbers=True,
     )

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from rich.console import Console
 
 from flightpower.analysis.pages.answers import end_remark, headline_answers, not_slower, optimum_speed_text
-from flightpower.analysis.pages.sections.curve import curve_section
+from flightpower.analysis.pages.sections.curve import at_whole_speeds, curve_section
 from flightpower.analysis.pages.sections.flight import decimals, sensors_section
 from flightpower.analysis.pages.sections.performance import ceilings, loading_rows, speed_rows, to_csv, to_markdown
 from flightpower.analysis.pages.terminal import print_summary
@@ -128,6 +128,17 @@ def test_the_curve_in_numbers(with_battery: Results) -> None:
     assert "C_D0 0.0450" in facts["Drag polar"] and facts["Drag polar"].endswith("(L/D)max 9.2")
     assert facts["Data"] == "1 acceleration and 0 decelerations; estimation converged"
     assert "on the battery at 16.0 m/s" in facts["Least drag at"]
+
+
+def test_electrical_power_is_tabulated_at_whole_speeds() -> None:
+    """Between points 0.5 m/s apart it is linear; 10.3 to 12.8 m/s have two whole speeds, a wide curve every few."""
+    speeds = [10.3 + 0.5 * i for i in range(6)]
+    points = [PowerPoint(speed_mps=v, power_W=2 * v, power_lo_W=v, power_hi_W=3 * v) for v in speeds]
+    results = [(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in at_whole_speeds(points)]
+    assert results == [pytest.approx((v, 2 * v, v, 3 * v)) for v in (11.0, 12.0)]
+    assert at_whole_speeds(points[:3]) == [] == at_whole_speeds([])
+    wide = [PowerPoint(speed_mps=v, power_W=v, power_lo_W=v, power_hi_W=v) for v in (20.0, 140.0)]
+    assert [p.speed_mps for p in at_whole_speeds(wide)][:3] == [20.0, 24.0, 28.0]
 
 
 def test_sensors_are_shown_before_and_after_correction(results: Results) -> None:
