@@ -37,8 +37,8 @@ class SimulatedTruth:
         if not self.steady_windows:
             return f"{comparison}."
         return (
-            f"{comparison}, and in {self.steady_windows} windows of truly steady level flight the curve differs from the"
-            f" measured power by {signed_percent(self.power_error)}."
+            f"{comparison}, and in {self.steady_windows} windows of truly steady level flight the curve differs from"
+            f" the measured power by {signed_percent(self.power_error)}."
         )
 
 

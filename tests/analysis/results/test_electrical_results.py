@@ -264,7 +264,7 @@ def test_powers_and_the_factor_of_airspeed_have_intervals_of_95_per_cent() -> No
 def test_two_answers_for_the_battery_are_said_where_they_differ_by_more_than_their_intervals(
     electrical_W: float, is_reported: bool
 ) -> None:
-    """By 10 % each, 14 % together: 110 W and 100 W agree, 116 W and 100 W do not."""
+    """Intervals of 10 % each are 14 % together: 110 W and 100 W agree, 116 W and 100 W do not."""
 
     def points(power_W: float) -> list[PowerPoint]:
         return [
