@@ -114,10 +114,12 @@ def printed(walk: Walk, start: str) -> str:
 
 
 def test_the_curve_of_the_demonstration_contains_the_truth_and_is_trusted(walk: Walk) -> None:
-    """The propeller stays inside its table. The one warning is that so short a flight leaves the air's rise unknown."""
+    """The propeller stays inside its table. So short a flight leaves the air's rise unknown, and its battery power 13 %
+    above the field table, which is right."""
     results = json.loads((walk.folder / "out/demo/log.report/results.json").read_text("utf-8"))
     assert results["trust"] == Trust.TRUSTED and results["evidence"] == []
-    assert len(results["warnings"]) == 1
+    air, battery = results["warnings"]
+    assert "the air may have risen or sunk" in air and "Two answers for the battery" in battery
     points = results["curves"]["power_required"]["points"]
     assert not any(point["extrapolated"] for point in points)
     V, low, high = (np.array([p[name] for p in points]) for name in ("speed_mps", "power_lo_W", "power_hi_W"))
