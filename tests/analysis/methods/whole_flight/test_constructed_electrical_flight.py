@@ -409,7 +409,7 @@ def test_an_airspeed_by_gps_less_wind_is_as_uncertain_as_the_wind_and_half_the_d
     """Variances of 0.36 and 0.64 m^2/s^2 north and east are 0.5 along a path of any direction."""
     airspeed = by_wind(np.array([3.0, -4.0, 0.0, 0.0]), np.diag([0.36, 0.64, 0.0, 0.0]))
     best = SpeedInterval(speed_mps=16.0, lo_mps=15.0, hi_mps=17.0, inside_flown_range=True)
-    values = flight_values(electrical._replace(airspeed=airspeed), best, {})
+    values = flight_values(replace(electrical, airspeed=airspeed), best, {})
     to_equivalent = np.sqrt(electrical.conditions.rho / 1.225)
     for result, V in ((values.slowest, electrical.V_mps[0]), (values.fastest, electrical.V_mps[-1])):
         half = 1.96 * np.sqrt(0.5 + (V * electrical.rho_sigma / 2) ** 2) * to_equivalent
