@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from scipy import special
 
-from flightpower.analysis.curve import POLAR
+from flightpower.analysis.curve import POLAR, Condition, lift_coefficient
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.methods.consider import UPDRAFT
 from flightpower.analysis.methods.motor_lag import PARAMETER as MOTOR_LAG_PARAMETER
@@ -456,8 +456,8 @@ def _lift_coefficient(results: Results) -> Iterator[Evidence]:
     measured = [point.speed_mps for point in results.curves[results.kind].points if not point.extrapolated]
     if not measured:
         return
-    q_Pa = results.test.air_density_kgpm3 / 2 * measured[0] ** 2
-    CL = results.test.weight_N / (q_Pa * results.aircraft.wing_area_m2)
+    condition = Condition(results.test.weight_N, results.test.air_density_kgpm3, results.aircraft.wing_area_m2)
+    CL = float(lift_coefficient(measured[0], condition))
     if CL <= FLOWN.doubtful_CL:
         return
     yield Evidence(

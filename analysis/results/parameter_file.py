@@ -59,8 +59,7 @@ class StallMargin(NamedTuple):
             what = "the speed of the largest lift coefficient flown, as no stall speed is given (--stall)"
         else:
             curve = results.electrical_power or results.power_required
-            to_equivalent = (results.test.air_density_kgpm3 / SEA_LEVEL_DENSITY) ** 0.5
-            stall_mps = curve[0].speed_mps * to_equivalent if curve else 0.0
+            stall_mps = curve[0].speed_mps / _true_per_equivalent(results) if curve else 0.0
             what = "the slowest of the curve, as no stall speed is given (--stall)"
         least = self.margin * stall_mps
         return least, f"No airspeed is below {least:.4g} m/s: {self.margin:g} times {stall_mps:.4g} m/s, {what}."
@@ -108,7 +107,7 @@ def _at_raised_cruise(
     from_mps, to_mps : equivalent airspeeds. The relative width of an interval stays.
     """
     ratios = [
-        (CRUISE_SINK, _power_required_ratio(results, own, from_mps, to_mps)),
+        (CRUISE_SINK, _power_required_ratio(results, from_mps, to_mps)),
         (CRUISE_POWER, _battery_power_ratio(results, from_mps, to_mps)),
     ]
     by_name = {name: ratio for names, ratio in ratios for name in names}
@@ -123,13 +122,11 @@ def _at_raised_cruise(
     return kept, unknown
 
 
-def _power_required_ratio(
-    results: Results, own: list[AutopilotParameter], from_mps: float, to_mps: float
-) -> float | None:
+def _power_required_ratio(results: Results, from_mps: float, to_mps: float) -> float | None:
     """Power required at one equivalent airspeed over that at another; without its curve by the soaring polar."""
     if results.power_required:
-        points = results.power_required
-        return _ratio(results, [(point.speed_mps, point.power_W) for point in points], from_mps, to_mps)
+        points = [(point.speed_mps, point.power_W) for point in results.power_required]
+        return _ratio(results, points, from_mps, to_mps)
     polar = {parameter.name: parameter.value for parameter in results.autopilot_parameters}
     names = ("SOAR_POLAR_CD0", "SOAR_POLAR_B", "SOAR_POLAR_K")
     if not polar.keys() >= set(names):
@@ -141,15 +138,20 @@ def _power_required_ratio(
 
 def _battery_power_ratio(results: Results, from_mps: float, to_mps: float) -> float | None:
     """Battery power of level flight at one equivalent airspeed over that at another."""
-    points = [(power_point.speed_mps, power_point.power_W) for power_point in results.electrical_power]
+    points = [(point.speed_mps, point.power_W) for point in results.electrical_power]
     if not points and results.use:
         points = [(row.speed_mps, row.battery_W) for row in results.use.field_table]
     return _ratio(results, points, from_mps, to_mps)
 
 
+def _true_per_equivalent(results: Results) -> float:
+    """True airspeed over equivalent airspeed at the density of the results."""
+    return float((SEA_LEVEL_DENSITY / results.test.air_density_kgpm3) ** 0.5)
+
+
 def _ratio(results: Results, points: list[tuple[float, float]], from_mps: float, to_mps: float) -> float | None:
     """points : true airspeed and power. None where the second speed is not among them."""
-    to_true = (SEA_LEVEL_DENSITY / results.test.air_density_kgpm3) ** 0.5
+    to_true = _true_per_equivalent(results)
     V = [speed for speed, _ in points]
     if not points or not V[0] <= to_mps * to_true <= V[-1]:
         return None
@@ -170,7 +172,7 @@ def climb_at_cruise(results: Results, raised_mps: float | None = None) -> Interv
     V = [point.speed_mps for point in use.available.power_available]
     cruise_mps = use.loadings[0].range_speed_mps.value
     if raised_mps is not None:
-        cruise_mps = raised_mps * (SEA_LEVEL_DENSITY / results.test.air_density_kgpm3) ** 0.5
+        cruise_mps = raised_mps * _true_per_equivalent(results)
     climb_mps = float(np.interp(cruise_mps, V, use.available.climb_mps))
     low, high = (climb_mps * end / best.value for end in (best.lo, best.hi))
     return Interval(value=low, lo=low, hi=high) if low > 0 else None
