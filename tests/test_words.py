@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -12,15 +13,12 @@ DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def test_no_docstring_lacks_its_subject() -> None:
-    results = [
-        f"{path.relative_to(ROOT)}: {text.splitlines()[0]}"
-        for folder in FOLDERS
-        for path in sorted((ROOT / folder).rglob("*.py"))
-        if BEGUN_SO.search(source := path.read_text("utf-8"))
-        for node in ast.walk(ast.parse(source))
+    docstrings = [
+        f"{path}: {text.splitlines()[0]}"
+        for path, node in nodes(BEGUN_SO)
         if isinstance(node, DOCUMENTED) and (text := ast.get_docstring(node) or "").startswith(WITHOUT_SUBJECT)
     ]
-    assert results == []
+    assert docstrings == []
 
 
 # Participles and pronouns say nothing about what they hold: a fit, a message, a request, a flight.
@@ -30,14 +28,20 @@ BOUND_SO = re.compile(rf"(?<![\w.])(?:{'|'.join(sorted(NO_NOUNS))})\b(?=\s*(?:=(
 
 def test_no_variable_or_parameter_is_a_participle_or_a_pronoun() -> None:
     names = [
-        f"{path.relative_to(ROOT)}:{node.lineno}: {name}"
-        for folder in FOLDERS
-        for path in sorted((ROOT / folder).rglob("*.py"))
-        if BOUND_SO.search(source := path.read_text("utf-8"))
-        for node in ast.walk(ast.parse(source))
+        f"{path}:{getattr(node, 'lineno', 0)}: {name}"
+        for path, node in nodes(BOUND_SO)
         if (name := bound_name(node)) in NO_NOUNS
     ]
     assert names == []
+
+
+def nodes(pattern: re.Pattern[str]) -> Iterator[tuple[Path, ast.AST]]:
+    """The path and each node of our files in which the pattern occurs."""
+    for folder in FOLDERS:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            if pattern.search(source := path.read_text("utf-8")):
+                for node in ast.walk(ast.parse(source)):
+                    yield path.relative_to(ROOT), node
 
 
 def bound_name(node: ast.AST) -> str:
