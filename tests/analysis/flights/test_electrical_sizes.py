@@ -35,7 +35,7 @@ def p_of_one_share(share: float, at: np.ndarray) -> float:
 def test_a_difference_has_the_probability_and_the_width_of_two_flights(share: float) -> None:
     result = compared([flight("a")], [flight("b", share)]).results()
     at = np.array([row.speed_mps for row in result.differences])
-    assert result.p == pytest.approx(p_of_one_share(share, at), rel=0.05)
+    assert result.p == pytest.approx(p_of_one_share(share, at), rel=0.02)
     for row in result.differences:
         half = (row.hi_percent - row.lo_percent) / 2
         assert half == pytest.approx(100 * NORMAL_95 * np.sqrt(2) * OWN, rel=0.01), "the same watts of both cancel"
