@@ -114,8 +114,8 @@ def printed(walk: Walk, start: str) -> str:
 
 
 def test_the_curve_of_the_demonstration_contains_the_truth_and_is_trusted(walk: Walk) -> None:
-    """The propeller stays inside its table. So short a flight leaves the air's rise unknown, and its battery power 13 %
-    above the field table, which is right."""
+    """The propeller stays inside its table. So short a flight leaves the air's rise unknown, and its battery power 16 %
+    above that of the field table, which is right."""
     results = json.loads((walk.folder / "out/demo/log.report/results.json").read_text("utf-8"))
     assert results["trust"] == Trust.TRUSTED and results["evidence"] == []
     air, battery = results["warnings"]
