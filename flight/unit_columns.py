@@ -37,9 +37,9 @@ def read_unit_columns(
         if match is None:
             raise InputError(f"{path}: column {title!r}: must be one of {', '.join(known)} with its unit: {example}")
         name, unit = known[match[1]]
-        zero, item = (to_si(f"{x} {REVOLUTIONS.get(match[2], match[2])}", unit, f"{path}: {title}") for x in (0, 1))
+        zero, unity = (to_si(f"{x} {REVOLUTIONS.get(match[2], match[2])}", unit, f"{path}: {title}") for x in (0, 1))
         numbers = np.array([number_or_nan(line[i]) if i < len(line) else np.nan for line in lines])
-        values[name] = zero + (item - zero) * numbers
+        values[name] = zero + (unity - zero) * numbers
         if not np.isfinite(values[name]).all():
             wrong = ",".join(lines[int(np.isfinite(values[name]).argmin())])
             raise InputError(f"{path}: column {title!r}: not a number in every line; the first without: {wrong}")

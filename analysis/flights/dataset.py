@@ -70,15 +70,15 @@ class Dataset:
         """
         new: dict[str, list[StoredFlight]] = defaultdict(list)
         count = 0
-        for path in results:
-            flight = stored(path)
+        for content in results:
+            flight = stored(content)
             flight = flight._replace(folder=self._relative(folders.get(flight.content.log)))
             new[flight.content.aircraft.name].append(flight)
             count += 1
         added = 0
         for airframe, flights in new.items():
             known = set(self._column(airframe, "flight"))
-            fresh = {path.flight: path for path in flights if path.flight not in known}
+            fresh = {flight.flight: flight for flight in flights if flight.flight not in known}
             if fresh:
                 self._write(airframe, [fresh[key] for key in sorted(fresh)])
                 added += len(fresh)

@@ -37,16 +37,16 @@ def of_one_kind(*sides: Sequence[Results]) -> tuple[Kind, list[Pooled]]:
     A kind that every side has goes first. Without one, the flights of a side are left out.
     """
     has = {
-        kind: [[_gives(item, kind) for item in side] for side in sides]
+        kind: [[_gives(flight, kind) for flight in side] for side in sides]
         for kind in (Kind.POWER_REQUIRED, Kind.ELECTRICAL)
     }
-    kind = max(has, key=lambda item: (all(map(any, has[item])), sum(map(sum, has[item]))))
-    pooleds = []
+    kind = max(has, key=lambda kind: (all(map(any, has[kind])), sum(map(sum, has[kind]))))
+    pooled_sides = []
     for side, given in zip(sides, has[kind], strict=True):
         pairs = list(zip(side, given, strict=True))
-        left_out = [f"{item.log}: {_why_without(item, kind)}" for item, gives in pairs if not gives]
-        pooleds.append(Pooled([item for item, gives in pairs if gives], left_out))
-    return kind, pooleds
+        left_out = [f"{flight.log}: {_why_without(flight, kind)}" for flight, gives in pairs if not gives]
+        pooled_sides.append(Pooled([flight for flight, gives in pairs if gives], left_out))
+    return kind, pooled_sides
 
 
 def _gives(results: Results, kind: Kind) -> bool:
@@ -70,16 +70,16 @@ def pool_results(results: Sequence[Path | Mapping[str, Any] | Results], kind: Ki
     """
     if not results:
         raise InputError("no flights to pool; give the results.json of one or more flights")
-    contents = [read_results(path) for path in results]
-    electrical = [path.log for path in contents if kind is Kind.ELECTRICAL or path.kind is Kind.ELECTRICAL]
+    contents = [read_results(source) for source in results]
+    electrical = [content.log for content in contents if kind is Kind.ELECTRICAL or content.kind is Kind.ELECTRICAL]
     if not electrical:
         return joint_pool(results)
-    if drag := [path.log for path in contents if Kind.ELECTRICAL not in path.curves]:
+    if drag := [content.log for content in contents if Kind.ELECTRICAL not in content.curves]:
         raise InputError(
             f"{electrical[0]} gives electrical power only, and {drag[0]} drag only, since its log has no battery: leave"
             " one of them out"
         )
-    return curve_pool([read_curve(path) for path in contents])
+    return curve_pool([read_curve(content) for content in contents])
 
 
 def pool_flights(flights: Sequence[PoolFlight]) -> Pool:

@@ -90,7 +90,7 @@ def pooled_performance(
 
 
 def _pooled_model(pool: DragPool, flights: Sequence[ComputationModel]) -> PerformanceModel:
-    models = [model_of(computation_model) for computation_model in flights]
+    models = [model_of(flight) for flight in flights]
     n = len(POLAR) + len(THRUST)
     values, covariance = pool.estimate.parameters.value[:n].copy(), pool.estimate.parameters.covariance[:n, :n].copy()
     values[: len(POLAR)], covariance[: len(POLAR), : len(POLAR)] = pool.polar.A, pool.polar.covariance

@@ -94,7 +94,7 @@ def flights_csv(fleet: FleetResults) -> str:
     rows: list[Sequence[str]] = [("airframe", "mounted", "log", "start_utc", *shares, "report")]
     for airframe in fleet.airframes:
         shown: dict[tuple[str, float | None], FlightShareResult] = {
-            (item.log, item.start_unix_s): item for item in airframe.history
+            (share.log, share.start_unix_s): share for share in airframe.history
         }
         for log in airframe.logs:
             share = shown.get((log.log, log.start_unix_s))
@@ -113,10 +113,10 @@ def curves_csv(fleet: FleetResults) -> str:
         (airframe.name, airframe.installation, airframe.kind, airframe.test, airframe.power_required)
         for airframe in fleet.airframes
     ]
-    for mean in fleet.curves:
-        name = f"airframes like {mean.airframes[0]}"
-        curves += [(f"mean of {name}", "", Kind.POWER_REQUIRED, mean.test, mean.mean)]
-        curves += [(f"another of {name}", "", Kind.POWER_REQUIRED, mean.test, mean.another)]
+    for curve in fleet.curves:
+        name = f"airframes like {curve.airframes[0]}"
+        curves += [(f"mean of {name}", "", Kind.POWER_REQUIRED, curve.test, curve.mean)]
+        curves += [(f"another of {name}", "", Kind.POWER_REQUIRED, curve.test, curve.another)]
     for name, mounted, kind, at, points in curves:
         for point in points:
             numbers = (at.weight_N, at.air_density_kgpm3, *(getattr(point, field) for field in fields))
@@ -222,7 +222,7 @@ def _dates(days: Array) -> Axis:
 
 def _level(changes: Sequence[ChangeResult], name: str, last_day: float) -> tuple[Array, Array]:
     """Corners of the line that the changes of drag or thrust make, from 0 %: steps, and drifts until the next one."""
-    days = [(change_result.since_unix_s or 0.0) / DAY_S for change_result in changes]
+    days = [(change.since_unix_s or 0.0) / DAY_S for change in changes]
     x, y, level = [], [], 0.0
     for change, since, until in zip(changes, days, [*days[1:], last_day], strict=True):
         after = level + getattr(change, f"{name}_percent")

@@ -132,7 +132,7 @@ def against_field_table(
         return []
     V, table_W = np.array([(row.speed_mps, row.battery_W) for row in rows]).T
     (_, power_W, lo_W, hi_W), (_, drag_W, drag_lo_W, drag_hi_W) = (
-        [np.interp(V, item[0], values) for values in item] for item in (whole, drag)
+        [np.interp(V, curve[0], values) for values in curve] for curve in (whole, drag)
     )
     allowed = np.hypot((hi_W - lo_W) / 2 / power_W, (drag_hi_W - drag_lo_W) / 2 / drag_W)
     ratio = np.abs(np.log(power_W / table_W)) / allowed

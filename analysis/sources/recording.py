@@ -404,10 +404,10 @@ def propulsion(
     """Channels of the battery that feeds the motor, of the motor and of the throttle; notes on battery and motor."""
     battery, battery_notes = measuring_battery(batteries, controllers)
     motor, motor_notes = turning_motor(motors)
-    results = {MOTOR: motor, THROTTLE: throttle}
+    channels = {MOTOR: motor, THROTTLE: throttle}
     if battery:
-        results |= {VOLTAGE: battery.voltage, CURRENT: battery.current}
-    return {name: item for name, item in results.items() if item is not None}, battery_notes, motor_notes
+        channels |= {VOLTAGE: battery.voltage, CURRENT: battery.current}
+    return {name: channel for name, channel in channels.items() if channel is not None}, battery_notes, motor_notes
 
 
 def most_varying(channels: Sequence[Channel]) -> Channel | None:

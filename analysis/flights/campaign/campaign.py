@@ -222,7 +222,7 @@ def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[L
 
 def read_flights(folders: Sequence[Path]) -> list[Results]:
     """The results in flights' folders, `log` in them being the folder's name. Raises InputError for a damaged file."""
-    return [structs.replace(without_details(read_results(flight / RESULTS)), log=flight.name) for flight in folders]
+    return [structs.replace(without_details(read_results(folder / RESULTS)), log=folder.name) for folder in folders]
 
 
 def flight_folders_of(folder: Path) -> list[Path]:

@@ -36,7 +36,7 @@ class Kept(Generic[T]):
 
     def __call__(self, p: NamedValues) -> T:
         for noted, value in self._known:
-            if all(p[name] == item for name, item in noted.items()):  # a list: all of them count as read
+            if all(p[name] == last for name, last in noted.items()):  # p[name] also counts as read by a caller
                 return value
         seen = _Noted(p)
         value = self._of(seen)
