@@ -102,9 +102,8 @@ def write_report(flight: Flight, folder: Paths) -> None:
 def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:
     """The joint estimate of flights of one aircraft: each analyzed here, or its results.json.
 
-    Flights with drag and flights of autopilots are pooled by their electrical power. Raises InputError for none, for
-    one flight twice, for flights without a kind of power in common, and for flights of two aircraft, propellers or
-    installations.
+    Flights with drag are pooled by drag; where others give electrical power only, all that give it are pooled by that,
+    too (`other_kind`). Raises InputError where there is no pool, as for flights of two aircraft or installations.
     """
     if isinstance(flights, str | os.PathLike):
         raise InputError(f"pool({os.fspath(flights)!r}): give a list of flights, or of their results.json")
@@ -112,9 +111,9 @@ def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:
 
 
 def compare(a: Pool, b: Pool) -> Comparison:
-    """Power of B against that of A, at the weight and density of A.
+    """Power of B against that of A, at the weight and density of A, by a kind of power that both have.
 
-    Raises InputError for pools of two kinds, for a flight in both, and where they have no speeds in common.
+    Raises InputError where there is none, for a flight in both, and where they have no speeds in common.
     """
     return compare_pools(a, b)
 

@@ -1,13 +1,12 @@
 """The command `analyze compare`: the difference between two configurations, from the results of their flights."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from flightpower.analysis.cli.verdict import report_evidence
+from flightpower.analysis.cli.verdict import evidence_of_kinds, report_evidence
 from flightpower.flight.command_line import application
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import check_writable
@@ -43,17 +42,11 @@ def compare(
         _check_no_other_results(output / "results.json")
     from flightpower.analysis.flights.campaign.campaign import flight_folders_of, read_flights
     from flightpower.analysis.flights.comparison import compare as compare_pools
-    from flightpower.analysis.flights.pool import of_one_kind, pool_results
+    from flightpower.analysis.flights.pool import pool_results
     from flightpower.analysis.pages.terminal import print_comparison
     from flightpower.analysis.pages.write import write_comparison
 
-    kind, sides = of_one_kind(*(read_flights(flight_folders_of(folder)) for folder in (a, b)))
-    for folder, side in zip((a, b), sides, strict=True):
-        if not side.flights:
-            raise InputError(f"{folder}: no flight to compare; {side.left_out[0]}")
-        for line in side.left_out:
-            print(f"note: left out: {line}", file=sys.stderr)
-    pool_a, pool_b = (pool_results(side.flights, kind) for side in sides)
+    pool_a, pool_b = (pool_results(read_flights(flight_folders_of(folder))) for folder in (a, b))
     names = [folder.resolve().name for folder in (a, b)]
     if names[0] == names[1]:
         names = [str(a), str(b)]
@@ -61,7 +54,8 @@ def compare(
     if output is not None:
         write_comparison(comparison, output)
     page = output and output / "report.html"
-    raise typer.Exit(report_evidence(comparison.evidence, lambda: print_comparison(comparison, page, Console())))
+    evidence = evidence_of_kinds(comparison)
+    raise typer.Exit(report_evidence(evidence, lambda: print_comparison(comparison, page, Console())))
 
 
 def _check_no_other_results(path: Path) -> None:

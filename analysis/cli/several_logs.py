@@ -3,7 +3,6 @@
 import importlib
 import io
 import os
-import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -18,7 +17,7 @@ from mcap.records import Attachment, AttachmentIndex, Footer, SummaryOffset
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from flightpower.analysis.cli.verdict import report_evidence
+from flightpower.analysis.cli.verdict import evidence_of_kinds, report_evidence
 from flightpower.analysis.flights.campaign.addresses import FoundLogs, Log, RemoteLog, file_system
 from flightpower.analysis.flights.campaign.campaign import Campaign, Work, run
 from flightpower.analysis.flights.campaign.folders import exclusive
@@ -31,7 +30,7 @@ from flightpower.analysis.sources.column_map import map_files
 from flightpower.analysis.sources.recognize import autopilot_of
 from flightpower.flight.aircraft import load_aircraft, parse_aircraft
 from flightpower.flight.command_line import ExitCode
-from flightpower.flight.errors import InputError, StorageError
+from flightpower.flight.errors import InputError
 from flightpower.flight.log_index import FOOTER_BYTES, MAGIC, RECORD_HEAD
 from flightpower.flight.shipped_propellers import shipped_propellers
 
@@ -118,36 +117,31 @@ def _pool(campaign: Campaign, output: Path, quiet: bool, request: Request = Requ
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
         from flightpower.analysis.flights.campaign.campaign import read_flights
-        from flightpower.analysis.flights.pool import of_one_kind, pool_results
+        from flightpower.analysis.flights.pool import pool_results
         from flightpower.analysis.pages.terminal import print_pooled
         from flightpower.analysis.pages.write import write_pooled, write_side_by_side
         from flightpower.analysis.records.flight import Kind
         from flightpower.analysis.results.evidence import worst_first
 
         page = output / "report.html"
-        kind, (readable,) = of_one_kind(read_flights(campaign.folders))
-        if not readable.flights:
-            raise InputError(f"{output}: no flight to pool; {readable.left_out[0]}; each flight has its folder")
-        if kind is Kind.ELECTRICAL and any(flight.pooling for flight in readable.flights):
-            print("note: the flights are pooled by electrical power, which some give without drag", file=sys.stderr)
+        flights = read_flights(campaign.folders)
+        electrical = [flight for flight in flights if Kind.ELECTRICAL in flight.curves]
         try:
-            pooled = pool_results(readable.flights, kind).results(readable.left_out, campaign.failures, request)
-            write_pooled(pooled, output)
-        except StorageError:
-            raise
+            pooled = pool_results(flights).results(campaign.failures, request)
         except InputError as error:
-            if kind is Kind.POWER_REQUIRED:
+            if not electrical or any(flight.pooling for flight in flights):
                 raise
             refused = str(error)  # each flight keeps its own curve
-            write_side_by_side(readable.flights, refused, campaign.failures, output)
-            evidence = worst_first(evidence for flight in readable.flights for evidence in flight.evidence)
+            write_side_by_side(electrical, refused, campaign.failures, output)
+            evidence = worst_first(evidence for flight in electrical for evidence in flight.evidence)
             text = f"not pooled: {refused}\nreport: {page}"
             return report_evidence(
                 evidence,
                 lambda: None if quiet else Console().print(text, highlight=False, markup=False, soft_wrap=True),
             )
 
-    return report_evidence(pooled.evidence, lambda: None if quiet else print_pooled(pooled, page, Console()))
+        write_pooled(pooled, output)
+    return report_evidence(evidence_of_kinds(pooled), lambda: None if quiet else print_pooled(pooled, page, Console()))
 
 
 def _processors() -> int:

@@ -8,6 +8,7 @@ from flightpower.flight.command_line import ExitCode
 
 if TYPE_CHECKING:
     from flightpower.analysis.records.flight import Evidence
+    from flightpower.analysis.records.pool import ComparisonResults, PooledResults
 
 
 def report_evidence(evidence: Sequence["Evidence"], print_results: Callable[[], None]) -> ExitCode:
@@ -25,3 +26,9 @@ def report_evidence(evidence: Sequence["Evidence"], print_results: Callable[[], 
     for line in against:
         print(line, file=sys.stderr)
     return ExitCode.FAILURE if against else ExitCode.DONE
+
+
+def evidence_of_kinds(results: "PooledResults | ComparisonResults") -> list["Evidence"]:
+    """The evidence against what is estimated by either kind of power, each piece once."""
+    of_other = results.other_kind.evidence if results.other_kind else []
+    return [*results.evidence, *(piece for piece in of_other if piece not in results.evidence)]

@@ -6,6 +6,7 @@ that flights of one aircraft share in two pools of electrical power.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import msgspec
@@ -35,8 +36,9 @@ from flightpower.analysis.flights.evidence import (
 from flightpower.analysis.flights.flight_statistics import FlightStatistics
 from flightpower.analysis.flights.joint import shared_prior, stacked
 from flightpower.analysis.flights.joint_pool import JointPool, joint_polars
+from flightpower.analysis.flights.pool import of_kind
 from flightpower.analysis.flights.pool_settings import POOLING
-from flightpower.analysis.flights.pooled import Pool, plans_to_see
+from flightpower.analysis.flights.pooled import OfAKind, Pool, first_of_kinds, plans_to_see
 from flightpower.analysis.records.flight import Evidence, EvidenceKind, Kind
 from flightpower.analysis.records.pool import ComparisonResults, Configuration, PowerDifference
 from flightpower.analysis.results.curves import condition_result
@@ -78,7 +80,7 @@ class _Powers(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(OfAKind["Comparison"]):
     """Power of B minus power of A at one weight and density, arrays (n,) at speeds_mps.
 
     difference_percent, half_width_percent : of the power of A, with its 95 % interval
@@ -144,14 +146,53 @@ class Comparison:
             test=condition_result(self.condition),
             same_installation=self.same_installation,
             same_propeller=self.same_propeller,
-            differences=_differences(self),
+            differences=self._differences,
+            quoted=self._differences[self._quoted],
             p=self.test.p,
             differs=self.differs,
-            text=_text(self),
+            text=self._text(),
             flights_to_see=plans_to_see(self.a),
+            other_kind=self.other_kind.results(a_name, b_name) if self.other_kind else None,
+        )
+
+    @cached_property
+    def _differences(self) -> list[PowerDifference]:
+        columns = (self.speeds_mps, self.power_a_W, self.power_b_W, self.difference_percent, self.half_width_percent)
+        rows = zip(*(column.tolist() for column in (*columns, self.independent_half_width_percent)), strict=True)
+        return [
+            PowerDifference(
+                speed_mps=speed,
+                power_a_W=power_a,
+                power_b_W=power_b,
+                difference_percent=difference,
+                lo_percent=difference - half_width,
+                hi_percent=difference + half_width,
+                independent_half_width_percent=independent,
+            )
+            for speed, power_a, power_b, difference, half_width, independent in rows
+        ]
+
+    @property
+    def _quoted(self) -> int:
+        """Number of the difference that is quoted: the clearest, or the best known where all intervals contain zero."""
+        clear = any(row.excludes_zero for row in self._differences)
+        return self.test.at if clear else int(np.argmin(self.half_width_percent))
+
+    def _text(self) -> str:
+        row, p = self._differences[self._quoted], self.test.p
+        verdict = f"B differs from A (p = {p:.2g})" if self.differs else f"No difference is seen (p = {p:.2g})"
+        where = ", where that is clearest," if self.differs else ""
+        by_chance = f"; errors alone make one as clear in {100 * p:.0f} of 100 comparisons at so many speeds"
+        return (
+            f"{verdict}: at {row.speed_mps:.1f} m/s{where} the {self.a.kind.words} of B is"
+            f" {row.difference_percent:+.1f} ± {(row.hi_percent - row.lo_percent) / 2:.1f} % from that of A"
+            f"{by_chance if row.excludes_zero and not self.differs else ''}. {self.shared_errors.value}"
         )
 
     def _notes(self, names: tuple[str, str], evidence: list[Evidence]) -> list[str]:
+        return [*self._notes_of_kind(names, evidence), *([self.refused] if self.refused else [])]
+
+    def _notes_of_kind(self, names: tuple[str, str], evidence: list[Evidence]) -> list[str]:
         if self.a.kind is Kind.ELECTRICAL:  # both sides together: a board may have flown on both
             contents = [flight.content for pool in (self.a, self.b) for flight in pool.flights]
             apart = one_name(self.a, self.b) and not self.same_installation
@@ -171,10 +212,28 @@ class Comparison:
 
 
 def compare(a: Pool, b: Pool) -> Comparison:
-    """B against A at the weight and density of A, over the speeds that both flew.
+    """B against A at the weight and density of A, over the speeds that both flew, by a kind of power that both have.
 
-    Raises InputError for pools of two kinds, where a flight is in both pools, and where they have no speeds in common.
+    Of two such kinds that of both pools' curves goes first, or else electrical power. Where the other has flights that
+    the first lacks, B is compared by it, too: that is `other_kind`. Raises InputError where there is no common kind of
+    power, where a flight is in both pools, and where they have no speeds in common.
     """
+    if a.kind is b.kind and not a.other_kind and not b.other_kind:
+        return _of_one_kind(a, b)
+
+    def by(kind: Kind) -> Comparison:
+        of_a, of_b = of_kind(a, kind), of_kind(b, kind)
+        if not of_a or not of_b:
+            side = "B" if of_a else "A"
+            raise InputError(f"no flight of {side} gives {kind.words}; compare flights with a kind of power in common")
+        return _of_one_kind(of_a, of_b)
+
+    drag_first = a.kind is b.kind is Kind.POWER_REQUIRED
+    return first_of_kinds([Kind.POWER_REQUIRED, Kind.ELECTRICAL][:: 1 if drag_first else -1], by)
+
+
+def _of_one_kind(a: Pool, b: Pool) -> Comparison:
+    """The comparison by the kind of power of both pools. Raises InputError as `compare`."""
     both = {flight.key for flight in a.flights} & {flight.key for flight in b.flights}
     if both:
         name = next(flight.name for flight in a.flights if flight.key in both)
@@ -182,12 +241,10 @@ def compare(a: Pool, b: Pool) -> Comparison:
     if isinstance(a, JointPool) and isinstance(b, JointPool):
         relation = _of_installations(a, b)
         powers = _by_joint_estimate(a, b, relation)
-    elif isinstance(a, CurvePool) and isinstance(b, CurvePool):
+    else:
+        assert isinstance(a, CurvePool) and isinstance(b, CurvePool)  # pools of one kind
         relation = _of_aircraft(a, b)
         powers = _by_curves(a, b, relation)
-    else:
-        which = "A" if a.kind is Kind.ELECTRICAL else "B"
-        raise InputError(f"{which} gives electrical power only, and the other drag; compare flights of one kind")
     V, a_W, b_W, covariance, independent = powers
     difference = 100 * (b_W / a_W - 1)
     half, apart = (np.asarray(NORMAL_95 * np.sqrt(np.diag(C))) for C in (covariance, independent))
@@ -295,34 +352,6 @@ def _configuration(pooled: Pool, name: str) -> Configuration:
     first = pooled.flights[0]
     installation = first.installation if isinstance(first, FlightStatistics) else ""
     logs = [flight.name for flight in pooled.flights]
-    return Configuration(aircraft=first.aircraft, installation=installation, logs=logs, name=name)
-
-
-def _differences(c: Comparison) -> list[PowerDifference]:
-    columns = (c.speeds_mps, c.power_a_W, c.power_b_W, c.difference_percent, c.half_width_percent)
-    rows = zip(*(column.tolist() for column in (*columns, c.independent_half_width_percent)), strict=True)
-    return [
-        PowerDifference(
-            speed_mps=speed,
-            power_a_W=power_a,
-            power_b_W=power_b,
-            difference_percent=difference,
-            lo_percent=difference - half_width,
-            hi_percent=difference + half_width,
-            independent_half_width_percent=independent,
-        )
-        for speed, power_a, power_b, difference, half_width, independent in rows
-    ]
-
-
-def _text(c: Comparison) -> str:
-    apart = np.abs(c.difference_percent) > c.half_width_percent
-    at = c.test.at if apart.any() else int(np.argmin(c.half_width_percent))
-    power = "electrical power" if c.a.kind is Kind.ELECTRICAL else "power"
-    verdict = f"B differs from A (p = {c.test.p:.2g})" if c.differs else f"No difference is seen (p = {c.test.p:.2g})"
-    sentence = (
-        f"at {c.speeds_mps[at]:.1f} m/s{', where that is clearest,' if c.differs else ''} the {power} of B is"
-        f" {c.difference_percent[at]:+.1f} ± {c.half_width_percent[at]:.1f} % from that of A"
+    return Configuration(
+        aircraft=first.aircraft, installation=installation, logs=logs, name=name, left_out=list(pooled.left_out)
     )
-    by_chance = f"; errors alone make one as clear in {100 * c.test.p:.0f} of 100 comparisons at so many speeds"
-    return f"{verdict}: {sentence}{by_chance if apart.any() and not c.differs else ''}. {c.shared_errors.value}"

@@ -88,7 +88,6 @@ class CurvePool(Pool):
     kind = Kind.ELECTRICAL
     flights: tuple[FlightCurve, ...]
     curves: tuple[Curve, ...]
-    condition: Condition
     V_mps: Array
 
     @cached_property
@@ -121,7 +120,7 @@ class CurvePool(Pool):
         """The pool of some of the flights, by number."""
         flights, curves = tuple(self.flights[i] for i in numbers), tuple(self.curves[i] for i in numbers)
         V = self.V_mps[np.any([_inside(curve, self.V_mps) for curve in curves], axis=0)]
-        return CurvePool(flights, curves, self.condition, V)
+        return CurvePool(flights, self.condition, curves, V)
 
     def _weights(self, V: Array, counts: Sequence[float] = ()) -> Array:
         """(flights, n), of which each column has the sum 1."""
@@ -282,7 +281,7 @@ def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = Non
     low, high = min(curve.V_mps[0] for curve in curves), max(curve.V_mps[-1] for curve in curves)
     V = np.linspace(low, high, CURVES.points)
     flown = np.any([_inside(curve, V) for curve in curves], axis=0)
-    return CurvePool(tuple(flights), tuple(curves), condition, V[flown])
+    return CurvePool(tuple(flights), condition, tuple(curves), V[flown])
 
 
 def _inside(curve: Curve, V: Array) -> NDArray[np.bool_]:

@@ -82,7 +82,6 @@ class JointPool(Pool):
     prior: Prior
     estimate: PooledEstimate
     polar: Polar
-    condition: Condition
     flown_CL: tuple[float, float]
 
     @cached_property

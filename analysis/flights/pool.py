@@ -1,8 +1,9 @@
-"""The pool of several flights, from their results: of drag where all have its statistics, else of electrical power."""
+"""The pool of several flights, from their results: of drag, of electrical power, or of both."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flightpower.analysis.flights.agreement import remounted_flights
 from flightpower.analysis.flights.curve_pool import curve_pool
@@ -16,70 +17,70 @@ from flightpower.analysis.flights.flight_statistics import (
 )
 from flightpower.analysis.flights.joint import pooled_estimate, shared_prior, stacked
 from flightpower.analysis.flights.joint_pool import JointPool, mean_condition, pooled_polar
-from flightpower.analysis.flights.pooled import Pool, refuse_repeated
+from flightpower.analysis.flights.pooled import Pool, first_of_kinds, refuse_repeated
 from flightpower.analysis.records.flight import Kind, Results
+from flightpower.analysis.records.pool import LeftOut, LeftOutReason
 from flightpower.analysis.results.read import read_results
 from flightpower.flight.errors import InputError
 
-__all__ = ["Pool", "Pooled", "joint_pool", "of_one_kind", "pool", "pool_flights", "pool_results"]
+__all__ = ["Pool", "joint_pool", "of_kind", "pool", "pool_flights", "pool_results"]
 
 
-class Pooled(NamedTuple):
-    """flights : those whose power of one kind is pooled     left_out : why others are not, a line each"""
+def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
+    """The joint estimate of flights, from the results.json of each: of drag where two have it, or else of electrical
+    power.
 
-    flights: list[Results]
-    left_out: list[str]
-
-
-def of_one_kind(*sides: Sequence[Results]) -> tuple[Kind, list[Pooled]]:
-    """The kind of power by which most flights are pooled, drag where as many are, and the flights of each side with it.
-
-    A kind that every side has goes first. Without one, the flights of a side are left out.
-    """
-    has = {
-        kind: [[_gives(flight, kind) for flight in side] for side in sides]
-        for kind in (Kind.POWER_REQUIRED, Kind.ELECTRICAL)
-    }
-    kind = max(has, key=lambda kind: (all(map(any, has[kind])), sum(map(sum, has[kind]))))
-    pooled_sides = []
-    for side, given in zip(sides, has[kind], strict=True):
-        pairs = list(zip(side, given, strict=True))
-        left_out = [f"{flight.log}: {_why_without(flight, kind)}" for flight, gives in pairs if not gives]
-        pooled_sides.append(Pooled([flight for flight, gives in pairs if gives], left_out))
-    return kind, pooled_sides
-
-
-def _gives(results: Results, kind: Kind) -> bool:
-    return results.pooling is not None if kind is Kind.POWER_REQUIRED else kind in results.curves
-
-
-def _why_without(results: Results, kind: Kind) -> str:
-    if kind is Kind.ELECTRICAL:
-        return "gives drag only, since its log has no battery, which is not pooled with electrical power"
-    if results.kind is Kind.ELECTRICAL:
-        return "gives electrical power only, which is not pooled with drag"
-    return "its curve is not by the dynamic method, and is not pooled"
-
-
-def pool_results(results: Sequence[Path | Mapping[str, Any] | Results], kind: Kind | None = None) -> Pool:
-    """The joint estimate of flights, from the results.json of each: of drag, or else of electrical power.
-
-    kind : of power, of `of_one_kind`; None: drag, unless a flight gives electrical power only. Raises InputError for no
-    flights, for flights of which some have drag alone and others electrical power alone, for results without
-    statistics, for one flight twice, and for flights of two aircraft, propellers or installations.
+    Where some flights give electrical power only, there are two pools, so that one more flight never costs those before
+    it their curve: the second is `other_kind`. Raises InputError where there is no pool: for no flights, for results
+    without statistics, for one flight twice, and for flights of two aircraft, propellers or installations.
     """
     if not results:
         raise InputError("no flights to pool; give the results.json of one or more flights")
     contents = [read_results(source) for source in results]
-    electrical = [content.log for content in contents if kind is Kind.ELECTRICAL or content.kind is Kind.ELECTRICAL]
-    if not electrical:
-        return joint_pool(results)
-    if drag := [content.log for content in contents if Kind.ELECTRICAL not in content.curves]:
-        raise InputError(
-            f"{electrical[0]} gives electrical power only, and {drag[0]} drag only, since its log has no battery: leave"
-            " one of them out"
-        )
-    return curve_pool([read_curve(content) for content in contents])
+    with_drag = sum(_has(content, Kind.POWER_REQUIRED) for content in contents)
+    kinds = [Kind.POWER_REQUIRED] if with_drag else []
+    if any(_has(content, Kind.ELECTRICAL) and not _has(content, Kind.POWER_REQUIRED) for content in contents):
+        kinds.insert(1 if with_drag > 1 else 0, Kind.ELECTRICAL)
+    if not kinds:
+        read_statistics(results[0])  # it says why
+    return first_of_kinds(kinds, lambda kind: _of_kind(contents, kind))
+
+
+def of_kind(pool: Pool, kind: Kind) -> Pool | None:
+    """The pool of the same flights by a kind of power; None where none has it.
+
+    Raises InputError where they cannot be pooled by it.
+    """
+    if pool.kind is kind or pool.other_kind:
+        return pool if pool.kind is kind else pool.other_kind
+    contents = [flight.content for flight in pool.flights]
+    return _of_kind(contents, kind) if any(_has(content, kind) for content in contents) else None
+
+
+def _has(results: Results, kind: Kind) -> bool:
+    return results.pooling is not None if kind is Kind.POWER_REQUIRED else kind in results.curves
+
+
+def _of_kind(contents: Sequence[Results], kind: Kind) -> Pool:
+    """The pool of those that have this kind of power, of which there are some."""
+    flights = [content for content in contents if _has(content, kind)]
+    left_out = tuple(_left_out(content) for content in contents if not _has(content, kind))
+    pooled = joint_pool(flights) if kind is Kind.POWER_REQUIRED else curve_pool([*map(read_curve, flights)])
+    return replace(pooled, left_out=left_out)
+
+
+_WHY = {
+    LeftOutReason.ELECTRICAL_ONLY: "it gives electrical power only",
+    LeftOutReason.NO_BATTERY: "it gives drag only, since its log has no battery",
+    LeftOutReason.NO_STATISTICS: "its curve is not by the dynamic method, and is not pooled",
+}
+
+
+def _left_out(results: Results) -> LeftOut:
+    """A flight that lacks one kind of power."""
+    reason = LeftOutReason.ELECTRICAL_ONLY if _has(results, Kind.ELECTRICAL) else LeftOutReason.NO_STATISTICS
+    reason = LeftOutReason.NO_BATTERY if _has(results, Kind.POWER_REQUIRED) else reason
+    return LeftOut(log=results.log, reason=reason, text=_WHY[reason])
 
 
 def pool_flights(flights: Sequence[PoolFlight]) -> Pool:

@@ -7,9 +7,10 @@ each flight differs from the others; tests, outliers, trends, plans and the reco
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
@@ -36,6 +37,7 @@ from flightpower.analysis.records.pool import (
     AgreementTest,
     Deviation,
     FlightsToSee,
+    LeftOut,
     OneMore,
     Outlier,
     PooledFlight,
@@ -51,11 +53,45 @@ from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 from flightpower.flight.version import version
 
+AnyKind = TypeVar("AnyKind")
 
-class Pool(ABC):
+
+@dataclass(frozen=True)
+class OfAKind(Generic[AnyKind]):
+    """An estimate by one kind of power, with the estimate by the other where that has flights which this one lacks.
+
+    refused : why the other cannot be made though there are such flights; else empty
+    """
+
+    other_kind: AnyKind | None = field(default=None, kw_only=True)
+    refused: str = field(default="", kw_only=True)
+
+
+Estimate = TypeVar("Estimate", bound=OfAKind[Any])
+
+
+def first_of_kinds(kinds: Sequence[Kind], made_by: Callable[[Kind], Estimate]) -> Estimate:
+    """The estimate by the first kind of power, with that by the other. A kind that is refused is left out, and the
+    reason kept. Raises the first InputError where all are.
+    """
+    estimates, refused = [], []
+    for kind in kinds:
+        try:
+            estimates.append(made_by(kind))
+        except InputError as error:
+            refused.append((kind, error))
+    if not estimates:
+        raise refused[0][1]
+    why = "; ".join(f"{kind.words.capitalize()} gives no estimate here: {error}." for kind, error in refused)
+    return replace(estimates[0], other_kind=estimates[1] if len(estimates) > 1 else None, refused=why)
+
+
+@dataclass(frozen=True)
+class Pool(OfAKind["Pool"], ABC):
     """The joint estimate of one or more flights of one aircraft.
 
     condition : at which curves are given     curve : of all flights
+    left_out : the flights given that have not this kind of power
     differences : each flight against the pool of all others; empty for one flight, and where one cannot be compared
     outliers : by number, flights that differ from the pool of those that agree
     """
@@ -63,6 +99,7 @@ class Pool(ABC):
     kind: ClassVar[Kind]
     flights: tuple[PoolFlight, ...]
     condition: Condition
+    left_out: tuple[LeftOut, ...] = field(default=(), kw_only=True)
 
     @property
     @abstractmethod
@@ -174,13 +211,10 @@ class Pool(ABC):
             return Agreement.NOT_THE_CURVES
         return Agreement.NOT_THE_INSTALLATION if EvidenceKind.INSTALLATIONS_DIFFER in kinds else Agreement.YES
 
-    def results(
-        self, left_out: Sequence[str] = (), failures: Sequence[str] = (), request: Request = Request()
-    ) -> PooledResults:
+    def results(self, failures: Sequence[str] = (), request: Request = Request()) -> PooledResults:
         """The contents of the pooled results.json.
 
-        left_out, failures: lines about flights that are not in the pool, and about logs that cannot be used.
-        request: weights and density altitudes to compute.
+        failures: lines about logs that cannot be used     request: weights and density altitudes to compute
         """
         flights = self._flights()
         curves, installations = self.homogeneity, self.installation_homogeneity
@@ -209,9 +243,10 @@ class Pool(ABC):
                 one_more=self._one_more(flights),
                 flights_to_see=plans_to_see(self),
                 trends=self._trends(),
-                notes=[*self.notes, *self._undated()],
-                left_out=list(left_out),
+                notes=[*self.notes, *self._undated(), *([self.refused] if self.refused else [])],
+                left_out=list(self.left_out),
                 failures=list(failures),
+                other_kind=self.other_kind.results(request=request) if self.other_kind else None,
             ),
             request,
         )

@@ -41,6 +41,7 @@ from flightpower.analysis.records.pool import (
     SharedParameter,
     Trend,
     TrendQuantity,
+    of_each_kind,
 )
 from flightpower.analysis.settings import EVIDENCE
 from flightpower.flight.arrays import Array
@@ -59,8 +60,30 @@ class FlightRow(NamedTuple):
     remark: str
 
 
+_PREFIXES = ("", "other-")  # of the ids of the figures, by kind of power
+
+
+def left_out_lines(results: PooledResults | Configuration) -> list[str]:
+    """A line for each flight that is left out."""
+    return [f"{flight.log}: {flight.text}" for flight in results.left_out]
+
+
 def render_pooled(pooled: PooledResults) -> str:
     """The page as one HTML file."""
+    return render_page(
+        "pooled.html",
+        title=_pooled_title(pooled),
+        pools=[_pool_section(*of) for of in zip(of_each_kind(pooled), _PREFIXES, strict=False)],
+        source=f"flightpower {pooled.software_version}, from the {count(len(pooled.flights), 'flight')} listed",
+    )
+
+
+def _pooled_title(pooled: PooledResults) -> str:
+    return f"{pooled.aircraft.title}: {pooled.kind.words}, {count(len(pooled.flights), 'flight')}"
+
+
+def _pool_section(pooled: PooledResults, prefix: str) -> dict[str, object]:
+    """What the template shows of the pool by one kind of power. prefix: of the figures' ids"""
     flights = by_date(pooled.flights)
     best = min(flights, key=lambda flight: np.nanmean(_numbers(flight.half_width_percent)))
     more, middle = pooled.one_more, len(pooled.one_more.speed_mps) // 2
@@ -72,32 +95,30 @@ def render_pooled(pooled: PooledResults) -> str:
         drawn |= {"loadings": loadings(pooled.performance), "efficiency": efficiency(pooled.performance)}
     if len(flights) > 1:
         drawn |= {"against_pool": against_pool(flights), "weights": weights(flights)}
-    return render_page(
-        "pooled.html",
-        title=f"{pooled.aircraft.title}: {pooled.kind.words}, {count(len(flights), 'flight')}",
-        condition=_condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
-        verdict=verdict(pooled.trust, pooled.evidence),
-        answers=[*headline_answers(pooled, pooled.performance), *pooled_answers(pooled)],
-        performance=performance_section(pooled, pooled.performance),
-        figures={name: html_figure(figure, name) for name, figure in drawn.items()},
-        warnings=pooled.notes,
-        curve=curve_table(pooled),
-        one_more=(
+    return {
+        "title": _pooled_title(pooled),
+        "condition": _condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
+        "verdict": verdict(pooled.trust, pooled.evidence),
+        "answers": [*headline_answers(pooled, pooled.performance), *pooled_answers(pooled)],
+        "performance": performance_section(pooled, pooled.performance),
+        "figures": {name: html_figure(figure, prefix + name) for name, figure in drawn.items()},
+        "warnings": pooled.notes,
+        "curve": curve_table(pooled),
+        "one_more": (
             f"One more flight means another one like {more.like}, which contributed most. The best flight alone"
             f" is {best.log}."
         ),
-        same="the same aircraft" if pooled.kind is Kind.ELECTRICAL else "the same installation of the probe",
-        to_see=to_see_table(pooled.flights_to_see),
-        agreement=[test.text for test in (pooled.homogeneity, pooled.installation_homogeneity) if test],
-        compared_at=f"{more.speed_mps[middle]:.1f} m/s",
-        scatter=_scatter(pooled.between_flights),
-        trends=_trends(pooled.trends),
-        flights=[_flight_row(flight) for flight in flights],
-        vehicles=any(flight.vehicle for flight in flights),
-        left_out=[*pooled.left_out, *pooled.failures],
-        parameters=_parameters(pooled.parameters),
-        source=f"flightpower {pooled.software_version}, from the {count(len(flights), 'flight')} listed",
-    )
+        "same": "the same aircraft" if pooled.kind is Kind.ELECTRICAL else "the same installation of the probe",
+        "to_see": to_see_table(pooled.flights_to_see),
+        "agreement": [test.text for test in (pooled.homogeneity, pooled.installation_homogeneity) if test],
+        "compared_at": f"{more.speed_mps[middle]:.1f} m/s",
+        "scatter": _scatter(pooled.between_flights),
+        "trends": _trends(pooled.trends),
+        "flights": [_flight_row(flight) for flight in flights],
+        "vehicles": any(flight.vehicle for flight in flights),
+        "left_out": [*left_out_lines(pooled), *pooled.failures],
+        "parameters": _parameters(pooled.parameters),
+    }
 
 
 def render_side_by_side(flights: Sequence[Results], refused: str, failures: Sequence[str]) -> str:
@@ -130,24 +151,36 @@ def _result_row(flight: Results) -> tuple[str, ...]:
 
 def render_comparison(comparison: ComparisonResults) -> str:
     """The page of a comparison as one HTML file, from the content of its results.json."""
-    figure = difference(comparison)
     return render_page(
         "comparison.html",
-        title=f"{comparison.b.name} against {comparison.a.name}",
-        condition=_condition(comparison.test, "", ""),
-        text=comparison.text,
-        verdict=verdict(comparison.trust, comparison.evidence),
-        warnings=comparison.notes,
-        answers=comparison_answers(comparison),
-        figures={"difference": html_figure(figure, "difference")},
-        differences=differences_table(comparison.differences),
-        sides=HtmlTable(
+        title=_comparison_title(comparison),
+        comparisons=[_comparison_section(*of) for of in zip(of_each_kind(comparison), _PREFIXES, strict=False)],
+        source=f"flightpower {comparison.software_version}",
+    )
+
+
+def _comparison_title(comparison: ComparisonResults) -> str:
+    return f"{comparison.b.name} against {comparison.a.name}: {comparison.kind.words}"
+
+
+def _comparison_section(comparison: ComparisonResults, prefix: str) -> dict[str, object]:
+    """What the template shows of the comparison by one kind of power. prefix: of the figure's id"""
+    return {
+        "title": _comparison_title(comparison),
+        "condition": _condition(comparison.test, "", ""),
+        "text": comparison.text,
+        "verdict": verdict(comparison.trust, comparison.evidence),
+        "warnings": comparison.notes,
+        "answers": comparison_answers(comparison),
+        "figure": html_figure(difference(comparison), f"{prefix}difference"),
+        "differences": differences_table(comparison.differences),
+        "sides": HtmlTable(
             ("", "aircraft", "propeller", "installation", "flights"),
             [_side("A", comparison.a), _side("B", comparison.b)],
         ),
-        to_see=to_see_table(comparison.flights_to_see),
-        source=f"flightpower {comparison.software_version}",
-    )
+        "left_out": [*left_out_lines(comparison.a), *left_out_lines(comparison.b)],
+        "to_see": to_see_table(comparison.flights_to_see),
+    }
 
 
 def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
@@ -198,10 +231,7 @@ def _of_installation(test: AgreementTest | None) -> str:
 
 def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
     """Whether the two differ, and by how much where that is clearest, or else where it is known best."""
-    rows = comparison.differences
-    width = np.array([row.hi_percent - row.lo_percent for row in rows])
-    clearness = np.array([abs(row.difference_percent) for row in rows]) / width
-    best = rows[int(np.argmax(clearness if comparison.differs else -width))]
+    best = comparison.quoted
     half_width, independent = (best.hi_percent - best.lo_percent) / 2, best.independent_half_width_percent
     cancels = f" If shared errors did not cancel: ±{independent:.1f} %." if independent > half_width else ""
     return [
@@ -211,7 +241,7 @@ def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
             f"Probability of a difference this large by errors alone: {probability(comparison.p)}.",
         ),
         HeadlineAnswer(
-            "Clearest difference" if comparison.differs else "Difference where it is known best",
+            "Clearest difference" if best.excludes_zero else "Difference where it is known best",
             f"{best.difference_percent:+.1f} % ({best.lo_percent:+.1f} to {best.hi_percent:+.1f})",
             f"B minus A at {best.speed_mps:.1f} m/s.{cancels}",
         ),

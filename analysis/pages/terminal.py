@@ -15,13 +15,14 @@ from flightpower.analysis.pages.pooled_page import (
     count,
     curve_table,
     differences_table,
+    left_out_lines,
     pooled_answers,
 )
 from flightpower.analysis.pages.sections.summary import verdict_section
 from flightpower.analysis.pages.wording import every
 from flightpower.analysis.records.fleet import FleetResults
 from flightpower.analysis.records.flight import Results
-from flightpower.analysis.records.pool import ComparisonResults, PooledResults
+from flightpower.analysis.records.pool import ComparisonResults, PooledResults, of_each_kind
 
 
 def print_summary(results: Results, page: Path, console: Console) -> None:
@@ -44,22 +45,25 @@ def print_summary(results: Results, page: Path, console: Console) -> None:
 
 
 def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
-    """Print the curve, the answers, warnings, how many flights there are, and where the page is."""
-    _print_table(console, f"{pooled.aircraft.title}: {pooled.kind.words}", curve_table(pooled, 8))
-    _print_answers(console, [*headline_answers(pooled, pooled.performance), *pooled_answers(pooled)])
-    counted = f"{len(pooled.flights)} pooled, {len(pooled.left_out)} left out, {len(pooled.failures)} refused"
-    console.print(f"flights: {counted}", highlight=False)
-    _print_notes(console, [*pooled.notes, *pooled.left_out])
+    """Print the curve, the answers, warnings and how many flights there are, for each kind of power, and where the page
+    is."""
+    for one_kind in of_each_kind(pooled):
+        _print_table(console, f"{one_kind.aircraft.title}: {one_kind.kind.words}", curve_table(one_kind, 8))
+        _print_answers(console, [*headline_answers(one_kind, one_kind.performance), *pooled_answers(one_kind)])
+        counted = f"{len(one_kind.flights)} pooled, {len(one_kind.left_out)} left out, {len(one_kind.failures)} refused"
+        console.print(f"flights: {counted}", highlight=False)
+        _print_notes(console, [*one_kind.notes, *left_out_lines(one_kind)])
     _print_page(console, page)
 
 
 def print_comparison(comparison: ComparisonResults, page: Path | None, console: Console) -> None:
     """Print the difference, the answers, and where the page is."""
-    title = f"A: {comparison.a.name}, B: {comparison.b.name}"
-    _print_table(console, title, differences_table(comparison.differences, 8))
-    _print_answers(console, comparison_answers(comparison))
-    console.print(escape(comparison.text), highlight=False)
-    _print_notes(console, comparison.notes)
+    for one_kind in of_each_kind(comparison):
+        title = f"A: {one_kind.a.name}, B: {one_kind.b.name}, by {one_kind.kind.words}"
+        _print_table(console, title, differences_table(one_kind.differences, 8))
+        _print_answers(console, comparison_answers(one_kind))
+        console.print(escape(one_kind.text), highlight=False)
+        _print_notes(console, [*one_kind.notes, *left_out_lines(one_kind.a), *left_out_lines(one_kind.b)])
     if page:
         _print_page(console, page)
 

@@ -5,6 +5,7 @@ power have the same fields: what only the joint estimate of drag has is empty or
 """
 
 from enum import StrEnum
+from typing import TypeVar
 
 import msgspec
 
@@ -143,6 +144,22 @@ class Trend(msgspec.Struct, frozen=True, kw_only=True):
     flights: int  # with this quantity
 
 
+class LeftOutReason(StrEnum):
+    """Why a flight is not in a pool."""
+
+    ELECTRICAL_ONLY = "electrical power only"
+    NO_BATTERY = "no battery"
+    NO_STATISTICS = "not by the dynamic method"
+
+
+class LeftOut(msgspec.Struct, frozen=True, kw_only=True):
+    """A flight that is not in the pool."""
+
+    log: str
+    reason: LeftOutReason
+    text: str  # the reason as a clause
+
+
 class PooledUse(msgspec.Struct, frozen=True, kw_only=True):
     """What the energy of a mission is computed from (`flightpower route`)."""
 
@@ -172,11 +189,13 @@ class PooledResults(WithCurves, frozen=True, kw_only=True):
     flights_to_see: list[FlightsToSee]
     trends: list[Trend]
     notes: list[str]
-    left_out: list[str]  # flights that are not in the pool, and why
+    left_out: list[LeftOut]
     failures: list[str]  # logs that cannot be used, and why
     use: PooledUse | None = None  # null where no flight has a power train
     # By the pooled polar, the mean power train and the last flight's battery; null where one of these is not known.
     performance: PerformanceResult | None = None
+    # The pool by the other kind of power, where it has flights that this one lacks; null where it has none.
+    other_kind: "PooledResults | None" = None
 
 
 class Configuration(msgspec.Struct, frozen=True, kw_only=True):
@@ -186,6 +205,7 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     installation: str
     logs: list[str]
     name: str = ""  # of its folder
+    left_out: list[LeftOut] = []
 
 
 class PowerDifference(msgspec.Struct, frozen=True, kw_only=True):
@@ -198,6 +218,11 @@ class PowerDifference(msgspec.Struct, frozen=True, kw_only=True):
     lo_percent: float
     hi_percent: float
     independent_half_width_percent: float  # what it would be if A and B shared no error
+
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether the interval does."""
+        return self.lo_percent * self.hi_percent > 0
 
 
 class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
@@ -214,8 +239,20 @@ class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
     same_installation: bool  # as the files say, unless the flights contradict it; of electrical power one aircraft
     same_propeller: bool
     differences: list[PowerDifference]
+    # One of these, which answers and sentence quote: the clearest where an interval excludes zero, else the best known.
+    quoted: PowerDifference
     p: float  # that errors alone make a difference as clear at any of these speeds
     differs: bool  # with at most 5 % of false alarms; an interval does not contain zero then
     text: str
     notes: list[str]
     flights_to_see: list[FlightsToSee]
+    # The comparison by the other kind of power, where it has flights that this one lacks; null where it has none.
+    other_kind: "ComparisonResults | None" = None
+
+
+Estimate = TypeVar("Estimate", PooledResults, ComparisonResults)
+
+
+def of_each_kind(results: Estimate) -> list[Estimate]:
+    """The results, and those by the other kind of power where there are any."""
+    return [results, results.other_kind] if results.other_kind else [results]

@@ -141,7 +141,7 @@ def pool() -> Contents:
             (folder / name).mkdir(parents=True)
             (folder / name / "results.json").write_bytes(analysis_of(log, *options)[1]["results.json"])
         result: dict[str, object] = {"compare": run("analyze", "compare", "a", "b", "-o", "compared")}
-        pooled = pool_results(sorted(folder.glob("[ab]/*/results.json"))).results(left_out=["c: torn"])
+        pooled = pool_results(sorted(folder.glob("[ab]/*/results.json"))).results(["c: torn"])
         write.write_pooled(pooled, folder / "pooled")
         for name in ("compared", "pooled"):
             result |= {f"{name} {file}": inside for file, inside in of_files(folder / name).items()}

@@ -237,5 +237,8 @@ def flight_folders_of(folder: Path) -> list[Path]:
         if not folders:
             raise InputError(f"{folder}: no {RESULTS} in it; give a folder that `analyze` wrote")
         return folders
-    flights = read_json(folder / RESULTS).get("flights")
-    return [folder] if flights is None else [folder / str(flight["log"]) for flight in flights]
+    results = read_json(folder / RESULTS)
+    if "flights" not in results:
+        return [folder]
+    flights = results["flights"] + (results.get("other_kind") or {}).get("flights", [])
+    return [folder / name for name in dict.fromkeys(str(flight["log"]) for flight in flights)]

@@ -16,7 +16,7 @@ from flightpower.analysis.cli.compare import app as compare_app
 from flightpower.analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, _attachments, files_used, settings
 from flightpower.analysis.flights.campaign.campaign import Campaign, flight_folders_of, read_flights
 from flightpower.analysis.flights.campaign.processes import Outcome
-from flightpower.analysis.flights.pool import of_one_kind
+from flightpower.analysis.flights.pool import pool_results
 from flightpower.analysis.options import Options
 from flightpower.flight.aircraft import load_aircraft
 from flightpower.flight.errors import InputError
@@ -116,9 +116,12 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
     results("pool/removed", **flight(truth(rng), rng, "removed"))
     assert [folder.name for folder in flight_folders_of(tmp_path / "pool")] == ["a", "b", "removed"]
     (tmp_path / "pool" / "results.json").write_text(json.dumps({"flights": [{"log": "a"}, {"log": "b"}]}))
-    _, (result,) = of_one_kind(read_flights(flight_folders_of(tmp_path / "pool")))
-    (this_flight,) = result.flights
-    assert this_flight.log == "a" and this_flight.pooling is not None and "electrical power only" in result.left_out[0]
+    by_power = pool_results(read_flights(flight_folders_of(tmp_path / "pool")))
+    assert [this_flight.name for this_flight in by_power.flights] == ["b"] and by_power.left_out[0].log == "a"
+    assert by_power.other_kind is not None and [of.name for of in by_power.other_kind.flights] == ["a"]
+    others = {"flights": [{"log": "a"}], "other_kind": {"flights": [{"log": "b"}, {"log": "a"}]}}
+    (tmp_path / "pool" / "results.json").write_text(json.dumps(others))
+    assert [folder.name for folder in flight_folders_of(tmp_path / "pool")] == ["a", "b"]
     assert flight_folders_of(tmp_path / "pool" / "a") == [tmp_path / "pool" / "a"]
     (tmp_path / "pool" / "a" / "empty").mkdir()
     with pytest.raises(InputError, match=r"no results\.json"):

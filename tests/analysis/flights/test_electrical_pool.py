@@ -18,19 +18,20 @@ from flightpower.analysis.flights.campaign.campaign import Campaign
 from flightpower.analysis.flights.comparison import Comparison, compare
 from flightpower.analysis.flights.curve_pool import CurvePool
 from flightpower.analysis.flights.evidence import NOT_ONE_VEHICLE
-from flightpower.analysis.flights.pool import of_one_kind, pool_results
-from flightpower.analysis.flights.pooled import flights_to_see
-from flightpower.analysis.pages.pooled_page import render_pooled
+from flightpower.analysis.flights.pool import pool_results
+from flightpower.analysis.flights.pooled import Pool, flights_to_see
+from flightpower.analysis.pages.pooled_page import comparison_answers, render_comparison, render_pooled
 from flightpower.analysis.performance.other_weights import NO_BATTERY, electrical_at_weights
 from flightpower.analysis.performance.request import Request
 from flightpower.analysis.records.flight import POWER_FORMAT, BatteryResult, EvidenceKind, Kind, Results, Trust
-from flightpower.analysis.records.pool import POOLED_FORMAT
+from flightpower.analysis.records.pool import POOLED_FORMAT, LeftOutReason
 from flightpower.analysis.results.read import read_results
 from flightpower.flight.command_line import ExitCode
 from flightpower.flight.errors import InputError
 
 V = np.linspace(12.0, 20.0, 13)
 IDLE_W, OWN, SHARED = 4.0, 0.03, 0.02
+TRUTH = truth(np.random.default_rng(5))  # polar, thrust and installation of the flights with drag
 WEIGHT_N, RHO = 38.0, 1.2
 
 
@@ -101,67 +102,156 @@ def test_one_flight_is_its_own_pool() -> None:
 
 
 def test_a_flight_with_runs_is_pooled_by_its_electrical_power_with_an_autopilot_s() -> None:
-    """Both are power in the air of one aircraft; its drag stays out. Without a battery it has drag alone."""
+    """Both are power in the air of one aircraft; its drag, that of one flight, is kept as the other kind of power."""
     autopilot, other = flight("a", 0.02), flight("b", -0.02)
-    electrical = other.curves[Kind.ELECTRICAL]
-    with_runs = msgspec.structs.replace(
-        other, kind=Kind.POWER_REQUIRED, curves={Kind.POWER_REQUIRED: electrical, Kind.ELECTRICAL: electrical}
-    )
-    mixed, alike = electrical_pool([autopilot, with_runs]), electrical_pool([autopilot, other])
+    mixed, alike = electrical_pool([autopilot, with_drag(other)]), electrical_pool([autopilot, other])
     np.testing.assert_array_equal(mixed.curve.power_W.value, alike.curve.power_W.value)
     assert mixed.kind is Kind.ELECTRICAL and [flight.name for flight in mixed.flights] == ["a", "b"]
-    no_battery = msgspec.structs.replace(with_runs, curves={Kind.POWER_REQUIRED: electrical})
-    with pytest.raises(InputError, match=r"a gives electrical power only, and b drag only, .* no battery: leave"):
-        pool_results([autopilot, no_battery])
+    assert logs_of(mixed.other_kind) == ["b"]
 
 
-def with_drag(results: Results, *, battery: bool = True) -> Results:
+def with_drag(results: Results, *, battery: bool = True, seed: int = 5, **facts: str) -> Results:
     """The flight with statistics of drag, as one of our tray; without a battery it has drag alone."""
-    rng = np.random.default_rng(5)
-    by_runs = read_results(synthetic_flight(truth(rng), rng, results.log))
+    rng = np.random.default_rng(seed)
+    by_runs = read_results(synthetic_flight(TRUTH, rng, results.log, **facts))
     curves = {**by_runs.curves, **(results.curves if battery else {})}
     return msgspec.structs.replace(by_runs, curves=curves, aircraft=results.aircraft, log=results.log)
 
 
-def test_flights_of_both_kinds_are_pooled_by_the_kind_that_leaves_fewer_out() -> None:
-    autopilot, both = flight("a", 0.02), with_drag(flight("b", -0.02))
-    drag_alone = [with_drag(flight(name), battery=False) for name in "cd"]
-    assert of_one_kind([both, both])[0] is Kind.POWER_REQUIRED, "as many by either"
-    kind, (by_power,) = of_one_kind([autopilot, both, both, drag_alone[0], autopilot])
-    assert kind is Kind.ELECTRICAL and by_power.flights == [autopilot, both, both, autopilot]
-    assert by_power.left_out[0].startswith("c: gives drag only, since its log has no battery")
-    kind, (by_drag,) = of_one_kind([autopilot, both, *drag_alone])
-    assert kind is Kind.POWER_REQUIRED and by_drag.flights == [both, *drag_alone]
-    assert by_drag.left_out[0].startswith("a: gives electrical power only")
+def logs_of(pool: Pool | None) -> list[str]:
+    assert pool is not None
+    return [flight.name for flight in pool.flights]
 
 
-def test_sides_are_compared_by_a_kind_that_both_have_though_another_leaves_fewer_out() -> None:
-    drag_alone = [with_drag(flight(name), battery=False) for name in "cde"]
-    kind, (a, b) = of_one_kind([with_drag(flight("b")), *drag_alone], [flight("a", 0.02)])
-    assert kind is Kind.ELECTRICAL and [len(item.flights) for item in (a, b)] == [1, 1] and len(a.left_out) == 3
-    assert pool_results(a.flights, kind).kind is pool_results(b.flights, kind).kind is Kind.ELECTRICAL
+def of_tray(*logs: str, battery: bool = True) -> list[Results]:
+    """Flights with drag, each with errors of its own."""
+    return [with_drag(flight(log, 1e-4 * ord(log)), battery=battery, seed=ord(log)) for log in logs]
 
 
-def test_the_commands_pool_and_compare_flights_of_both_kinds(tmp_path: Path, capsys) -> None:
-    """Power of B is 10 % above that of A, whose flight has drag, too."""
-    sides = {"a": [with_drag(flight("tray"))], "b": [flight("autopilot", 0.1)]}
+def test_one_more_flight_costs_a_pool_of_drag_nothing() -> None:
+    """The curve of five flights with drag stays to the last digit; electrical power of all six comes with it."""
+    five, autopilot = of_tray(*"bcdef"), flight("a", 0.02)
+    alone, mixed = pool_results(five), pool_results([autopilot, *five])
+    assert alone.other_kind is None and mixed.kind is Kind.POWER_REQUIRED
+    for mine, before in zip(mixed.power(alone.speeds_mps), alone.power(alone.speeds_mps), strict=True):
+        np.testing.assert_array_equal(mine, before)
+    assert logs_of(mixed) == [*"bcdef"] and logs_of(mixed.other_kind) == [*"abcdef"]
+    assert [(flight.log, flight.reason) for flight in mixed.left_out] == [("a", LeftOutReason.ELECTRICAL_ONLY)]
+    four = pool_results([autopilot, *five[:3]]).other_kind
+    assert four is not None and mixed.other_kind is not None
+    at = len(V) // 2
+    assert (mixed.other_kind.power(V)[1] / mixed.other_kind.power(V)[0])[at] < (four.power(V)[1] / four.power(V)[0])[at]
+
+
+def test_no_sequence_of_flights_makes_a_pool_lose_a_flight_that_it_had() -> None:
+    """This holds for either kind of power, in any order, and with another aircraft's flight, which one kind refuses."""
+    small = msgspec.structs.replace(flight().aircraft, span_m=1.0)
+    flights = [*of_tray("b", "c"), *of_tray("d", battery=False), flight("x", 0.02), flight("y", 0.03)]
+    stranger = msgspec.structs.replace(flight("z", 0.01), aircraft=small)
+    for seed in range(6):
+        order = [flights[i] for i in np.random.default_rng(seed).permutation(len(flights))]
+        before: set[tuple[Kind, str]] = set()
+        for n in range(1, len(order) + 1):
+            pool = pool_results(order[:n])
+            pools = [pool, *([pool.other_kind] if pool.other_kind else [])]
+            now = {(part.kind, log) for part in pools for log in logs_of(part)}
+            assert before <= now
+            assert {log for _, log in now} == {item.log for item in order[:n]}
+            before = now
+        with_stranger = pool_results([*order, stranger])
+        assert with_stranger.kind is Kind.POWER_REQUIRED and logs_of(with_stranger) == logs_of(pool)
+        assert "Electrical power gives no estimate here: two aircraft in one pool" in with_stranger.results().notes[-1]
+
+
+def test_flights_without_a_battery_and_an_autopilot_s_have_a_pool_each() -> None:
+    autopilot, no_battery = flight("a", 0.02), of_tray("b", battery=False)
+    pool = pool_results([autopilot, *no_battery])
+    assert pool.kind is Kind.ELECTRICAL and logs_of(pool) == ["a"] and logs_of(pool.other_kind) == ["b"]
+    (left_out,) = pool.left_out
+    assert (left_out.log, left_out.reason) == ("b", LeftOutReason.NO_BATTERY) and "no battery" in left_out.text
+    neither = msgspec.structs.replace(flight("n"), curves={}, kind=Kind.POWER_REQUIRED)
+    assert [flight.reason for flight in pool_results([autopilot, neither]).left_out] == [LeftOutReason.NO_STATISTICS]
+    with pytest.raises(InputError, match="results of n: no statistics for pooling"):
+        pool_results([neither])
+
+
+def test_drag_that_cannot_be_pooled_leaves_electrical_power_with_the_reason() -> None:
+    autopilot = flight("a", 0.02)
+    b, c = with_drag(flight("b")), with_drag(flight("c", 0.01), seed=6, installation="another")
+    with pytest.raises(InputError, match="two installations in one pool"):
+        pool_results([b, c])
+    pool = pool_results([autopilot, b, c])
+    assert pool.kind is Kind.ELECTRICAL and logs_of(pool) == ["a", "b", "c"] and pool.other_kind is None
+    assert "Power required gives no estimate here: two installations in one pool: b has" in pool.results().notes[-1]
+
+
+def test_pools_are_compared_by_the_kinds_of_power_that_both_have() -> None:
+    """Power of the autopilot's flight is 10 % above that of the others."""
+    (*tray, f, g), autopilot = of_tray(*"bcdfg"), flight("a", 0.1)
+    electrical = compared(tray, [autopilot]).results()
+    assert electrical.kind is Kind.ELECTRICAL and electrical.other_kind is None and electrical.a.logs == [*"bcd"]
+    assert "Power required gives no estimate here: no flight of B gives power required" in electrical.notes[-1]
+    both = compared(tray, [f, g, autopilot]).results()
+    assert both.kind is Kind.POWER_REQUIRED and both.b.logs == ["f", "g"] and both.other_kind is not None
+    assert (both.other_kind.kind, both.other_kind.b.logs) == (Kind.ELECTRICAL, ["f", "g", "a"])
+    assert [flight.log for flight in both.b.left_out] == ["a"] and "the electrical power of B" in both.other_kind.text
+    page = render_comparison(both)
+    assert "<h1> against : power required</h1>" in page and "<h2> against : electrical power</h2>" in page
+    with pytest.raises(InputError, match="no flight of A gives electrical power; compare flights with a kind"):
+        compared(of_tray("b", battery=False), [autopilot])
+    with pytest.raises(InputError, match="a is in both pools"):
+        compared([autopilot], [autopilot])
+
+
+def test_answer_and_sentence_quote_one_difference() -> None:
+    """Without any difference some interval excludes zero by chance more often than the test sees one; then, too."""
+    rng, by_chance = np.random.default_rng(12), 0
+    for _ in range(40):
+        result = compared(drawn(rng, 2, 0.0), drawn(rng, 2, 0.0)).results()
+        answer = comparison_answers(result)[1]
+        at = f"{result.quoted.speed_mps:.1f} m/s"
+        assert f"at {at}" in result.text and f"at {at}" in answer.note and result.quoted in result.differences
+        assert result.quoted.excludes_zero is any(row.excludes_zero for row in result.differences)
+        assert answer.question.startswith("Clearest" if result.quoted.excludes_zero else "Difference where it is known")
+        by_chance += result.quoted.excludes_zero and not result.differs
+        assert ("errors alone" in result.text) is (result.quoted.excludes_zero and not result.differs)
+    assert by_chance >= 1
+
+
+def folders_of(folder: Path, flights: Sequence[Results]) -> list[Path]:
+    folders = [folder / this_flight.log for this_flight in flights]
+    for this_folder, this_flight in zip(folders, flights, strict=True):
+        this_folder.mkdir(parents=True)
+        (this_folder / "results.json").write_bytes(msgspec.json.encode(this_flight))
+    return folders
+
+
+def test_the_commands_give_both_kinds_as_python_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sides = {"a": [*of_tray("b", "c"), flight("x", 0.02)], "b": [flight("autopilot", 0.1)]}
     for side, flights in sides.items():
-        for this_flight in flights:
-            (tmp_path / side / this_flight.log).mkdir(parents=True)
-            (tmp_path / side / this_flight.log / "results.json").write_bytes(msgspec.json.encode(this_flight))
-    mixed = [tmp_path / "a" / "tray", tmp_path / "b" / "autopilot"]
-    assert _pool(Campaign(folders=mixed), tmp_path, quiet=True) is ExitCode.DONE
-    pooled = json.loads((tmp_path / "results.json").read_text())
-    assert pooled["kind"] == Kind.ELECTRICAL and [flight["log"] for flight in pooled["flights"]] == [
-        "tray",
-        "autopilot",
+        folders = folders_of(tmp_path / side, flights)
+        assert _pool(Campaign(folders=folders), tmp_path / side, quiet=False) is ExitCode.DONE
+    printed = capsys.readouterr().out
+    assert "A: power required" in printed and "flights: 2 pooled, 1 left out" in printed
+    assert "A: electrical power" in printed and "flights: 3 pooled, 0 left out" in printed
+    assert "note: x: it gives electrical power only" in printed
+    pooled = json.loads((tmp_path / "a" / "results.json").read_text())
+    assert (pooled["kind"], pooled["other_kind"]["kind"]) == (Kind.POWER_REQUIRED, Kind.ELECTRICAL)
+    assert pooled["left_out"] == [
+        {"log": "x", "reason": "electrical power only", "text": "it gives electrical power only"}
     ]
-    assert "pooled by electrical power" in capsys.readouterr().err
+    in_python = pool_results(sides["a"]).results()
+    assert pooled["other_kind"] == msgspec.to_builtins(in_python.other_kind)
+    page = (tmp_path / "a" / "report.html").read_text()
+    assert "<h2>A: electrical power, 3 flights</h2>" in page and page.count('id="power"') == 1
+    assert page.count('id="other-power"') == 1
     words = [str(tmp_path / "a"), str(tmp_path / "b"), "-o", str(tmp_path / "c")]
-    assert CliRunner().invoke(compare_command, words).exit_code == ExitCode.DONE
+    outcome = CliRunner().invoke(compare_command, words)
+    assert outcome.exit_code == ExitCode.DONE and "A: a, B: b, by electrical power" in outcome.output
     content = json.loads((tmp_path / "c" / "results.json").read_text())
-    percent = [difference["difference_percent"] for difference in content["differences"]]
-    assert percent and percent == pytest.approx([10.0] * len(percent), rel=0.01)
+    assert content["a"]["logs"] == ["b", "c", "x"], "also those of the pool's second estimate"
+    at = np.argmin([row["independent_half_width_percent"] for row in content["differences"]])
+    assert content["differences"][at]["difference_percent"] == pytest.approx(8.0, abs=1.5)
 
 
 def test_a_pool_knows_endurance_by_the_battery_of_its_flights() -> None:
@@ -256,14 +346,14 @@ def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:
 
 def test_a_flight_that_differs_is_an_outlier() -> None:
     flights = [flight(str(i), 1e-6 * i) for i in range(4)] + [flight("wrong", 0.2)]
-    result = electrical_pool(flights).results(["z: left out"], ["y: torn"])
+    result = electrical_pool(flights).results(["y: torn"])
     assert [flight.log for flight in result.flights if flight.outlier] == ["wrong"]
     assert result.homogeneity is not None and result.homogeneity.p < 1e-3
     assert result.trust is Trust.DOUBTFUL and {evidence.kind for evidence in result.evidence} == {
         EvidenceKind.FLIGHTS_DIFFER
     }
     assert compared(flights, [flight("b", 1e-5)]).results().trust is Trust.DOUBTFUL
-    assert result.left_out == ["z: left out"] and result.failures == ["y: torn"]
+    assert result.left_out == [] and result.failures == ["y: torn"]
     pair = electrical_pool(flights[-2:]).results()
     assert not any(flight.outlier for flight in pair.flights), "of two it is not known which"
 

@@ -1,6 +1,7 @@
 """The joint estimate of several flights."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +33,8 @@ def slowest_error_percent(pooled: JointPool, A: np.ndarray) -> tuple[float, floa
     """Error of power by the polar A at the slowest speed, and half the 95 % interval of `pooled`."""
     V = pooled.speeds_mps[:1]
     power, error = pooled.power(V)
-    other, _ = JointPool(**{**vars_of(pooled), "polar": Polar(A, np.zeros((3, 3)))}).power(V)
+    other, _ = replace(pooled, polar=Polar(A, np.zeros((3, 3)))).power(V)
     return float(100 * (other / power - 1)[0]), float(100 * NORMAL_95 * (error / power)[0])
-
-
-def vars_of(pooled: JointPool) -> dict[str, Any]:
-    return {name: getattr(pooled, name) for name in pooled.__dataclass_fields__}
 
 
 def test_one_flight_equals_its_own_analysis_and_the_equations_agree() -> None:
@@ -177,7 +174,7 @@ def test_the_mean_of_curves_keeps_the_error_by_the_prior_that_all_flights_used()
             np.mean([polar.A for polar in polars], axis=0),
             np.mean([p.covariance for p in polars], axis=0) / len(polars),
         )
-        mean.append(slowest_error_percent(JointPool(**{**vars_of(pooled), "polar": of_mean}), POLAR))
+        mean.append(slowest_error_percent(replace(pooled, polar=of_mean), POLAR))
     error, half = np.array(joint).T
     assert np.mean(np.abs(error) < half) >= 0.9
     mean_error, mean_half = np.array(mean).T

@@ -98,7 +98,7 @@ def comparison() -> ComparisonResults:
     ]  # fmt: skip
     content = {
         "software_version": "0", "kind": Kind.POWER_REQUIRED, "a": side, "b": {**side, "name": "new"},
-        "test": CONDITION, "differences": rows,
+        "test": CONDITION, "differences": rows, "quoted": rows[0],
         "p": 0.001, "differs": True, "text": "B differs from A.",
         "flights_to_see": [{"difference_percent": 1.0, "flights_each": None}],
         "trust": "doubtful", "evidence": [doubt("new/x")], "notes": ["mind <this>"],
@@ -146,10 +146,8 @@ def test_a_comparison_does_not_say_that_its_interval_would_shrink_without_what_c
     independent: float, is_reported: bool
 ) -> None:
     """Flights that disagree widen the interval that is given, and may do so beyond the other."""
-    rows = [
-        msgspec.structs.replace(row, independent_half_width_percent=independent) for row in comparison().differences
-    ]
-    note = comparison_answers(msgspec.structs.replace(comparison(), differences=rows))[1].note
+    quoted = msgspec.structs.replace(comparison().quoted, independent_half_width_percent=independent)
+    note = comparison_answers(msgspec.structs.replace(comparison(), quoted=quoted))[1].note
     assert ("did not cancel" in note) is is_reported and "m/s" in note
 
 
