@@ -23,12 +23,7 @@ from flightpower.flight.units import GRAVITY_MPS2
 def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
     """The table with the specific force at the IMU replaced by that at the center of gravity, without the offsets and
     scales of the accelerometers that the aircraft file states, and what vibration adds."""
-    x, y, z = aircraft.imu_position_m
-    p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
-    step_s = float(table.index[1] - table.index[0])
-    pdot, qdot, rdot = (derivative(rate, step_s) for rate in (p, q, r))
-    zero = np.zeros_like(p)
-    extra = specific_force_at((zero, zero, zero), (p, q, r), (pdot, qdot, rdot), (x, y, z))
+    extra = _force_by_rotation(table, aircraft.imu_position_m)
     square = np.nan_to_num(table["n_revps"].to_numpy(dtype=float) / VIBRATION_REVPS) ** 2  # 0 where the motor stands
     mounted = aircraft.installation
     stated = (
@@ -41,6 +36,37 @@ def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFram
             name: (table[name] - offset - at_100 * square) / (1 + scale) - more
             for name, more, offset, scale, at_100 in zip(FORCES, extra, *stated, strict=True)
         }
+    )
+
+
+def _force_by_rotation(table: pd.DataFrame, position_m: tuple[float, float, float]) -> tuple[Array, ...]:
+    """Specific force (3 of (n,)) by rotation at a position from the center of gravity, beyond that at the center."""
+    p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
+    step_s = float(table.index[1] - table.index[0])
+    zero = np.zeros_like(p)
+    rates_dot = tuple(derivative(rate, step_s) for rate in (p, q, r))
+    return tuple(specific_force_at((zero, zero, zero), (p, q, r), rates_dot, position_m))
+
+
+def with_sensors_elsewhere(air: pd.DataFrame, aircraft: Aircraft, other: Aircraft) -> pd.DataFrame:
+    """Air data (`air_data`) of `aircraft` as the same readings give them with the probe's place and upwash, and the
+    place of the IMU, of another aircraft file."""
+    ahead_m = other.probe.position_m[0] - aircraft.probe.position_m[0]
+    moved_m = np.subtract(other.imu_position_m, aircraft.imu_position_m)
+    by_rotation = _force_by_rotation(air, (float(moved_m[0]), float(moved_m[1]), float(moved_m[2])))
+    force = {name: air[name] - more for name, more in zip(FORCES, by_rotation, strict=True)}
+    CL_per_az = -aircraft.mass_kg / (air["qbar_Pa"] * aircraft.geometry.wing_area_m2)
+    upwash_before_rad = aircraft.probe.upwash_per_CL_rad * CL_per_az * air["az_mps2"]
+    changes = {
+        "alpha_by_upwash_rad": other.probe.upwash_per_CL_rad * CL_per_az * force["az_mps2"] - upwash_before_rad,
+        "alpha_by_rotation_rad": -air["q_radps"] * ahead_m / air["V_mps"],
+        "beta_by_rotation_rad": air["r_radps"] * ahead_m / air["V_mps"],
+    }
+    return air.assign(
+        alpha_rad=air["alpha_rad"] - changes["alpha_by_upwash_rad"] - changes["alpha_by_rotation_rad"],
+        beta_rad=air["beta_rad"] - changes["beta_by_rotation_rad"],
+        **{name: air.get(name, 0.0) + change for name, change in changes.items()},
+        **force,
     )
 
 

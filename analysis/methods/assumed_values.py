@@ -77,6 +77,11 @@ ASSUMED_VALUES = (
 )
 
 
+def missing_values(aircraft: Aircraft) -> list[AssumedValue]:
+    """The assumed values whose keys the aircraft file lacks."""
+    return [assumed for assumed in ASSUMED_VALUES if not aircraft.has(assumed.key)]
+
+
 class AssumptionUncertainty(NamedTuple):
     """Uncertainty by assumed values.
 
@@ -100,7 +105,7 @@ def assumption_uncertainty(
 
     condition, flown_CL : weight and density of the flight, and lift coefficients of the speeds flown.
     """
-    missing = [assumed for assumed in ASSUMED_VALUES if not aircraft.has(assumed.key)]
+    missing = missing_values(aircraft)
     slope_sigma = upwash_slope_sigma(aircraft)
     if not missing:
         return None

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from flightpower.analysis.maneuvers.flown import thrust_known
+from flightpower.analysis.methods.assumed_values import missing_values
 from flightpower.analysis.methods.whole_flight.settings import PRIOR
 from flightpower.analysis.missions.mission import course_text
 from flightpower.analysis.missions.pieces import (
@@ -28,6 +29,7 @@ from flightpower.analysis.missions.pieces import (
 from flightpower.analysis.missions.plan_settings import MARGINS, PATH
 from flightpower.analysis.missions.search import FlightPlan
 from flightpower.analysis.performance.settings import ASKED
+from flightpower.analysis.settings import EVIDENCE
 from flightpower.flight.arrays import Array
 from flightpower.flight.propeller import Propeller
 from flightpower.flight.runs import ACCELERATION, DECELERATION
@@ -198,9 +200,15 @@ def expected_interval(plan: FlightPlan) -> list[tuple[str, str]]:
 
 
 def losses(plan: FlightPlan) -> list[str]:
-    """What is lost where a piece cannot be flown, and by an autopilot."""
+    """What is lost by keys that the aircraft file lacks, where a piece cannot be flown, and by an autopilot."""
     worst = float(max(plan.half_widths))
     losses = []
+    if plan.worst_with_keys is not None and plan.worst_with_keys < (1 - EVIDENCE.negligible) * worst:
+        keys = dict.fromkeys(value.key for value in missing_values(plan.aircraft.aircraft))
+        losses.append(
+            f"The aircraft file lacks {', '.join(keys)}: with {'them' if len(keys) > 1 else 'it'}"
+            f" ±{plan.worst_with_keys:.1f} % instead of ±{worst:.1f} %. Measure and add them before planning."
+        )
     for part in plan.contributions:
         times = f"{part.times} × " if part.times > 1 else ""
         losses.append(

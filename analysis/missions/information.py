@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from flightpower.analysis.air.air import with_sensors_elsewhere
 from flightpower.analysis.curve import (
     POLAR,
     Condition,
@@ -31,6 +32,7 @@ from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.maneuvers.find_level import find_runs
 from flightpower.analysis.maneuvers.kinds import Maneuver
 from flightpower.analysis.methods import consider as covariance
+from flightpower.analysis.methods.assumed_values import missing_values
 from flightpower.analysis.methods.consider import STATE_STEP
 from flightpower.analysis.methods.forces import FlightForces
 from flightpower.analysis.methods.thrust_prior import J_REFERENCE, stand_information
@@ -48,12 +50,13 @@ from flightpower.analysis.trajectory.equations import (
 )
 from flightpower.analysis.trajectory.gusts import Estimate, planned_ratios, with_slow_power
 from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS
-from flightpower.analysis.trajectory.priors import SensorPriors, stated_sigma
+from flightpower.analysis.trajectory.priors import SensorPriors, probe_ahead_sigma_m, stated_sigma, upwash_slope_sigma
 from flightpower.analysis.trajectory.problem import TrajectoryProblem
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.analysis.trajectory.settings import SOLVER
 from flightpower.analysis.trajectory.smoother import GaussNewtonStep, gauss_newton_step
 from flightpower.analysis.trajectory.updraft import STILL_MPS, by_waves
+from flightpower.flight.aircraft import Aircraft
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 
@@ -97,18 +100,39 @@ INSTALLATION = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_l
 class Covariances(NamedTuple):
     """Covariances of sensor errors (m, m) and A0, A1, A2 (3, 3): by noise, and by consider terms and floor.
 
-    shared : (3, m) derivative of A0, A1, A2 by the sensor errors
+    shared : (3, m) derivative of A0, A1, A2 by the sensor errors     assumed : values that the aircraft file lacks
     """
 
     errors: Array
     noise: Array
     fixed: Array
     shared: Array
+    assumed: "AssumedErrors"
 
     @property
     def polar(self) -> Array:
         """Covariance of A0, A1, A2."""
-        return np.asarray(self.noise + self.fixed + self.shared @ self.errors @ self.shared.T)
+        by_assumed = self.assumed.direct + self.assumed.scores @ self.errors @ self.shared.T
+        return np.asarray(
+            self.noise + self.fixed + self.shared @ self.errors @ self.shared.T + by_assumed.T @ by_assumed
+        )
+
+
+class AssumedErrors(NamedTuple):
+    """What k values assumed for missing keys, each wrong by one standard deviation, do to the estimate.
+
+    scores : (k, m) by how much they pull at the sensor errors: covariance times score is the change of these. Scores
+        add over the pieces of a flight, as information does.
+    direct : (k, 3) change of A0, A1, A2 beyond that by the sensor errors
+    """
+
+    scores: Array
+    direct: Array
+
+    @property
+    def none(self) -> "AssumedErrors":
+        """No effect, as on the difference of two flights of one installation."""
+        return AssumedErrors(0 * self.scores, 0 * self.direct)
 
 
 class Question(NamedTuple):
@@ -166,7 +190,12 @@ def _of_difference(covariances: Covariances) -> Covariances:
     errors = covariances.errors.copy()
     same = [SENSOR_ERRORS.index(error) for error in INSTALLATION]
     errors[same] = errors[:, same] = 0.0
-    return covariances._replace(errors=2 * errors, noise=2 * covariances.noise, fixed=0 * covariances.fixed)
+    return covariances._replace(
+        errors=2 * errors,
+        noise=2 * covariances.noise,
+        fixed=0 * covariances.fixed,
+        assumed=covariances.assumed.none,
+    )
 
 
 def _probe_cost(errors: Array) -> float:
@@ -185,10 +214,17 @@ class Expected(NamedTuple):
     systematic: Array
     shared: Array
     runs: list[Maneuver]
+    assumed: AssumedErrors
+
+    @property
+    def covariances(self) -> Covariances:
+        fixed = self.systematic - self.shared @ self.errors @ self.shared.T
+        return Covariances(self.errors, self.noise, fixed, self.shared, self.assumed)
 
     @property
     def total(self) -> Array:
-        return self.noise + self.systematic
+        """Covariance of A0, A1, A2."""
+        return self.covariances.polar
 
 
 class _Linearized(NamedTuple):
@@ -207,8 +243,12 @@ def _linearized(
     if uncertainty.updraft_mps == STILL_MPS and not aircraft.aircraft.has("uncertainty.updraft"):
         lasting_mps = by_waves(float(history.starts_s[-1] - history.starts_s[0]))
         uncertainty = replace(uncertainty, updraft_mps=max(STILL_MPS, lasting_mps))
-    stated = stated_sigma(uncertainty, aircraft.aircraft.wing_loading_Pa)
-    problem = TrajectoryProblem(history.table, history.rest, SensorPriors(alpha_scale_sigma, stated))
+    priors = SensorPriors(
+        alpha_scale_sigma=math.hypot(alpha_scale_sigma, upwash_slope_sigma(aircraft.aircraft)),
+        stated=stated_sigma(uncertainty, aircraft.aircraft.wing_loading_Pa),
+        probe_ahead_m=probe_ahead_sigma_m(aircraft.aircraft),
+    )
+    problem = TrajectoryProblem(history.table, history.rest, priors)
     blocks = problem.blocks
     x = np.zeros((blocks.n, len(STATES)))
     x[:, :3], x[:, 3:6] = history.attitude[blocks.rows], history.velocity[blocks.rows]
@@ -221,11 +261,39 @@ def _linearized(
     return _Linearized(problem, x, errors, inputs, step)
 
 
-def sensor_error_covariance(
+class SensorErrors(NamedTuple):
+    """covariance: (m, m). scores: (k, m) as in `AssumedErrors`."""
+
+    covariance: Array
+    scores: Array
+
+
+def sensor_errors(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
-) -> Array:
-    """Covariance (m, m) of the sensor errors after a flight like this: the part of `expected` that takes least time."""
-    return _sensor_errors(_linearized(history, aircraft, gust_mps, alpha_scale_sigma), aircraft, gust_mps)
+) -> SensorErrors:
+    """What is known of the sensor errors after a flight like this: the part of `expected` that takes least time."""
+    linearized = _linearized(history, aircraft, gust_mps, alpha_scale_sigma)
+    covariance = _sensor_errors(linearized, aircraft, gust_mps)
+    moved = [step for _, step in _with_other_values(history, aircraft, gust_mps, alpha_scale_sigma)]
+    return SensorErrors(covariance, _scores(covariance, linearized, moved))
+
+
+def _with_other_values(
+    history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, alpha_scale_sigma: float
+) -> list[tuple[Aircraft, _Linearized]]:
+    """The estimator's last step with each assumed value wrong by one standard deviation, and the aircraft with it."""
+    steps = []
+    for assumed in missing_values(aircraft.aircraft):
+        other = assumed.perturbed(aircraft.aircraft)
+        table = with_sensors_elsewhere(history.table, aircraft.aircraft, other)
+        moved = _linearized(history._replace(table=table), aircraft, gust_mps, alpha_scale_sigma)
+        steps.append((other, moved))
+    return steps
+
+
+def _scores(covariance: Array, as_assumed: _Linearized, moved: Sequence[_Linearized]) -> Array:
+    changes = [other.step.sensor_errors - as_assumed.step.sensor_errors for other in moved]
+    return np.asarray(np.linalg.solve(covariance, np.reshape(changes, (-1, len(covariance))).T).T)
 
 
 def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps: float) -> Array:
@@ -242,7 +310,10 @@ def linearized_trajectory(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> Trajectory:
     """The trajectory that the estimator would find without noise, with its covariance and sensitivities."""
-    linearized = _linearized(history, aircraft, gust_mps, alpha_scale_sigma)
+    return _trajectory(_linearized(history, aircraft, gust_mps, alpha_scale_sigma), aircraft, gust_mps)
+
+
+def _trajectory(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps: float) -> Trajectory:
     problem, x, errors, inputs, step = linearized
     actual = replace(inputs, predicted_inputs=inputs.measurement_inputs)
     return Trajectory(
@@ -253,12 +324,16 @@ def linearized_trajectory(
         states_given_errors=step.conditional,
         state_sensitivity=step.conditional.state_sensitivity(problem.equations.linearize(x, errors, actual)),
         draws=step.conditional.draws(len(STATES), SOLVER.draws),
-        predicted_flow=inputs.measurement_inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]],
+        predicted_flow=_predicted_flow(inputs),
         gust_mps=gust_mps,
         residuals={},
         converged=True,
         block_means=problem.blocks,
     )
+
+
+def _predicted_flow(inputs: EquationInputs) -> Array:
+    return inputs.measurement_inputs[:, [MEASUREMENT_INPUTS.index(name) for name in PREDICTED_FLOW]]
 
 
 def expected(
@@ -268,7 +343,8 @@ def expected(
 
     Raises InputError where none of its maneuvers would be taken for a run.
     """
-    trajectory = linearized_trajectory(history, aircraft, gust_mps, alpha_scale_sigma=alpha_scale_sigma)
+    linearized = _linearized(history, aircraft, gust_mps, alpha_scale_sigma)
+    trajectory = _trajectory(linearized, aircraft, gust_mps)
     runs, _ = find_runs(history.table, noise_mps=math.inf)
     forces = FlightForces(trajectory, aircraft.aircraft, aircraft.propeller)
     states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors
@@ -310,8 +386,8 @@ def expected(
     fit, D = values(states, errors), np.linalg.inv(normal(along)[0])
     S, z = regression(along)
     gradient = np.zeros((*states.shape, len(fit)))
-    for i, step in enumerate(STATE_STEP * np.eye(states.shape[1])):
-        X, moved_z = regression(forces.forces(states + step, errors))
+    for i, change_of_state in enumerate(STATE_STEP * np.eye(states.shape[1])):
+        X, moved_z = regression(forces.forces(states + change_of_state, errors))
         gradient[inside, i] = (moved_z - X @ fit - z + S @ fit)[:, None] * S / STATE_STEP
     by_states = D @ trajectory.states_given_errors.covariance_of(gradient) @ D
     by_rest = D @ (NOISE.rest_share**2 * S.T @ S + prior) @ D
@@ -334,4 +410,17 @@ def expected(
         - fit,
     ):
         systematic += np.outer(polar_part(change), polar_part(change))
-    return Expected(trajectory.covariance, np.asarray(noise), systematic, shared, runs)
+
+    def values_after_step(at: _Linearized, forces: FlightForces) -> Array:
+        return values(states + at.step.states, errors + at.step.sensor_errors, forces)
+
+    as_assumed, changes = values_after_step(linearized, forces), []
+    with_other_values = _with_other_values(history, aircraft, gust_mps, alpha_scale_sigma)
+    for other, step in with_other_values:
+        measured = replace(trajectory, block_means=step.problem.blocks, predicted_flow=_predicted_flow(step.inputs))
+        change = values_after_step(step, FlightForces(measured, other, aircraft.propeller)) - as_assumed
+        changes.append(polar_part(change))
+    scores = _scores(trajectory.covariance, linearized, [step for _, step in with_other_values])
+    direct = np.reshape(changes, (-1, len(POLAR))) - scores @ trajectory.covariance @ shared.T
+    assumed = AssumedErrors(scores, direct)
+    return Expected(trajectory.covariance, np.asarray(noise), systematic, shared, runs, assumed)

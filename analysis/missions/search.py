@@ -8,13 +8,14 @@ cost. The result is computed once more as a whole.
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
 
 from flightpower.analysis.maneuvers.find_level import find_runs
+from flightpower.analysis.methods.assumed_values import missing_values
 from flightpower.analysis.methods.settings import COMPARISON
 from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft
 from flightpower.analysis.missions.information import (
@@ -23,7 +24,7 @@ from flightpower.analysis.missions.information import (
     Question,
     expected,
     question,
-    sensor_error_covariance,
+    sensor_errors,
 )
 from flightpower.analysis.missions.navigation import kept_in_place
 from flightpower.analysis.missions.pieces import (
@@ -105,6 +106,7 @@ class FlightPlan:
     covariances: Covariances
     half_widths: Array
     contributions: tuple[Contribution, ...]
+    worst_with_keys: float | None = None  # the worst half width, did the aircraft file have all keys [%]
     worst_with_porpoising: float | None = None  # for an autopilot, which cannot: the worst half width by a pilot [%]
 
     @property
@@ -124,9 +126,12 @@ def seconds_by_piece(pieces: Sequence[Piece], history: TimeHistory, aircraft: Ex
 
 
 class _Increment(NamedTuple):
+    """seconds: of one piece. What it adds: errors, polar to information, scores to `AssumedErrors`."""
+
     seconds: float
     errors: Array
     polar: Array
+    scores: Array
 
 
 def plan_flight(
@@ -197,8 +202,16 @@ def plan_flight(
             np.max(objective.half_widths(_with_pieces(start, every, _exchanged(every, left, start, objective))))
         )
     progress("its interval")
-    whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
-    covariances = _covariances(whole, request)
+
+    def covariances_of(aircraft: ExpectedAircraft) -> Covariances:
+        whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+        return _covariances(whole, request)
+
+    covariances, worst_with_keys = covariances_of(aircraft), None
+    if missing := missing_values(aircraft.aircraft):
+        keys = aircraft.aircraft.keys.union(value.key for value in missing)
+        complete = replace(aircraft, aircraft=replace(aircraft.aircraft, keys=keys))
+        worst_with_keys = float(np.max(objective.half_widths(covariances_of(complete))))
     seconds = seconds_by_piece(chosen, history, aircraft)
     contributions = _contributions(chosen, seconds, dict(zip(pieces, increments, strict=True)), covariances, objective)
     return FlightPlan(
@@ -211,6 +224,7 @@ def plan_flight(
         covariances=covariances,
         half_widths=objective.half_widths(covariances),
         contributions=contributions,
+        worst_with_keys=worst_with_keys,
         worst_with_porpoising=manual_only,
     )
 
@@ -273,11 +287,10 @@ def _evaluated(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Req
 
 
 def _covariances(expectation: Expected, request: Request) -> Covariances:
-    fixed = expectation.systematic - expectation.shared @ expectation.errors @ expectation.shared.T
-    errors = expectation.errors
-    if request.earlier is not None:
-        errors = np.asarray(np.linalg.inv(np.linalg.inv(errors) + request.earlier))
-    return Covariances(errors, expectation.noise, fixed, expectation.shared)
+    covariances = expectation.covariances
+    if request.earlier is None:
+        return covariances
+    return covariances._replace(errors=np.asarray(np.linalg.inv(np.linalg.inv(covariances.errors) + request.earlier)))
 
 
 def _increment(
@@ -298,13 +311,13 @@ def _increment(
     if piece.kind is PieceKind.RUNS:
         expectation, seconds = _evaluated(planned, aircraft, request)
         errors, polar = expectation.errors, _gain(expectation.noise, alone.noise) / repeated
+        scores = expectation.assumed.scores
     else:
         history = _by_itself(planned, aircraft, request)
-        errors = sensor_error_covariance(
-            history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma
-        )
+        errors, scores = sensor_errors(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
         seconds, polar = _seconds_of(history), np.zeros((3, 3))
-    return _Increment((seconds - alone_s) / repeated, _gain(errors, alone.errors) / repeated, polar)
+    gained = (scores - alone.assumed.scores) / repeated
+    return _Increment((seconds - alone_s) / repeated, _gain(errors, alone.errors) / repeated, polar, gained)
 
 
 def _gain(after: Array, before: Array) -> Array:
@@ -317,10 +330,12 @@ def _gain(after: Array, before: Array) -> Array:
 
 
 def _with_pieces(start: Covariances, increments: Sequence[_Increment], counts: Sequence[int]) -> Covariances:
-    errors, polar = np.linalg.inv(start.errors), np.linalg.inv(start.noise)
+    errors, polar, scores = np.linalg.inv(start.errors), np.linalg.inv(start.noise), start.assumed.scores
     for increment, n in zip(increments, counts, strict=True):
         errors, polar = errors + n * increment.errors, polar + n * increment.polar
-    return start._replace(errors=np.linalg.inv(errors), noise=np.linalg.inv(polar))
+        scores = scores + n * increment.scores
+    assumed = start.assumed._replace(scores=scores)
+    return start._replace(errors=np.linalg.inv(errors), noise=np.linalg.inv(polar), assumed=assumed)
 
 
 def _exchanged(increments: Sequence[_Increment], left_s: float, start: Covariances, question: Question) -> list[int]:
@@ -388,6 +403,7 @@ def _contributions(
         without = whole._replace(
             errors=_without_information(whole.errors, n * increment.errors),
             noise=_without_information(whole.noise, n * increment.polar),
+            assumed=whole.assumed._replace(scores=whole.assumed.scores - n * increment.scores),
         )
         worst = float(np.max(question.half_widths(without)))
         listed.append(Contribution(piece.title, n, taken_s, worst))

@@ -6,7 +6,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flightpower.analysis.air.air import _stuck, _where_it_began, air_data, bank_angle, specific_force_at_cg
+from flightpower.analysis.air.air import (
+    _stuck,
+    _where_it_began,
+    air_data,
+    bank_angle,
+    specific_force_at_cg,
+    with_sensors_elsewhere,
+)
 from flightpower.analysis.air.probe import FittedMap, ProbeCalibration
 from flightpower.analysis.sources.daemon import COLUMNS, speed_scale
 from flightpower.flight.aircraft import Aircraft, ProbeInstallation
@@ -260,3 +267,28 @@ def test_air_data_do_not_depend_on_the_time_at_which_a_log_begins(nexstar: Aircr
     at_zero, late = found(0.0), found(500.0)
     for name in ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "bank_rad"):
         assert late[name].to_numpy() == pytest.approx(at_zero[name].to_numpy(), nan_ok=True, abs=1e-9), name
+
+
+def test_air_data_of_sensors_elsewhere_are_those_of_an_aircraft_file_with_these_places(
+    nexstar: Aircraft, propeller: Propeller
+) -> None:
+    """A probe 0.25 m further ahead with 0.02 rad more upwash, an IMU 0.1 m ahead and below; rates that swing. The
+    readings are the same."""
+    table = log_of((0.2, 0.0, -0.3), ALPHA_RAD, BETA_RAD)
+    table["q_radps"] = 0.5 * np.sin(2 * table.index.to_numpy())
+    upwash = nexstar.probe.upwash_per_CL_rad + 0.02
+    other = replace(
+        nexstar,
+        probe=replace(nexstar.probe, position_m=(0.7, 0.0, 0.0), upwash_per_CL_rad=upwash),
+        imu_position_m=(0.15, 0.0, 0.12),
+    )
+
+    def air_of(aircraft: Aircraft) -> pd.DataFrame:
+        at_cg = specific_force_at_cg(table, aircraft)
+        return air_data(at_cg, aircraft, LINEAR_PROBE, propeller, speed_scale(aircraft)).table
+
+    before, after = air_of(nexstar), air_of(other)
+    moved = with_sensors_elsewhere(before, nexstar, other)
+    for name in ("alpha_rad", "beta_rad", "alpha_by_rotation_rad", "alpha_by_upwash_rad", "ax_mps2", "az_mps2"):
+        assert moved[name].to_numpy() == pytest.approx(after[name].to_numpy(), nan_ok=True, abs=5e-5), name
+        assert np.nanmax(np.abs(after[name] - before[name])) > 5e-3, name

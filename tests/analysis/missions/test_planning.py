@@ -22,7 +22,7 @@ from flightpower.analysis.missions.information import (
     expected,
     linearized_trajectory,
     question,
-    sensor_error_covariance,
+    sensor_errors,
 )
 from flightpower.analysis.missions.pieces import Hold, Land, Pilot, Porpoise, Run, Space, Stand, TakeOff, Turn
 from flightpower.analysis.missions.plan_mission import Home, left_out, qgroundcontrol_plan, waypoint_file
@@ -33,8 +33,9 @@ from flightpower.analysis.missions.time_history import TimeHistory, fly, throttl
 from flightpower.analysis.results.next_flight import next_flight
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.priors import SensorPriors
-from flightpower.analysis.trajectory.reconstruction import reconstruct
-from flightpower.analysis.trajectory.settings import SOLVER
+from flightpower.analysis.trajectory.problem import TrajectoryProblem
+from flightpower.analysis.trajectory.reconstruction import _solve, reconstruct
+from flightpower.analysis.trajectory.settings import PRIORS, SOLVER
 from flightpower.analysis.trajectory.updraft import by_waves
 from flightpower.flight.aircraft import Uncertainty, load_aircraft
 from flightpower.flight.errors import InputError
@@ -118,10 +119,45 @@ def test_the_information_is_that_of_the_estimator(nexstar: ExpectedAircraft):
     gust_length = nexstar.aircraft.uncertainty.gust_length
     trajectory = reconstruct(history.table, history.rest, SensorPriors(alpha_scale_sigma=0.01), gust_length=gust_length)
     trajectory = trajectory.with_prior("updraft", by_waves(history.starts_s[-1] - history.starts_s[0]))
-    covariance = sensor_error_covariance(history, nexstar, trajectory.gust_mps, alpha_scale_sigma=0.01)
+    covariance, _ = sensor_errors(history, nexstar, trajectory.gust_mps, alpha_scale_sigma=0.01)
     for name in ("alpha_bias", "alpha_scale", "V_scale", "ax_bias", "updraft"):
         i = SENSOR_ERRORS.index(name)
         assert np.sqrt(covariance[i, i]) == pytest.approx(trajectory.standard_error(name), rel=0.05), name
+
+
+def without_keys(nexstar: ExpectedAircraft, *keys: str) -> ExpectedAircraft:
+    """The aircraft as of a file that lacks these keys."""
+    return replace(nexstar, aircraft=replace(nexstar.aircraft, keys=nexstar.aircraft.keys - set(keys)))
+
+
+def test_a_probe_elsewhere_pulls_at_the_sensor_errors_as_the_estimator_finds(nexstar: ExpectedAircraft):
+    """Porpoising with a probe 0.2 m further ahead reads like another slope of the angle of attack."""
+    V, lacking = nexstar.stall_mps, without_keys(nexstar, "probe.position")
+    flown = [Stand(20.0), TakeOff(1.6 * V), Porpoise(20.0, 1.7 * V, 0.8), Turn(1.7 * V), Hold(30.0, 2 * V)]
+    history = fly([*flown, Land(1.6 * V)], nexstar, HEIGHT_M, 2.0)
+    table = history.table
+    moved = table.assign(
+        alpha_rad=table["alpha_rad"] + 0.2 * table["q_radps"] / table["V_mps"],
+        beta_rad=table["beta_rad"] - 0.2 * table["r_radps"] / table["V_mps"],
+    )
+    gust_mps, slope, ahead = 0.3, SENSOR_ERRORS.index("alpha_scale"), SENSOR_ERRORS.index("probe_ahead")
+    solved = []
+    for data in (table, moved):
+        problem = TrajectoryProblem(data, history.rest, SensorPriors(0.01, probe_ahead_m=PRIORS.probe_ahead_m))
+        solved.append(_solve(problem, problem.initial_states, problem.initial_errors, gust_mps).sensor_errors)
+    found = solved[1][slope] - solved[0][slope]
+    covariance, scores = sensor_errors(history, lacking, gust_mps, alpha_scale_sigma=0.01)
+    assert abs(found) > 0.02
+    assert (covariance @ scores[0])[slope] == pytest.approx(found, rel=0.2)
+    assert 0.1 < np.sqrt(covariance[ahead, ahead]) < PRIORS.probe_ahead_m
+    complete = sensor_errors(history, nexstar, gust_mps, alpha_scale_sigma=0.01)
+    assert len(complete.scores) == 0 and np.sqrt(complete.covariance[ahead, ahead]) < 1e-5
+
+
+def test_keys_that_the_aircraft_file_lacks_widen_a_plans_interval(nexstar, acceleration, stated_variance, stated):
+    known = replace(nexstar, aircraft=replace(nexstar.aircraft, uncertainty=stated))
+    for key in ("probe.upwash_per_CL", "probe.position", "imu_position"):
+        assert variance_of_drag(acceleration, without_keys(known, key)) > 1.0001 * stated_variance, key
 
 
 @pytest.fixture(scope="module")
@@ -421,6 +457,10 @@ def test_the_card_tells_margin_room_and_what_a_piece_is_worth(plan: FlightPlan):
     )
     loss = card.losses(replace(plan, worst_with_porpoising=0.5))[-1]
     assert loss.endswith(f"±0.5 % instead of ±{worst:.1f} %.")
+    lacking = replace(plan, worst_with_keys=0.5, aircraft=without_keys(plan.aircraft, "imu_position"))
+    assert card.losses(lacking)[0].startswith(
+        f"The aircraft file lacks imu_position: with it ±0.5 % instead of ±{worst:.1f} %."
+    )
 
 
 def test_points_of_the_mission_lie_where_the_legs_are(plan: FlightPlan):
