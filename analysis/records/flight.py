@@ -72,13 +72,23 @@ class CurveStatus(StrEnum):
 
 
 class NextFlightLowers(StrEnum):
-    """What the next flight lowers: the largest part of the interval where it is widest."""
+    """What to lower next: the largest part of the interval where it is widest."""
 
     NOTHING = ""  # nothing is lacking
     NOISE = "noise"
     ALPHA_BIAS = "alpha_bias"
     ALPHA_SCALE = "alpha_scale"
     V_SCALE = "V_scale"
+    UPDRAFT = "updraft"
+    PROPELLER = "propeller"
+    ACCELEROMETER = "accelerometer"
+    WEIGHT = "weight"
+    DENSITY = "air_density"
+    TRANSDUCERS = "transducers"
+    AIRCRAFT_FILE = "aircraft_file"
+    POLAR_SHAPE = "polar_shape"
+    OTHER_SENSORS = "other_sensors"
+    SHARED = "shared"
 
 
 class MethodRejection(StrEnum):

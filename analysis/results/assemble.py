@@ -1,6 +1,7 @@
 """All results of an analysis in the form of `results.json`."""
 
 import hashlib
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -11,6 +12,7 @@ from flightpower.analysis.air.flight_data import Calibrations
 from flightpower.analysis.curve import Condition, speed_at
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.interval_sources import variance_by_source
 from flightpower.analysis.methods.ladder import Estimated
 from flightpower.analysis.methods.method import MethodEstimate, SteadyPoint
 from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
@@ -73,7 +75,8 @@ def assemble(
         rows = performance.field_table if performance else []
         notes += against_field_table(curves[Kind.ELECTRICAL], curves[Kind.POWER_REQUIRED].points, rows)
     check = drag.cross_check
-    advice = next_flight(trajectory, drag.main, condition, flown_CL)
+    sources = partial(variance_by_source, drag.main, aircraft, condition)
+    advice = next_flight(trajectory, polar, condition, flown_CL, sources)
     results = Results(
         software_version=version(),
         log=flight.name,

@@ -1,19 +1,20 @@
 """What the next twenty minutes should be, from what one flight left uncertain.
 
-The interval is largest somewhere on the curve. There its variance is that of noise, which more runs lower, and that of
-sensor errors. The effect of the three that matter on power P = D V follows from lift L = W: an offset of the angle of
-attack turns the lift and adds W V to the power for each radian, a slope that is wrong by a share s does so with
-s alpha, and a scale of airspeed takes D of another speed, and an angle of attack that is wrong by twice its share.
+The interval is largest somewhere on the curve. There its variance has the parts of `methods.interval_sources`, which
+the report draws; the largest is named. Of the errors of the angle of attack that is its offset or its slope, whichever
+has the larger effect on power P = D V. With lift L = W an offset turns the lift and adds W V to the power for each
+radian, a slope that is wrong by a share s does so with s alpha, and a scale of airspeed takes D of another speed, and
+an angle of attack that is wrong by twice its share.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from flightpower.analysis.curve import Condition, Polar, polar_part, power_required, speed_at
+from flightpower.analysis.curve import Condition, Polar, power_required, speed_at
 from flightpower.analysis.estimation.noise import NORMAL_95
-from flightpower.analysis.methods.dynamic import DynamicEstimate
+from flightpower.analysis.methods.interval_sources import Share
 from flightpower.analysis.records.flight import NextFlightLowers
 from flightpower.analysis.settings import EVIDENCE
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
@@ -22,27 +23,85 @@ from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.analysis.trajectory.settings import GUSTS
 from flightpower.flight.arrays import Array
 
-FLY = {
-    NextFlightLowers.NOISE: "fly more accelerations and decelerations, the throttle opened slowly, down to the slowest"
-    " speed that is safe",
-    NextFlightLowers.ALPHA_BIAS: "fly fast for long, back and forth or in circles both ways: the mean of vertical gusts"
-    " becomes smaller with distance, and their angle with speed",
-    NextFlightLowers.ALPHA_SCALE: "porpoise for several minutes: stick fore and aft, 1.3 to 1.8 s a cycle, with the"
-    " load factor between 0 and 2",
-    NextFlightLowers.V_SCALE: "fly fast in circles both ways, or back and forth on opposite headings, where GPS shows"
-    " the airspeed",
+FLIGHT, GROUND = "The next twenty minutes", "Before the next flight"
+
+
+class Remedy(NamedTuple):
+    """when: FLIGHT or GROUND. sentence: what narrows the interval. part: of the share, where that has several."""
+
+    when: str
+    sentence: str
+    share: Share
+    part: str = ""
+
+
+REMEDIES = {
+    NextFlightLowers.NOISE: Remedy(
+        FLIGHT,
+        "fly more accelerations and decelerations, the throttle opened slowly, down to the slowest speed that is safe",
+        Share.NOISE,
+    ),
+    NextFlightLowers.ALPHA_BIAS: Remedy(
+        FLIGHT,
+        "fly fast for long, back and forth or in circles both ways: the mean of vertical gusts becomes smaller with"
+        " distance, and their angle with speed",
+        Share.ANGLE_OF_ATTACK,
+        "its offset",
+    ),
+    NextFlightLowers.ALPHA_SCALE: Remedy(
+        FLIGHT,
+        "porpoise for several minutes: stick fore and aft, 1.3 to 1.8 s a cycle, with the load factor between 0 and 2",
+        Share.ANGLE_OF_ATTACK,
+        "its slope",
+    ),
+    NextFlightLowers.V_SCALE: Remedy(
+        FLIGHT,
+        "fly fast in circles both ways, or back and forth on opposite headings, where GPS shows the airspeed",
+        Share.AIRSPEED,
+    ),
+    NextFlightLowers.UPDRAFT: Remedy(
+        FLIGHT,
+        "fly on another day, early in the morning over even ground, and pool both flights: air that rises or sinks"
+        " all the time looks like less or more drag",
+        Share.UPDRAFT,
+    ),
+    NextFlightLowers.PROPELLER: Remedy(
+        GROUND,
+        "have a table measured with this propeller and motor, or decelerate with the propeller folded or stopped",
+        Share.PROPELLER,
+    ),
+    NextFlightLowers.ACCELEROMETER: Remedy(
+        GROUND, "calibrate the accelerometer on six sides, and its vibration in a run-up", Share.ACCELEROMETER
+    ),
+    NextFlightLowers.WEIGHT: Remedy(
+        GROUND, "weigh the aircraft as it flies, and enter the error of the scale", Share.WEIGHT
+    ),
+    NextFlightLowers.DENSITY: Remedy(
+        GROUND, "measure pressure and temperature of the air better, and enter their error", Share.DENSITY
+    ),
+    NextFlightLowers.TRANSDUCERS: Remedy(
+        GROUND, "calibrate the pressure transducers, and let them warm up before take-off", Share.TRANSDUCERS
+    ),
+    NextFlightLowers.AIRCRAFT_FILE: Remedy(
+        GROUND, "enter the keys that the aircraft file lacks: the assumptions name them", Share.AIRCRAFT_FILE
+    ),
+    NextFlightLowers.POLAR_SHAPE: Remedy(
+        FLIGHT, "fly more runs over the whole range of speeds: the drag is no parabola", Share.POLAR_SHAPE
+    ),
+    NextFlightLowers.OTHER_SENSORS: Remedy(
+        FLIGHT, "fly longer, with turns to both sides and legs on opposite headings", Share.OTHER_SENSORS
+    ),
+    NextFlightLowers.SHARED: Remedy(
+        FLIGHT, "fly on another day with the instruments mounted again, and pool both flights", Share.SHARED
+    ),
 }
-TITLES = {
-    NextFlightLowers.NOISE: "noise of the runs",
-    NextFlightLowers.ALPHA_BIAS: "the offset of angle of attack",
-    NextFlightLowers.ALPHA_SCALE: "the slope of angle of attack",
-    NextFlightLowers.V_SCALE: "the scale of airspeed",
-}
+BY_SHARE = {remedy.share: lowers for lowers, remedy in REMEDIES.items() if not remedy.part}
+GUSTS_HIDE = {NextFlightLowers.ALPHA_BIAS, NextFlightLowers.ALPHA_SCALE, NextFlightLowers.V_SCALE}
 
 
 class MissingInformation(NamedTuple):
-    """speed_mps: where the interval is largest. percent: its half width. cause: whose halving narrows it
-    most. percent_without: the half width then."""
+    """speed_mps: where the interval is largest. percent: its half width. cause: the largest part of its variance.
+    percent_without: the half width with this part known twice as well."""
 
     speed_mps: float
     percent: float
@@ -50,29 +109,42 @@ class MissingInformation(NamedTuple):
     percent_without: float
 
 
+Sources = Callable[[Array], dict[Share, Array]]
+
+
 def missing_information(
-    trajectory: Trajectory, estimate: DynamicEstimate, condition: Condition, flown_CL: tuple[float, float]
+    trajectory: Trajectory, polar: Polar, condition: Condition, flown_CL: tuple[float, float], sources: Sources
 ) -> MissingInformation | None:
-    """What made the interval wide; None where power is not known or the covariance is not finite."""
+    """What made the interval wide; None where power is not known or the covariance is not finite.
+
+    sources : variance (n,) of power at speeds (n,) by source, as the report draws it: `variance_by_source`
+    """
     V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), 9)
-    power, sigma = power_required(V, estimate.polar, condition)
+    power, sigma = power_required(V, polar, condition)
     if not (np.isfinite(sigma).all() and (power > 0).all()):
         return None
     i = int(np.argmax(sigma / power))
-    _, (noise,) = power_required(V[i : i + 1], Polar(estimate.polar.A, polar_part(estimate.noise)), condition)
-    variances = {NextFlightLowers.NOISE: float(noise**2)}
-    effect, which = _effects_W(trajectory, estimate.polar.A, condition, float(V[i]))
-    covariance = trajectory.covariance[np.ix_(which, which)]
-    whole = float(effect @ covariance @ effect)
-    for k, name in enumerate(MATTERS):
-        # What is left of the variance when this error is known: conditional on it.
-        others = covariance - np.outer(covariance[k], covariance[k]) / covariance[k, k]
-        variances[NextFlightLowers(name)] = max(whole - float(effect @ others @ effect), 0.0)
-    cause = max(variances, key=lambda variance: variances[variance])
-    # Correlation with other errors can make the part larger than the whole; half an error halves no interval further.
-    left = float(sigma[i] ** 2) - (1 - 0.5**2) * min(variances[cause], float(sigma[i] ** 2))
+    variances = {source: float(part[0]) for source, part in sources(V[i : i + 1]).items()}
+    largest = max(variances, key=lambda source: variances[source])
+    cause = (
+        _error_of_angle(trajectory, polar.A, condition, float(V[i]))
+        if largest is Share.ANGLE_OF_ATTACK
+        else BY_SHARE[largest]
+    )
+    whole = float(sigma[i] ** 2)
+    left = whole - (1 - 0.5**2) * min(variances[largest], whole)
     percent = 100 * NORMAL_95 / float(power[i])
     return MissingInformation(float(V[i]), percent * float(sigma[i]), cause, percent * float(np.sqrt(left)))
+
+
+def _error_of_angle(trajectory: Trajectory, A: Array, condition: Condition, V: float) -> NextFlightLowers:
+    """Which error of the angle of attack has the larger part of the variance of power: what goes when it is known."""
+    effect, which = _effects_W(trajectory, A, condition, V)
+    covariance = trajectory.covariance[np.ix_(which, which)]
+    with_each = (covariance @ effect) ** 2 / np.diag(covariance)
+    parts = dict(zip(MATTERS, with_each.tolist(), strict=True))
+    angle = (NextFlightLowers.ALPHA_BIAS, NextFlightLowers.ALPHA_SCALE)
+    return max(angle, key=lambda error: parts[error])
 
 
 class Advice(NamedTuple):
@@ -83,18 +155,20 @@ class Advice(NamedTuple):
 
 
 def next_flight(
-    trajectory: Trajectory, estimate: DynamicEstimate, condition: Condition, flown_CL: tuple[float, float]
+    trajectory: Trajectory, polar: Polar, condition: Condition, flown_CL: tuple[float, float], sources: Sources
 ) -> Advice:
-    """What to fly next; nothing where the standard error is negligible already."""
-    missing = missing_information(trajectory, estimate, condition, flown_CL)
+    """What to fly next; nothing where the standard error is negligible already. sources: as `missing_information`."""
+    missing = missing_information(trajectory, polar, condition, flown_CL, sources)
     if missing is None or missing.percent < 100 * NORMAL_95 * EVIDENCE.negligible:
         return Advice()
+    remedy = REMEDIES[missing.cause]
+    cause = f"{remedy.share} ({remedy.part})" if remedy.part else remedy.share
     sentences = [
-        f"The next twenty minutes: {FLY[missing.cause]}. The interval is widest at {missing.speed_mps:.1f} m/s,"
-        f" ±{missing.percent:.1f} %, most of all by {TITLES[missing.cause]}; known twice as well it would leave"
+        f"{remedy.when}: {remedy.sentence}. The interval is widest at {missing.speed_mps:.1f} m/s,"
+        f" ±{missing.percent:.1f} %, most of all by {cause}; known twice as well it would leave"
         f" ±{missing.percent_without:.1f} %."
     ]
-    if trajectory.gust_mps > GUSTS.dominate_mps and missing.cause is not NextFlightLowers.NOISE:
+    if trajectory.gust_mps > GUSTS.dominate_mps and missing.cause in GUSTS_HIDE:
         sentences.append("A calmer day does the same in less time.")
     return Advice(missing.cause, sentences)
 

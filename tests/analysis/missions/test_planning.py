@@ -1,7 +1,6 @@
 """Plans: information as the estimator states it, files that can be flown, a margin above the stall."""
 
 import json
-import re
 from dataclasses import fields, replace
 from itertools import groupby
 from math import pi, tan
@@ -12,15 +11,12 @@ import numpy as np
 import pytest
 from pymavlink import mavutil, mavwp
 
-from flightpower.analysis.curve import Polar
 from flightpower.analysis.missions import card, information, pieces, search
 from flightpower.analysis.missions.card import _words
 from flightpower.analysis.missions.expected_aircraft import ExpectedAircraft, expected_aircraft
 from flightpower.analysis.missions.information import (
     _of_difference,
-    condition,
     expected,
-    linearized_trajectory,
     question,
     sensor_errors,
 )
@@ -30,7 +26,6 @@ from flightpower.analysis.missions.plan_settings import PATH, SEARCH
 from flightpower.analysis.missions.search import FlightPlan, Request, plan_flight
 from flightpower.analysis.missions.simulator_plan import simulator_plan
 from flightpower.analysis.missions.time_history import TimeHistory, fly, throttle_at
-from flightpower.analysis.results.next_flight import next_flight
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.priors import SensorPriors
 from flightpower.analysis.trajectory.problem import TrajectoryProblem
@@ -319,26 +314,6 @@ def test_the_mission_is_what_ground_stations_load(plan: FlightPlan, tmp_path, mo
     loader = mavwp.MAVWPLoader()
     assert loader.load(str(tmp_path / "mission.waypoints")) == len(items) + 1
     assert [loader.wp(i + 1).command for i in range(len(items))] == [item["command"] for item in items]
-
-
-def test_the_next_flight_is_for_what_is_least_known(plan: FlightPlan):
-    """Porpoising and fast flight in gusts, runs where their noise dominates, none where the interval is narrow."""
-    trajectory = linearized_trajectory(plan.history, plan.aircraft, plan.request.gust_mps, alpha_scale_sigma=0.01)
-    at, CL = condition(plan.aircraft), plan.aircraft.lift_coefficient(np.array([23.0, 12.0]))
-
-    def found(noise_factor: float, factor: float = 1.0) -> list[str]:
-        noise = np.zeros((5, 5))
-        noise[:3, :3] = noise_factor * plan.covariances.noise
-        covariance = factor * (plan.covariances.polar + noise[:3, :3])
-        estimate = SimpleNamespace(polar=Polar(plan.aircraft.A, covariance), noise=factor * noise)
-        return list(next_flight(trajectory, estimate, at, (CL[0], CL[1])).sentences)  # type: ignore[arg-type]
-
-    assert "angle of attack" in found(0.01)[0] or "airspeed" in found(0.01)[0]
-    assert "calmer day" in found(0.01)[1]
-    assert "noise of the runs" in found(300.0)[0]
-    widths = [float(width) for width in re.findall(r"±([\d.]+) %", found(0.01, factor=0.1)[0])]
-    assert widths[1] >= widths[0] / 2 - 0.05  # one error known twice as well cannot do more
-    assert found(0.01, factor=1e-3) == []
 
 
 def test_too_little_time_is_refused(nexstar: ExpectedAircraft):

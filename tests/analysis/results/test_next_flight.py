@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from flightpower.analysis.curve import Condition, Polar
-from flightpower.analysis.results.next_flight import _effects_W, missing_information, next_flight
+from flightpower.analysis.methods.interval_sources import Share
+from flightpower.analysis.records.flight import NextFlightLowers
+from flightpower.analysis.results.next_flight import BY_SHARE, _effects_W, missing_information, next_flight
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.observability import MATTERS
 
@@ -44,47 +46,59 @@ def test_power_errs_by_the_turned_lift_and_by_the_drag_of_another_speed(V: float
     assert [SENSOR_ERRORS[i] for i in places] == list(MATTERS)
 
 
-@pytest.mark.parametrize(("cause", "sigma"), [("alpha_bias", 0.01), ("alpha_scale", 0.1), ("V_scale", 0.05)])
-def test_half_an_error_leaves_a_quarter_of_its_variance(cause: str, sigma: float) -> None:
-    """The interval at the speed where it is widest: that of the error and of little noise, both in 95 %."""
+ANGLE = Share.ANGLE_OF_ATTACK
+
+
+@pytest.mark.parametrize(
+    ("largest", "cause"),
+    [(share, BY_SHARE[share]) for share in Share if share is not ANGLE] + [(ANGLE, NextFlightLowers.ALPHA_BIAS)],
+)
+def test_the_largest_part_is_named_and_half_its_error_leaves_a_quarter_of_it(
+    largest: Share, cause: NextFlightLowers
+) -> None:
+    """Of the variance at the speed where the interval is widest, by the record that the report draws."""
     CL = (0.25, 1.1)
-    noise = np.zeros((5, 5))
-    noise[0, 0] = 0.0005**2
-    trajectory = flown({cause: sigma})
-
-    def power(V: float) -> float:
-        qS = AT.rho * V**2 / 2 * AT.wing_area_m2
-        lift = AT.weight_N / qS
-        return float(qS * V * (A @ [1, lift, lift**2]))
-
     # A0 alone errs, so that the interval in percent is widest at the highest speed.
+    polar = Polar(A, np.diag([0.002**2, 0.0, 0.0]))
     fastest = np.sqrt(2 * AT.weight_N / (AT.rho * CL[0] * AT.wing_area_m2))
     qSV = AT.rho * fastest**3 / 2 * AT.wing_area_m2
-    effects, _ = _effects_W(trajectory, A, AT, float(fastest))  # type: ignore[arg-type]
-    by_error = float(abs(effects[MATTERS.index(cause)])) * sigma
-    polar = Polar(A, np.diag([(by_error / qSV) ** 2 + 0.0005**2, 0.0, 0.0]))
-    result = missing_information(trajectory, SimpleNamespace(polar=polar, noise=noise), AT, CL)  # type: ignore[arg-type]
-    assert result is not None and result.cause == cause
+
+    def sources(V: np.ndarray) -> dict[Share, np.ndarray]:
+        whole = (AT.rho * V**3 / 2 * AT.wing_area_m2 * 0.002) ** 2
+        others = [share for share in Share if share is not largest]
+        return {largest: 0.4 * whole} | {share: 0.6 / len(others) * whole for share in others}
+
+    result = missing_information(flown({"alpha_bias": 0.01}), polar, AT, CL, sources)  # type: ignore[arg-type]
+    assert result is not None and result.cause is cause
     assert result.speed_mps == pytest.approx(fastest)
-    whole, by_noise = np.hypot(by_error, 0.0005 * qSV), 0.0005 * qSV
-    assert result.percent == pytest.approx(196 * whole / power(fastest), rel=1e-3)
-    assert result.percent_without == pytest.approx(196 * np.hypot(by_error / 2, by_noise) / power(fastest), rel=1e-3)
+    lift = AT.weight_N / (qSV / fastest)
+    half_width = 196 * 0.002 / float(A @ [1, lift, lift**2])
+    assert result.percent == pytest.approx(half_width, rel=1e-3)
+    assert result.percent_without == pytest.approx(half_width * np.sqrt(0.6 + 0.4 / 4), rel=1e-3)
+    (sentence, *_) = next_flight(flown({"alpha_bias": 0.01}), polar, AT, CL, sources).sentences  # type: ignore[arg-type]
+    assert f"most of all by {largest}" in sentence
     unknown = Polar(A, np.full((3, 3), np.nan))
-    assert missing_information(trajectory, SimpleNamespace(polar=unknown, noise=noise), AT, CL) is None  # type: ignore[arg-type]
+    assert missing_information(flown({}), unknown, AT, CL, sources) is None  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("error", "sigma"), [("alpha_bias", 0.01), ("alpha_scale", 0.2)])
+def test_of_the_angle_of_attack_the_error_with_the_larger_effect_is_named(error: str, sigma: float) -> None:
+    """W V 0.01 is more than W V alpha 1e-9, and the other way round."""
+    polar = Polar(A, np.diag([0.002**2, 0.0, 0.0]))
+    trajectory = flown({error: sigma, "V_scale": 0.5})
+    result = missing_information(trajectory, polar, AT, (0.25, 1.1), lambda V: {ANGLE: 1 + V, Share.NOISE: V})  # type: ignore[arg-type]
+    assert result is not None and result.cause == error
 
 
 def test_a_narrow_interval_needs_no_other_flight_and_calm_air_no_calmer_day() -> None:
-    noise = np.zeros((5, 5))
-
-    def said(percent: float, gust_mps: float, cause: str = "alpha_bias") -> list[str]:
+    def said(percent: float, gust_mps: float, cause: Share = ANGLE) -> list[str]:
         """The half width at the highest speed, where A0 = 0.04 is all of the drag."""
-        only = np.array([0.04, 0.0, 0.0])
-        polar = Polar(only, np.diag([(0.04 * percent / 196) ** 2, 0.0, 0.0]))
-        noise[0, 0] = polar.covariance[0, 0] if cause == "noise" else 0.0
+        polar = Polar(np.array([0.04, 0.0, 0.0]), np.diag([(0.04 * percent / 196) ** 2, 0.0, 0.0]))
         trajectory = flown({"alpha_bias": 1e-4}, gust_mps)
-        return list(next_flight(trajectory, SimpleNamespace(polar=polar, noise=noise), AT, (0.25, 1.1)).sentences)  # type: ignore[arg-type]
+        return list(next_flight(trajectory, polar, AT, (0.25, 1.1), lambda V: {cause: 1e-9 * V}).sentences)  # type: ignore[arg-type]
 
     assert said(0.99 * 0.98, 0.5) == [], "a standard error of half a percent"
     assert len(said(1.01 * 0.98, 0.5)) == 2
     assert len(said(1.01 * 0.98, 0.0)) == 1
-    assert len(said(3.0, 0.5, "noise")) == 1, "more runs, whatever the air"
+    assert len(said(3.0, 0.5, Share.NOISE)) == 1, "more runs, whatever the air"
+    assert len(said(3.0, 0.5, Share.WEIGHT)) == 1
