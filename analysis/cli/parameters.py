@@ -17,7 +17,9 @@ app = application()
 @app.command()
 @takes_options(StallOptions)
 def parameters(
-    results: Annotated[Path, typer.Argument(metavar="RESULTS", help="results.json of `analyze`.")],
+    results: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="results.json of `analyze`: of one flight, or of several.")
+    ],
     firmware: Annotated[For, typer.Option("--for", help="Firmware that loads the file.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="File to write.")],
     options: StallOptions,
@@ -26,13 +28,14 @@ def parameters(
     """Airspeeds, sink and level-flight power as a file for ArduPilot (.param), PX4 (.params) or INAV (CLI lines).
 
     Each value stands with its interval, what it follows from, and the value in the log. No airspeed is below the stall
-    margin; sink and power are those of the cruise written. What does not follow from the flight is named. Compare each
+    margin; sink and power are those of the cruise written. What does not follow is named. Compare each
     value with yours before you load it.
 
     \b
     Examples:
       flightpower parameters log.report/results.json --for px4 -o my.params
       flightpower parameters log.report/results.json --for ardupilot --stall "10 m/s" -o my.param
+      flightpower parameters out/results.json --for inav -o my.txt     # of all flights that `analyze … -o out` pooled
     """
     check_new_file(output, replace=replace)
     stall = StallMargin(options.stall_mps, options.stall_margin)

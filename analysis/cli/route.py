@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     from flightpower.analysis.missions.inputs import RouteInput
     from flightpower.analysis.missions.mission import Mission, Speed, Wind
     from flightpower.analysis.missions.prediction import Flight, Objective
-    from flightpower.analysis.records.flight import Results
+    from flightpower.analysis.records.flight import Results, WithCurves
+    from flightpower.analysis.records.pool import PooledResults
 
 app = application()
-Read = TypeVar("Read", "Results", "RouteInput")
+Read = TypeVar("Read", bound="WithCurves")
 
 
 @dataclass(frozen=True)
@@ -305,17 +306,20 @@ def _questions(results: "RouteInput", flight: "Flight", options: RouteOptions) -
 
 
 def read_route_input(path: Path) -> "RouteInput":
-    """Reads the results of one flight or of a pool, as `read_results` does."""
+    """What a route needs of the results of one flight or of a pool, read as by `read_results`."""
     from flightpower.analysis.missions import inputs
 
     return _trusted(path, inputs.read_route_input(path))
 
 
-def read_results(path: Path) -> "Results":
-    """Doubts go to stderr. Raises InputError when it is something else, or not to be trusted."""
+def read_results(path: Path) -> "Results | PooledResults":
+    """Reads the results of one flight or of a pool; doubts go to stderr.
+
+    Raises InputError when it is something else, or not to be trusted.
+    """
     from flightpower.analysis.results import read
 
-    return _trusted(path, read.read_results(path))
+    return _trusted(path, read.read_flight_or_pool(path))
 
 
 def _trusted(path: Path, results: Read) -> Read:

@@ -3,6 +3,7 @@
 import importlib
 import io
 import os
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -30,7 +31,7 @@ from flightpower.analysis.sources.column_map import map_files
 from flightpower.analysis.sources.recognize import autopilot_of
 from flightpower.flight.aircraft import load_aircraft, parse_aircraft
 from flightpower.flight.command_line import ExitCode
-from flightpower.flight.errors import InputError
+from flightpower.flight.errors import InputError, StorageError
 from flightpower.flight.log_index import FOOTER_BYTES, MAGIC, RECORD_HEAD
 from flightpower.flight.shipped_propellers import shipped_propellers
 
@@ -128,20 +129,30 @@ def _pool(campaign: Campaign, output: Path, quiet: bool, request: Request = Requ
         electrical = [flight for flight in flights if Kind.ELECTRICAL in flight.curves]
         try:
             pooled = pool_results(flights).results(campaign.failures, request)
+            left = write_pooled(pooled, output)
+        except StorageError:
+            raise
         except InputError as error:
             if not electrical or any(flight.pooling for flight in flights):
                 raise
             refused = str(error)  # each flight keeps its own curve
-            write_side_by_side(electrical, refused, campaign.failures, output)
+            left = write_side_by_side(electrical, refused, campaign.failures, output)
             evidence = worst_first(evidence for flight in electrical for evidence in flight.evidence)
+            _print_note(left)
             text = f"not pooled: {refused}\nreport: {page}"
             return report_evidence(
                 evidence,
                 lambda: None if quiet else Console().print(text, highlight=False, markup=False, soft_wrap=True),
             )
 
-        write_pooled(pooled, output)
+    _print_note(left)
     return report_evidence(evidence_of_kinds(pooled), lambda: None if quiet else print_pooled(pooled, page, Console()))
+
+
+def _print_note(text: str) -> None:
+    """Print a note to stderr; nothing where there is none."""
+    if text:
+        print(f"note: {text}", file=sys.stderr)
 
 
 def _processors() -> int:

@@ -34,6 +34,7 @@ from flightpower.analysis.flights.evidence import shape_text, vehicle_notes
 from flightpower.analysis.flights.flight_statistics import FlightCurve
 from flightpower.analysis.flights.pool_settings import POOLING
 from flightpower.analysis.flights.pooled import Pool, refuse_repeated
+from flightpower.analysis.performance.autopilot_parameters import of_electrical_pool
 from flightpower.analysis.performance.other_weights import electrical_at_weights
 from flightpower.analysis.performance.request import Request
 from flightpower.analysis.records.flight import CurveResult, Kind
@@ -256,7 +257,13 @@ class CurvePool(Pool):
 
     def _form(self, results: PooledResults, request: Request) -> PooledResults:
         others = electrical_at_weights(self.curve, request.weights_N, self.battery)
-        return structs.replace(results, notes=[*results.notes, *others, *request.questions(self.condition.weight_N)])
+        parameters, withheld = of_electrical_pool(results, [flight.content for flight in self.flights])
+        return structs.replace(
+            results,
+            notes=[*results.notes, *others, *request.questions(self.condition.weight_N)],
+            autopilot_parameters=parameters,
+            autopilot_parameters_withheld=withheld,
+        )
 
 
 def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = None) -> CurvePool:

@@ -51,11 +51,12 @@ from flightpower.analysis.flights.pooled import Pool
 from flightpower.analysis.flights.power_train import pooled_performance, pooled_use, slowest_flown
 from flightpower.analysis.methods import consider as covariance
 from flightpower.analysis.methods.rejected_assumptions import Assumption
+from flightpower.analysis.performance.autopilot_parameters import of_power_required
 from flightpower.analysis.performance.other_weights import NO_BATTERY, NO_MODEL
 from flightpower.analysis.performance.request import Request
 from flightpower.analysis.records.flight import CurveResult, Kind
 from flightpower.analysis.records.pool import PolarCoefficients, PooledFlight, PooledResults, SharedParameter
-from flightpower.analysis.results.curves import curve_result
+from flightpower.analysis.results.curves import curve_result, two_term_polar
 from flightpower.analysis.results.settings import TRUST
 from flightpower.flight.arrays import Array
 
@@ -206,8 +207,11 @@ class JointPool(Pool):
         if performance is None and (request.weights_N or request.density_altitudes_m):
             missing = [NO_MODEL if self.battery else NO_BATTERY]
         shared = zip(POOLED[_N_POLAR:], self.estimate.parameters.value[_N_POLAR:], error[_N_POLAR:], strict=True)
+        parameters, withheld = of_power_required(results, performance, *two_term_polar(self.polar, self.flown_CL))
         return structs.replace(
             results,
+            autopilot_parameters=parameters,
+            autopilot_parameters_withheld=withheld,
             installation=self.flights[0].installation,
             drag_polar=_coefficients(self.polar.A),
             polar_covariance=self.polar.covariance.tolist(),

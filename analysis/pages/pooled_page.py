@@ -25,7 +25,7 @@ from flightpower.analysis.pages.charts.style import (
     true_airspeed,
 )
 from flightpower.analysis.pages.html_page import HtmlTable, html_figure, render_page
-from flightpower.analysis.pages.sections.performance import performance_section
+from flightpower.analysis.pages.sections.performance import autopilot_section, performance_section
 from flightpower.analysis.pages.wording import every, meaning, verdict
 from flightpower.analysis.records.flight import ConditionResult, Kind, Results, Trust
 from flightpower.analysis.records.pool import (
@@ -101,6 +101,7 @@ def _pool_section(pooled: PooledResults, prefix: str) -> dict[str, object]:
         "verdict": verdict(pooled.trust, pooled.evidence),
         "answers": [*headline_answers(pooled, pooled.performance), *pooled_answers(pooled)],
         "performance": performance_section(pooled, pooled.performance),
+        "autopilot": autopilot_section(pooled),
         "figures": {name: html_figure(figure, prefix + name) for name, figure in drawn.items()},
         "warnings": pooled.notes,
         "curve": curve_table(pooled),

@@ -1,6 +1,6 @@
 """The files of a report: page, JSON, CSV, trajectory, table for the field; of one flight or of several."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,10 +21,10 @@ from flightpower.analysis.pages.predicted_polar import PredictedPolar, check_of_
 from flightpower.analysis.pages.sections import performance as field_table
 from flightpower.analysis.pipeline.runs import Analysis
 from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
-from flightpower.analysis.records.flight import Results
-from flightpower.analysis.records.pool import ComparisonResults, PooledResults
+from flightpower.analysis.records.flight import PerformanceResult, Results, WithCurves
+from flightpower.analysis.records.pool import ComparisonResults, PooledResults, of_each_kind
 from flightpower.analysis.results.files import to_csv, to_json
-from flightpower.analysis.results.previous import replaced
+from flightpower.analysis.results.previous import replaced, tables_left
 from flightpower.analysis.trajectory.equations import GUST_FILTER_STATES, STATES
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.flight.arrays import Array
@@ -57,15 +57,16 @@ def write_report(
     for a polar that is not of the aircraft.
     """
     results = analysis.results
-    files: dict[str, str | bytes] = {"results.json": to_json(results), f"{results.kind}.csv": to_csv(results)}
+    files: dict[str, str | bytes] = {
+        "results.json": to_json(results),
+        f"{results.kind}.csv": to_csv(results, results.standard),
+    }
     of_runs: dict[str, Any] = {}
     if isinstance(analysis, Analysis):
         if predicted:
             check_of_aircraft(predicted, results.aircraft.span_m**2 / results.aircraft.wing_area_m2)
         files["path.csv"] = trajectory_csv(analysis.trajectory)
-        if results.use:
-            files["field_table.md"] = field_table.to_markdown(results, results.use)
-            files["field_table.csv"] = field_table.to_csv(results, results.use)
+        files |= _field_tables(results, results.use)
         of_runs = {
             "performance": analysis.performance,
             "runs": embedded_runs(analysis),
@@ -79,6 +80,15 @@ def write_report(
     files["report.html"] = page.render(results, figures, fits, replaced=before, **of_runs)
     write_files({folder / name: content for name, content in files.items()})
     return before
+
+
+def _field_tables(results: WithCurves, use: PerformanceResult | None) -> dict[str, str]:
+    if use is None:
+        return {}
+    return {
+        "field_table.md": field_table.to_markdown(results, use),
+        "field_table.csv": field_table.to_csv(results, use),
+    }
 
 
 def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, given: Path | None) -> Path | None:
@@ -103,18 +113,26 @@ def write_candidates(maneuvers: Maneuvers, folder: Path, log_name: str) -> Path:
 FLIGHTS_FORMAT = "flightpower-flights-1"
 
 
-def write_pooled(pooled: PooledResults, folder: Path) -> None:
-    """Write report.html and results.json. Raises InputError when the folder cannot be written."""
-    _write(render_pooled(pooled), pooled, folder)
+def write_pooled(pooled: PooledResults, folder: Path) -> str:
+    """Write report.html, results.json, the curve as CSV and, where endurance and range are known, the field table.
+
+    Returns which tables of an earlier analysis stay, in a sentence; empty where there are none.
+    Raises InputError when the folder cannot be written.
+    """
+    tables = {f"{pool.kind}.csv": to_csv(pool) for pool in of_each_kind(pooled)}
+    tables |= _field_tables(pooled, pooled.performance)
+    _write(render_pooled(pooled), pooled, folder, tables)
+    return tables_left(folder, tables)
 
 
-def write_side_by_side(flights: Sequence[Results], refused: str, failures: Sequence[str], folder: Path) -> None:
+def write_side_by_side(flights: Sequence[Results], refused: str, failures: Sequence[str], folder: Path) -> str:
     """Write report.html and results.json of flights that are not pooled. refused: why
 
-    Raises InputError when the folder cannot be written.
+    Returns as `write_pooled` does, and raises InputError when the folder cannot be written.
     """
     content = {"format": FLIGHTS_FORMAT, "flights": flights, "refused": refused, "failures": failures}
     _write(render_side_by_side(flights, refused, failures), content, folder)
+    return tables_left(folder, ())
 
 
 def write_comparison(comparison: ComparisonResults, folder: Path) -> None:
@@ -122,9 +140,10 @@ def write_comparison(comparison: ComparisonResults, folder: Path) -> None:
     _write(render_comparison(comparison), comparison, folder)
 
 
-def _write(page: str, content: object, folder: Path) -> None:
+def _write(page: str, content: object, folder: Path, tables: Mapping[str, str] = {}) -> None:
     text = msgspec.json.format(msgspec.json.encode(content), indent=1)
-    write_files({folder / "results.json": text, folder / "report.html": page})
+    files: dict[str, str | bytes] = {"results.json": text, "report.html": page, **tables}
+    write_files({folder / name: content for name, content in files.items()})
 
 
 Json = dict[str, Any]

@@ -4,7 +4,7 @@ Names and units: parameter references of PX4 (docs.px4.io) and ArduPilot (ardupi
 Airspeeds are equivalent airspeeds, which the autopilots call calibrated.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -17,7 +17,16 @@ from flightpower.analysis.methods.whole_flight.drag import DragEstimate
 from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
 from flightpower.analysis.methods.whole_flight.settings import SHARED
 from flightpower.analysis.performance.settings import PARAMETERS
-from flightpower.analysis.records.flight import AutopilotParameter, Interval, Results, SpeedInterval
+from flightpower.analysis.records.flight import (
+    UNKNOWN_SPEED,
+    AutopilotParameter,
+    Interval,
+    Kind,
+    PerformanceResult,
+    Results,
+    SpeedInterval,
+    WithCurves,
+)
 from flightpower.analysis.uncertain import Uncertain
 from flightpower.flight.arrays import Array
 from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
@@ -186,13 +195,13 @@ def around(value: float, half: float, least: float = -np.inf) -> Interval:
 
 
 def of_power_required(
-    results: Results, CD0: Interval | None = None, B: Interval | None = None
+    results: WithCurves, use: PerformanceResult | None, CD0: Interval | None = None, B: Interval | None = None
 ) -> tuple[list[AutopilotParameter], list[str]]:
     """Parameters from the curve of power required, and from battery power if it is known."""
-    curve, use = results.power_required, results.use
+    curve = results.power_required
     if not curve:
         return [], []
-    to_equivalent = (results.test.air_density_kgpm3 / SEA_LEVEL_DENSITY) ** 0.5
+    to_equivalent = _equivalent_per_true(results)
     slowest, fastest = curve[0].speed_mps, curve[-1].speed_mps
     cruise_power = None
     if use:
@@ -223,6 +232,97 @@ def of_power_required(
         B=B,
     )
     return typed_in(values)
+
+
+def _equivalent_per_true(results: WithCurves) -> float:
+    return float((results.test.air_density_kgpm3 / SEA_LEVEL_DENSITY) ** 0.5)
+
+
+def of_electrical_pool(pool: WithCurves, flights: Sequence[Results]) -> tuple[list[AutopilotParameter], list[str]]:
+    """Parameters from the electrical power of several flights together.
+
+    Cruise, slowest and fastest airspeed, and the power at cruise are those of the pooled curve. Sink at that cruise,
+    the polar, idle power and the airspeed's factor are means of the flights that show them, with the means of their
+    intervals: how far their errors are shared is not known, and no mean has a larger error than the mean of the errors.
+    """
+    curve, best = pool.electrical_power, pool.curves[Kind.ELECTRICAL].best_range_speed or UNKNOWN_SPEED
+    V = [point.speed_mps for point in curve]
+    cruise = min(max(best.speed_mps or V[0], V[0]), V[-1])
+    to_equivalent = _equivalent_per_true(pool)
+    shown = [_values_of(flight.autopilot_parameters) for flight in flights]
+    wing_loading = wing_loading_of(pool.test.weight_N, pool.aircraft.wing_area_m2)
+
+    def mean_of(name: str) -> Interval | None:
+        return mean_interval([values[name] for values in shown if name in values])
+
+    def airspeed(true_mps: float, name: str) -> Interval:
+        """The equivalent airspeed, as far off in proportion as the flights' own."""
+        own = mean_of(name)
+        share = (own.hi - own.lo) / (2 * own.value) if own else 0.0
+        return around(true_mps * to_equivalent, share * true_mps * to_equivalent)
+
+    sinks = [
+        values["sink"].times(ratio * _equivalent_per_true(flight) / to_equivalent)
+        for values, flight in zip(shown, flights, strict=True)
+        if "sink" in values and (ratio := _sink_ratio(values, cruise * to_equivalent, wing_loading.value))
+    ]
+    power_W, lo_W, hi_W = (
+        float(np.interp(cruise, V, [getattr(point, name) for point in curve]))
+        for name in ("power_W", "power_lo_W", "power_hi_W")
+    )
+    logged = [{p.name: p.logged for p in flight.autopilot_parameters if p.logged is not None} for flight in flights]
+    alike = {name: value for name, value in logged[0].items() if all(each.get(name) == value for each in logged)}
+    ratios = {each.get("ARSPD_RATIO") for each in logged}  # the factor is over what the pitot's ratio has made of it
+    return typed_in(
+        FlightValues(
+            cruise=Interval(
+                value=cruise * to_equivalent,
+                lo=min(max(best.lo_mps or V[0], V[0]), cruise) * to_equivalent,
+                hi=max((best.hi_mps or cruise) * to_equivalent, airspeed(cruise, "slowest").hi),
+            ),
+            slowest=airspeed(V[0], "slowest"),
+            fastest=airspeed(V[-1], "fastest"),
+            wing_loading=wing_loading,
+            cruise_power=Interval(value=power_W, lo=lo_W, hi=hi_W),
+            idle_power=mean_of("idle_power"),
+            sink=mean_interval(sinks),
+            CD0=mean_of("CD0"),
+            B=mean_of("B"),
+            airspeed_factor=mean_of("airspeed_factor") if len(ratios) == 1 else None,
+            logged=alike,
+        )
+    )
+
+
+def _values_of(parameters: Sequence[AutopilotParameter]) -> dict[str, Interval]:
+    """The values in `FlightValues` that a flight's parameters were made from, by name."""
+    entries = {(entry.firmware, entry.name): entry for entry in ENTRIES}
+    values = {}
+    for parameter in parameters:
+        if entry := entries.get((parameter.firmware, parameter.name)):
+            interval = Interval(value=parameter.value, lo=parameter.lo, hi=parameter.hi)
+            values[entry.value] = interval.times(1 / entry.factor)
+    return values
+
+
+def mean_interval(intervals: Sequence[Interval]) -> Interval | None:
+    """The mean of values and ends: what is right if all errors are shared, and too wide if not. None for none."""
+    if not intervals:
+        return None
+    value, lo, hi = np.mean([(each.value, each.lo, each.hi) for each in intervals], axis=0).tolist()
+    return Interval(value=value, lo=lo, hi=hi)
+
+
+def _sink_ratio(values: Mapping[str, Interval], to_mps: float, to_loading: float) -> float | None:
+    """Equivalent sink at an equivalent airspeed and wing loading over that at a flight's own; None without a polar.
+
+    Sink is V C_D / C_L with C_L = K / V^2.
+    """
+    if not values.keys() >= {"CD0", "B", "cruise", "wing_loading"}:
+        return None
+    CD0, B, from_mps, from_loading = (values[name].value for name in ("CD0", "B", "cruise", "wing_loading"))
+    own, other = (V**3 * (CD0 + B * (K / V**2) ** 2) / K for V, K in ((from_mps, from_loading), (to_mps, to_loading)))
+    return other / own
 
 
 def flight_values(

@@ -731,6 +731,8 @@ class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
     air: AirFound = AirFound()
     battery: BatteryResult | None = None  # null where its energy is not known
     slowest_flown: SlowestFlown | None = None
+    autopilot_parameters: list[AutopilotParameter] = []  # that follow from the result
+    autopilot_parameters_withheld: list[str] = []  # that do not, and why
 
     @property
     def main(self) -> CurveResult:
@@ -750,6 +752,12 @@ class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
     def electrical_power(self) -> list[PowerPoint]:
         """From the battery in level flight; empty where it was not measured."""
         return self.points(Kind.ELECTRICAL)
+
+    @property
+    def best_range_speed(self) -> SpeedInterval:
+        """Speed of least drag: the best range with an ideal power train."""
+        required = self.curves.get(Kind.POWER_REQUIRED)
+        return (required and required.best_range_speed) or UNKNOWN_SPEED
 
     @property
     def air_temperature_K(self) -> float | None:
@@ -806,9 +814,17 @@ class Results(WithCurves, frozen=True, kw_only=True):
     track: Track | None = None
     next_flight_lowers: NextFlightLowers = NextFlightLowers.NOTHING
     next_flight: list[str] = []  # what the next twenty minutes should be, in sentences; empty where nothing is lacking
-    autopilot_parameters: list[AutopilotParameter] = []  # that follow from the flight
-    autopilot_parameters_withheld: list[str] = []  # that do not, and why
     pitch_rate: PitchRateResult | None = None  # with `--likelihood`
+
+    @property
+    def performance(self) -> PerformanceResult | None:
+        """Endurance, range and full throttle, under the name that a pool has for them."""
+        return self.use
+
+    @property
+    def source(self) -> str:
+        """What the results are of, for a message."""
+        return f"the flight {self.log}"
 
     @property
     def power_required_standard(self) -> list[PowerPoint]:
@@ -821,12 +837,6 @@ class Results(WithCurves, frozen=True, kw_only=True):
         """Speed of least power required: the best endurance with an ideal power train."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         return (required and required.least_power_speed) or UNKNOWN_SPEED
-
-    @property
-    def best_range_speed(self) -> SpeedInterval:
-        """Speed of least drag: the best range with an ideal power train."""
-        required = self.curves.get(Kind.POWER_REQUIRED)
-        return (required and required.best_range_speed) or UNKNOWN_SPEED
 
     @property
     def interval_parts(self) -> list[IntervalPart]:

@@ -197,6 +197,11 @@ class PooledResults(WithCurves, frozen=True, kw_only=True):
     # The pool by the other kind of power, where it has flights that this one lacks; null where it has none.
     other_kind: "PooledResults | None" = None
 
+    @property
+    def source(self) -> str:
+        """What the results are of, for a message."""
+        return f"{len(self.flights)} flights together"
+
 
 class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     """One side of a comparison."""

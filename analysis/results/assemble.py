@@ -124,7 +124,7 @@ def assemble(
         next_flight=list(advice.sentences),
         next_flight_lowers=advice.lowers,
     )
-    parameters, withheld = of_power_required(results, *power_curves.two_term_polar(polar, flown_CL))
+    parameters, withheld = of_power_required(results, performance, *power_curves.two_term_polar(polar, flown_CL))
     return msgspec.structs.replace(results, autopilot_parameters=parameters, autopilot_parameters_withheld=withheld)
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from flightpower.analysis.curve import Condition, speed_at
 from flightpower.analysis.performance.autopilot_parameters import INAV, PLANE, PX4, withheld_of
-from flightpower.analysis.records.flight import AutopilotParameter, Interval, Results
+from flightpower.analysis.records.flight import AutopilotParameter, Interval, Results, WithCurves
+from flightpower.analysis.records.pool import PooledResults
 from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
 from flightpower.flight.errors import InputError
 
@@ -46,7 +47,7 @@ class StallMargin(NamedTuple):
     stall_mps: float | None = None
     margin: float = 1.2
 
-    def least_mps(self, results: Results) -> tuple[float, str]:
+    def least_mps(self, results: WithCurves) -> tuple[float, str]:
         """The slowest equivalent airspeed that an autopilot may be told to fly, and what it follows from.
 
         Where neither stall nor largest lift is known, the slowest of the curve stands for the stall, as for a route.
@@ -65,11 +66,13 @@ class StallMargin(NamedTuple):
         return least, f"No airspeed is below {least:.4g} m/s: {self.margin:g} times {stall_mps:.4g} m/s, {what}."
 
 
-def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMargin()) -> str:
+def parameter_file(results: Results | PooledResults, firmware: For, stall: StallMargin = StallMargin()) -> str:
     """The text of the file. Raises InputError where no parameter of this firmware follows, or none leaves a margin."""
     own = [parameter for parameter in results.autopilot_parameters if parameter.firmware == FIRMWARE[firmware]]
     if not own:
-        raise InputError(f"{results.log}: no parameter of {FIRMWARE[firmware]} follows from these results")
+        raise InputError(
+            f"{results.source}: no parameter of {FIRMWARE[firmware]} follows; the report says what each requires"
+        )
     least_mps, reason = stall.least_mps(results)
     cruise_mps = next((parameter.value / _per_mps(parameter) for parameter in own if parameter.name in CRUISE), 0.0)
     unknown_at_cruise: list[str] = []
@@ -89,7 +92,7 @@ def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMa
     ]
     given = {parameter.name for parameter in own} | set(unknown_at_cruise)
     lines = [
-        f"# {FIRMWARE[firmware]}, from the flight {results.log}, by flightpower {results.software_version}.",
+        f"# {FIRMWARE[firmware]}, from {results.source}, by flightpower {results.software_version}.",
         "# Airspeeds are equivalent (calibrated) ones, rounded up. Compare each value with yours before you load it.",
         f"# {reason}",
         *(line for parameter in _names_used(own) for line in _lines(parameter, firmware, least_mps)),
@@ -100,7 +103,7 @@ def parameter_file(results: Results, firmware: For, stall: StallMargin = StallMa
 
 
 def _at_raised_cruise(
-    own: list[AutopilotParameter], results: Results, from_mps: float, to_mps: float
+    own: list[AutopilotParameter], results: Results | PooledResults, from_mps: float, to_mps: float
 ) -> tuple[list[AutopilotParameter], list[str]]:
     """The parameters with sink and power of the raised cruise speed, and the names of those not known there.
 
@@ -122,7 +125,7 @@ def _at_raised_cruise(
     return kept, unknown
 
 
-def _power_required_ratio(results: Results, from_mps: float, to_mps: float) -> float | None:
+def _power_required_ratio(results: WithCurves, from_mps: float, to_mps: float) -> float | None:
     """Power required at one equivalent airspeed over that at another; without its curve by the soaring polar."""
     if results.power_required:
         points = [(point.speed_mps, point.power_W) for point in results.power_required]
@@ -136,20 +139,20 @@ def _power_required_ratio(results: Results, from_mps: float, to_mps: float) -> f
     return after / before
 
 
-def _battery_power_ratio(results: Results, from_mps: float, to_mps: float) -> float | None:
+def _battery_power_ratio(results: Results | PooledResults, from_mps: float, to_mps: float) -> float | None:
     """Battery power of level flight at one equivalent airspeed over that at another."""
     points = [(point.speed_mps, point.power_W) for point in results.electrical_power]
-    if not points and results.use:
-        points = [(row.speed_mps, row.battery_W) for row in results.use.field_table]
+    if not points and results.performance:
+        points = [(row.speed_mps, row.battery_W) for row in results.performance.field_table]
     return _ratio(results, points, from_mps, to_mps)
 
 
-def _true_per_equivalent(results: Results) -> float:
+def _true_per_equivalent(results: WithCurves) -> float:
     """True airspeed over equivalent airspeed at the density of the results."""
     return float((SEA_LEVEL_DENSITY / results.test.air_density_kgpm3) ** 0.5)
 
 
-def _ratio(results: Results, points: list[tuple[float, float]], from_mps: float, to_mps: float) -> float | None:
+def _ratio(results: WithCurves, points: list[tuple[float, float]], from_mps: float, to_mps: float) -> float | None:
     """points : true airspeed and power. None where the second speed is not among them."""
     to_true = _true_per_equivalent(results)
     V = [speed for speed, _ in points]
@@ -159,13 +162,13 @@ def _ratio(results: Results, points: list[tuple[float, float]], from_mps: float,
     return float(after_W / before_W)
 
 
-def climb_at_cruise(results: Results, raised_mps: float | None = None) -> Interval | None:
+def climb_at_cruise(results: Results | PooledResults, raised_mps: float | None = None) -> Interval | None:
     """Rate of climb [m/s] at full throttle and the speed of best range: the lower end of its interval.
 
     raised_mps : equivalent airspeed of cruise, where it is faster. None where full throttle is not known, or holds no
     climb.
     """
-    use = results.use
+    use = results.performance
     best = use.available.best_climb_mps if use else None
     if use is None or best is None or not use.loadings or not use.available.power_available:
         return None
@@ -178,7 +181,7 @@ def climb_at_cruise(results: Results, raised_mps: float | None = None) -> Interv
     return Interval(value=low, lo=low, hi=high) if low > 0 else None
 
 
-def sink_at_fastest(results: Results) -> Interval | None:
+def sink_at_fastest(results: WithCurves) -> Interval | None:
     """Rate of sink [m/s] with the motor off at the fastest speed flown: no faster descent keeps below that speed."""
     if not results.power_required:
         return None

@@ -19,12 +19,15 @@ def replaced(folder: Path, results: Results, written: Collection[str] = TABLES) 
 
     written: names of the files that replace others. Tables of an earlier analysis beside them are named.
     """
+    return "; ".join(text for text in (_replaced(folder, results), tables_left(folder, written)) if text)
+
+
+def tables_left(folder: Path, written: Collection[str]) -> str:
+    """Tables of an earlier analysis that stay in the folder, in a sentence; empty where there are none."""
     left = [name for name in TABLES if name not in written and (folder / name).exists()]
-    text = _replaced(folder, results)
     if not left:
-        return text
-    of_earlier = f"{', '.join(left)} in {folder} {'is' if len(left) == 1 else 'are'} of an earlier analysis"
-    return f"{text}; {of_earlier}" if text else of_earlier
+        return ""
+    return f"{', '.join(left)} in {folder} {'is' if len(left) == 1 else 'are'} of an earlier analysis"
 
 
 def _replaced(folder: Path, results: Results) -> str:

@@ -25,7 +25,7 @@ from flightpower.analysis.records.flight import (
     Trust,
     WithCurves,
 )
-from flightpower.analysis.records.pool import COMPARISON_FORMAT, POOLED_FORMAT
+from flightpower.analysis.records.pool import COMPARISON_FORMAT, EARLIER_POOLED_FORMATS, POOLED_FORMAT, PooledResults
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import json_object_text
 
@@ -71,6 +71,14 @@ def read_results(content: Path | Mapping[str, Any] | Results, where: str = "") -
     if isinstance(content, Path):
         return read_file(content, Results)
     return as_record(content, Results, where or f"results of {content.get('log', 'a flight')}")
+
+
+def read_flight_or_pool(path: Path) -> Results | PooledResults:
+    """The results of one flight, or of several together. Raises InputError where they are something else."""
+    content, formats = read_json(path), (POOLED_FORMAT, *EARLIER_POOLED_FORMATS)
+    if content.get("format") in formats:
+        return as_record(content, PooledResults, str(path), formats)
+    return as_record(content, Results, str(path))
 
 
 def read_file(path: Path, record: type[Read], formats: Sequence[str] = FORMATS) -> Read:

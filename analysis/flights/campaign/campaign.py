@@ -222,7 +222,12 @@ def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[L
 
 def read_flights(folders: Sequence[Path]) -> list[Results]:
     """The results in flights' folders, `log` in them being the folder's name. Raises InputError for a damaged file."""
-    return [structs.replace(without_details(read_results(folder / RESULTS)), log=folder.name) for folder in folders]
+    flights = []
+    for folder in folders:
+        whole = read_results(folder / RESULTS)
+        values = whole.autopilot_parameters  # of which a pool gives the mean
+        flights.append(structs.replace(without_details(whole), log=folder.name, autopilot_parameters=values))
+    return flights
 
 
 def flight_folders_of(folder: Path) -> list[Path]:

@@ -9,7 +9,7 @@ from flightpower.analysis.pages.answers import battery_text, interval_text
 from flightpower.analysis.pages.html_page import HtmlTable
 from flightpower.analysis.pages.sections import performance as field_table
 from flightpower.analysis.pages.wording import meaning
-from flightpower.analysis.records.flight import Interval, PerformanceResult, Results, WithCurves
+from flightpower.analysis.records.flight import Interval, PerformanceResult, WithCurves
 from flightpower.flight.units import GRAVITY_MPS2
 
 
@@ -83,7 +83,7 @@ class AutopilotSection(NamedTuple):
     withheld: list[str]
 
 
-def autopilot_section(results: Results) -> AutopilotSection | None:
+def autopilot_section(results: WithCurves) -> AutopilotSection | None:
     """None where nothing follows."""
     if not results.autopilot_parameters:
         return None
@@ -183,7 +183,7 @@ def assumption(use: PerformanceResult) -> str:
     return "" if use.power_train.measured else use.power_train.basis
 
 
-def to_markdown(results: Results, use: PerformanceResult) -> str:
+def to_markdown(results: WithCurves, use: PerformanceResult) -> str:
     """Both tables with heading and notes."""
     parts = [f"# {heading(results)}", _markdown(SPEEDS, speed_rows(use)), _markdown(LOADINGS, loading_rows(use))]
     if has_extrapolation(use):
@@ -203,7 +203,7 @@ def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def to_csv(results: Results, use: PerformanceResult) -> str:
+def to_csv(results: WithCurves, use: PerformanceResult) -> str:
     """One line for each speed, at the weight and air density of the flight; units in the header."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")

@@ -9,7 +9,7 @@ from flightpower.analysis.records.flight import Kind, PowerPoint, Results
 
 
 def with_parameters(results: Results) -> Results:
-    parameters, withheld = of_power_required(results)
+    parameters, withheld = of_power_required(results, results.use)
     return replace(results, autopilot_parameters=parameters, autopilot_parameters_withheld=withheld)
 
 

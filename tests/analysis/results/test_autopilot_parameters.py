@@ -1,6 +1,7 @@
 """Values to type into an autopilot: units of each firmware, what is withheld."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -64,8 +65,8 @@ def curve_of(use: object = None, best: tuple[float | None, float | None, float |
     )
 
 
-def parameters_of(results: object) -> dict[str, tuple[float, float, float]]:
-    return {item.name: (item.value, item.lo, item.hi) for item in of_power_required(results)[0]}  # type: ignore[arg-type]
+def parameters_of(results: Any) -> dict[str, tuple[float, float, float]]:
+    return {item.name: (item.value, item.lo, item.hi) for item in of_power_required(results, results.use)[0]}
 
 
 TO_EQUIVALENT = (1.0 / SEA_LEVEL_DENSITY) ** 0.5
@@ -114,4 +115,4 @@ def test_a_wing_loading_is_as_uncertain_as_a_weighed_mass() -> None:
 
 
 def test_without_a_curve_nothing_is_told() -> None:
-    assert of_power_required(SimpleNamespace(power_required=[], use=None)) == ([], [])  # type: ignore[arg-type]
+    assert of_power_required(SimpleNamespace(power_required=[]), None) == ([], [])  # type: ignore[arg-type]

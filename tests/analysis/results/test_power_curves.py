@@ -88,7 +88,7 @@ def test_csv_rows_hold_their_condition_speed_power_and_interval() -> None:
         standard=ConditionResult(weight_N=36.0, air_density_kgpm3=1.225),
         main=SimpleNamespace(points=curve(44.0), standard=curve(55.0)),
     )
-    test, standard = csv.DictReader(io.StringIO(to_csv(results)))  # type: ignore[arg-type]
+    test, standard = csv.DictReader(io.StringIO(to_csv(results, results.standard)))  # type: ignore[arg-type]
     assert test == {
         "condition": "test", "weight_N": "37.7", "air_density_kgpm3": "1.19", "speed_mps": "14.5", "power_W": "44",
         "power_lo_W": "42", "power_hi_W": "47", "extrapolated": "false",
