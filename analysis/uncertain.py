@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from flightpower.analysis.estimation.settings import TESTS
 from flightpower.flight.arrays import Array
+from flightpower.flight.settings import NORMAL_95
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Uncertain:
     @property
     def half_width(self) -> Array:
         """Half widths of the 95 % intervals (n,)."""
-        return np.asarray(TESTS.half_width * self.standard_error)
+        return np.asarray(NORMAL_95 * self.standard_error)
 
     def through(self, J: Array, value: Array | None = None) -> "Uncertain":
         """A function of the values, by its derivative J (k, n). value: (k,), where the function is not linear"""

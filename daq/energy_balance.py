@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from flightpower.daq.legs import Row
 from flightpower.flight.aircraft import Uncertainty
+from flightpower.flight.settings import NORMAL_95
 from flightpower.flight.units import GRAVITY_MPS2
 
 WINDOW_ROWS = 11  # longer than the smoothing: errors of speed at both ends are independent
@@ -25,7 +26,6 @@ STAND = {3: 1.0, 4: -J_REFERENCE}  # coefficients of the unknowns in the correct
 POWER_PER_AIRSPEED = 1.5
 LEAST_NOISE_MPS2 = 0.05  # of a window: speed from 0.2 m/s of noise
 FEWEST_WINDOWS = 8
-NORMAL_95 = 1.96
 
 
 class PowerInterval(NamedTuple):

@@ -19,6 +19,7 @@ from dataclasses import MISSING, field, fields
 from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
+NORMAL_95 = 1.959963984540054  # half width of a 95 % interval, in standard errors; daq has no SciPy to compute it
 
 
 def setting(value: T, unit: str, reason: str) -> T:

@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flightpower.analysis.estimation.settings import TESTS
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
+from flightpower.flight.settings import NORMAL_95 as NORMAL_95
 
 NoiseKind = Literal["diagonal", "full"]
 
@@ -108,6 +108,3 @@ def _patterns(present: NDArray[np.bool_]) -> list[tuple[NDArray[np.bool_], NDArr
 def information_factor(tail_dof: float | None) -> float:
     """Fisher information of one sample about its mean, relative to R^-1: (dof + 1)/(dof + 3) for t noise, else 1."""
     return 1.0 if tail_dof is None else (tail_dof + 1) / (tail_dof + 3)
-
-
-NORMAL_95 = TESTS.half_width  # of an interval, in standard deviations

@@ -12,13 +12,6 @@ class Tests(Settings):
     false_alarms: float = setting(0.05, "1", "level of a test whose result is shown with its probability")
     rare_false_alarms: float = setting(0.001, "1", "level of a test that is made in every analysis, for a warning")
 
-    @property
-    def half_width(self) -> float:
-        """Half width of the 95 % interval, in standard deviations."""
-        from scipy import special  # not loaded by those who only name a curve
-
-        return float(special.ndtri(1 - self.false_alarms / 2))
-
 
 TESTS = Tests()
 

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from flightpower.analysis.flights.agreement import Compared, LikelyCause, Test, least_p, outlier_level
 from flightpower.analysis.flights.flight_statistics import PoolFlight
+from flightpower.analysis.records.fleet import Contradiction
 from flightpower.analysis.records.flight import Evidence, EvidenceKind, PartOfResult, Results, Trust
 from flightpower.analysis.results.settings import TRUST
 from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, SensorErrorKind
@@ -141,6 +142,24 @@ NOT_NAMED = (
     "The aircraft file has no [installation] name: the probe is treated as remounted for each flight. Give flights"
     " between which nothing was moved one name."
 )
+
+
+# Of flights that cannot be of one airframe; `earlier`, `between` and `later` are flights in order of time.
+CONTRADICTIONS = {
+    Contradiction.SIZE: (
+        "{airframe}: {later.name} has another wing area or span than {earlier.name}: two aircraft of one name? Give"
+        " each its own."
+    ),
+    Contradiction.INSTALLATION: (
+        "{airframe}: {later.name} names the installation {later.installation!r} of {earlier.name} again, after"
+        " {between.name} with {between.installation!r}: give what was remounted a new name, or two airframes their own"
+        " names."
+    ),
+    Contradiction.FLIGHT: (
+        "{airframe}: {later.name} {of_owner}, too (their figures are identical): give each log to one airframe, and"
+        " analyze and add them again."
+    ),
+}
 
 
 class SharedErrors(Enum):

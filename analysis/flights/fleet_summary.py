@@ -10,7 +10,7 @@ from flightpower.analysis.curve import polar_curve
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.flights.airframes import Airframe, fleet_curve
 from flightpower.analysis.flights.changes import Change
-from flightpower.analysis.flights.evidence import undated_text
+from flightpower.analysis.flights.evidence import CONTRADICTIONS, undated_text
 from flightpower.analysis.flights.flight_statistics import FlightStatistics, PoolFlight
 from flightpower.analysis.flights.joint_pool import JointPool
 from flightpower.analysis.flights.pooled import Pool
@@ -71,22 +71,14 @@ def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
             (flight for flight in flights if (flight.aircraft.wing_area_m2, flight.aircraft.span_m) != size), None
         )
         if other:
-            message = f"{name}: {other.name} has another wing area or span than {first.name}: two aircraft of one name?"
-            contradictions.append(
-                _contradiction(Contradiction.SIZE, name, other, first, f"{message} Give each its own.")
-            )
+            contradictions.append(_contradiction(Contradiction.SIZE, name, other, first))
         left: dict[str, FlightStatistics] = {}
         drag = [flight for flight in flights if isinstance(flight, FlightStatistics)]
         dated = [flight for flight in drag if flight.dated and flight.installation]
         for before, flight in pairwise(dated):
             if flight.installation in left:
-                earlier = left[flight.installation]
-                text = (
-                    f"{name}: {flight.name} names the installation {flight.installation!r} of {earlier.name} again,"
-                    f" after {before.name} with {before.installation!r}: give what was remounted a new name,"
-                    " or two airframes their own names."
-                )
-                contradictions.append(_contradiction(Contradiction.INSTALLATION, name, flight, earlier, text))
+                kind, earlier = Contradiction.INSTALLATION, left[flight.installation]
+                contradictions.append(_contradiction(kind, name, flight, earlier, between=before))
                 break
             if flight.installation != before.installation:
                 left[before.installation] = before
@@ -100,17 +92,14 @@ def _shared_flights(by_name: dict[str, list[PoolFlight]]) -> Iterator[Contradict
         shared = [flight for flight in flights if owners.setdefault(flight.key, (name, flight))[0] != name]
         if shared:
             owner, earlier = owners[shared[0].key]
-            more = f" and {len(shared) - 1} more are flights" if len(shared) > 1 else " is a flight"
-            text = (
-                f"{name}: {shared[0].name}{more} of {owner}, too (their figures are identical): give each log to one"
-                " airframe, and analyze and add them again."
-            )
-            yield _contradiction(Contradiction.FLIGHT, name, shared[0], earlier, text)
+            of_owner = f"and {len(shared) - 1} more are flights of {owner}" if shared[1:] else f"is a flight of {owner}"
+            yield _contradiction(Contradiction.FLIGHT, name, shared[0], earlier, of_owner=of_owner)
 
 
 def _contradiction(
-    kind: Contradiction, airframe: str, later: PoolFlight, earlier: PoolFlight, text: str
+    kind: Contradiction, airframe: str, later: PoolFlight, earlier: PoolFlight, **more: object
 ) -> ContradictionResult:
+    text = CONTRADICTIONS[kind].format(airframe=airframe, later=later, earlier=earlier, **more)
     return ContradictionResult(kind=kind, airframe=airframe, log=later.name, earlier_log=earlier.name, text=text)
 
 

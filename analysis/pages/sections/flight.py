@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from flightpower.analysis.pages.html_page import HtmlTable
 from flightpower.analysis.records.flight import AirFound, Clock, Provenance, Results, SensorError
+from flightpower.flight.settings import NORMAL_95
 from flightpower.flight.units import GRAVITY_MPS2
 
 
@@ -208,7 +209,7 @@ def _wind(results: Results) -> str:
     air = results.air
     if air.wind_mps is None or air.wind_from_deg is None:
         return "not known"
-    known = "" if air.wind_standard_error_mps is None else f" ± {1.96 * air.wind_standard_error_mps:.1f}"
+    known = "" if air.wind_standard_error_mps is None else f" ± {NORMAL_95 * air.wind_standard_error_mps:.1f}"
     return f"{air.wind_mps:.1f}{known} m/s from {air.wind_from_deg:.0f}°"
 
 
