@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from itertools import pairwise
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -320,7 +321,7 @@ def test_the_interval_is_that_of_the_noise_the_thrust_and_the_airspeed():
     assert polar.speed_mps == pytest.approx(grid[np.argmin([quiet.power_W(v, 1.0) for v in grid])])
     g, covariance = np.array(quiet._gradient(polar.speed_mps)), np.array(quiet.polar()[1])
     relative = math.sqrt(g @ covariance[:3, :3] @ g) / quiet.power_W(polar.speed_mps, 1.0)
-    assert polar.half_width == pytest.approx(1.96 * math.hypot(relative, 1.5 * 0.0125))
+    assert polar.half_width == pytest.approx(NormalDist().inv_cdf(0.975) * math.hypot(relative, 1.5 * 0.0125))
     assert 0.018 < relative < 0.06
 
 
@@ -336,7 +337,9 @@ def test_in_steady_flight_the_interval_is_what_the_aircraft_file_states(thrust_s
         monitor.energy.add_run([Row(0.2 * i, V, 0.0, 0.0, 0.0, 50.0, 50.0, True, of_mass) for i in range(600)])
     power_interval = monitor.energy.at_endurance_speed(12.0, 22.0)
     assert power_interval is not None
-    assert power_interval.half_width == pytest.approx(1.96 * math.hypot(thrust_scale, 1.5 * airspeed_scale), rel=0.02)
+    assert power_interval.half_width == pytest.approx(
+        NormalDist().inv_cdf(0.975) * math.hypot(thrust_scale, 1.5 * airspeed_scale), rel=0.02
+    )
 
 
 def test_thrust_on_a_stand_is_a_prior_of_the_in_flight_estimate():

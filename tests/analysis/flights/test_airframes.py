@@ -127,6 +127,12 @@ def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_told(
         (contradiction.kind, contradiction.log, contradiction.earlier_log) for contradiction in results.contradictions
     ] == expected
     assert len(doubts(results)) >= len(expected)
+    texts = {
+        Contradiction.INSTALLATION: "one-002.mcap names the installation 'a' of one-000.mcap again, after one-001.mcap"
+        " with 'b': give what was remounted",
+        Contradiction.SIZE: "one: one-002.mcap has another wing area or span than one-000.mcap: two aircraft",
+    }
+    assert all(texts[contradiction.kind] in contradiction.text for contradiction in results.contradictions)
 
 
 def test_one_flight_under_the_names_of_two_airframes_is_told(tmp_path: Path) -> None:
