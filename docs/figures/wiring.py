@@ -16,6 +16,8 @@ BOARDS = (
     ("alpha: two barbs", "MS4515DO-DS3AJ002DP", "0x36"),
     ("beta: two barbs", "MS4515DO-DS3AK002DP", "0x46"),
     ("airspeed: two barbs", "SSCDRRN005ND2A3", "0x28"),
+    ("INA226, if needed", "0x40: A0, A1 to GND", "its shunt: see below"),
+    ("ADS1115, if needed", "0x48: ADDR to GND", "A0 to A3: at most 3.3 V"),
 )
 HIGH, LOW = "P1 +", "P2 −"
 # From each port of the probe to the barb of a transducer, whose sign is that of the pressure there.
@@ -27,6 +29,8 @@ HOSES = (
     ("center", "airspeed", HIGH),
     ("static ring", "airspeed", LOW),
 )
+# Pins of the pulse counter, and of the RPM sensor below it.
+COUNTER = (("D8", "output", "data"), ("GND", "ground", "GND"), ("5V", "supply", "5 V"))
 RECEIVER = (("3.3 V", 17, "3.3 V"), ("GND", 14, "GND"), ("TX", 10, "data"), ("RX", 8, "data"))
 
 
@@ -71,12 +75,13 @@ def barb_at(y: float) -> str:
 
 def wiring() -> str:
     """Each wire ends at two pins; where wires cross without a dot they are not joined."""
-    edge, left, top, step = 120, 232, 34, 88
+    edge, left, top, step = 120, 232, 50, 88
     kinds = ("3.3 V", "SDA", "SCL", "GND")
     rails = {"3.3 V": 150, "SDA": 170, "SCL": 190, "GND": 210}
-    pins = {"3.3 V": ("1", 66), "SDA": ("3", 100), "SCL": ("5", 118), "GND": ("9", 203)}
+    pins = {"3.3 V": ("1", 82), "SDA": ("3", 116), "SCL": ("5", 134), "GND": ("9", 219)}
     parts = [text(10, 20, "I2C bus 1 of the example tray: /dev/i2c-1, 400 kHz", bold=700)]
-    parts.append(box(10, top, edge - 10, 920, "#eaf4ea"))
+    parts.append(text(10, 38, "Wires that cross without a dot are not joined."))
+    parts.append(box(10, top, edge - 10, (len(BOARDS) + 1) * step + 348, "#eaf4ea"))
     parts.append(text(18, top + 18, "Raspberry Pi", bold=700))
     for i, board in enumerate(BOARDS):
         y = top + i * step
@@ -104,18 +109,21 @@ def wiring() -> str:
         parts.append(text(left + 8, at + 4.5, {"3.3 V": "VCC"}.get(name, name), size=12, fill=COLOR[kind]))
     y += step + 12
     parts += [
-        box(left, y, WIDTH - left - 8, 64),
+        box(left, y, WIDTH - left - 8, 76),
         *lines(left + 12, y + 20, "Pulse counter", "Arduino Nano, ATmega328P"),
     ]
-    parts += [text(left + 12, y + 54, "D8, GND: to the RPM sensor")]
     parts += [pin(edge, y + 32, "", "USB", "data"), path("data", (edge, y + 32), (left, y + 32))]
-    y += 76
+    sensor = y + 104
     parts += [
-        box(left, y, WIDTH - left - 8, 64),
-        *lines(left + 12, y + 20, "RPM sensor", "on one phase of the motor:", "output D8, ground GND"),
+        box(left, sensor, WIDTH - left - 8, 76),
+        *lines(left + 12, sensor + 46, "RPM sensor", "at one phase of the motor"),
     ]
-    parts += [path("data", (left + 120, y - 12), (left + 120, y), ends=False)]
-    y += 76
+    for k, (above, below, kind) in enumerate(COUNTER):
+        at = left + 36 + 76 * k
+        parts += [path(kind, (at, y + 76), (at, sensor))]
+        parts.append(text(at, y + 68, above, size=12, anchor="middle", fill=COLOR[kind]))
+        parts.append(text(at, sensor + 18, below, size=12, anchor="middle", fill=COLOR[kind]))
+    y = sensor + 88
     parts += [
         box(left, y, WIDTH - left - 8, 64),
         *lines(left + 12, y + 20, "Autopilot, if any", "telemetry port, 57600 baud,", "by a USB serial adapter"),
@@ -129,7 +137,23 @@ def wiring() -> str:
     for at, number, kind in ((y + 20, "2, 4", "5 V"), (y + 44, "6", "GND")):
         parts += [pin(edge, at, number, kind, kind), path(kind, (edge, at), (left, at))]
         parts.append(text(left + 8, at + 4.5, kind, size=12, fill=COLOR[kind]))
-    return page(y + 76, parts, "Wiring: which pin of the Raspberry Pi goes where")
+    parts += shunt(y + 92)
+    return page(y + 232, parts, "Wiring: which pin of the Raspberry Pi goes where")
+
+
+def shunt(y: float) -> list[str]:
+    """The power monitor's shunt in the battery's positive line. Current out of the battery is positive at IN+."""
+    parts = [text(10, y, "INA226: the shunt in the battery's positive line", bold=700)]
+    plus, minus, monitor = y + 38, y + 112, y + 62
+    parts += [box(10, y + 16, 92, 112), text(56, y + 76, "battery", anchor="middle", bold=700)]
+    parts += [box(376, y + 16, 96, 112), *lines(384, y + 70, "controller", "and motor")]
+    parts += [path("5 V", (102, plus), (200, plus), width=4), path("GND", (102, minus), (376, minus), width=4)]
+    parts += [path("5 V", (288, plus), (376, plus), width=4)]
+    parts += [text(94, plus + 4.5, "+", anchor="end", bold=700), text(94, minus + 4.5, "−", anchor="end", bold=700)]
+    parts += [box(200, plus - 11, 88, 22, "#fdf6e3"), text(244, plus + 4.5, "shunt", anchor="middle")]
+    for at, name in ((150, "VBUS"), (186, "IN+"), (302, "IN−")):
+        parts += [path("data", (at, plus), (at, monitor)), text(at, monitor + 18, name, size=12, anchor="middle")]
+    return [*parts, text(112, minus - 10, "also the Pi's ground, by its converter", size=12)]
 
 
 def plumbing() -> str:

@@ -5,6 +5,11 @@ import runpy
 import tomllib
 from pathlib import Path
 
+import msgspec
+
+from flightpower.daq.config import Ads1115Config, Ina226Config
+from flightpower.daq.sensors.ina2xx import INA226
+
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "use" / "hardware.md").read_text("utf-8").replace("*", "")
 FIGURES = ROOT / "docs" / "figures"
@@ -18,6 +23,17 @@ def test_every_part_and_address_of_the_example_is_on_the_page_and_in_the_diagram
         for text in (sensor.get("part"), f"0x{sensor['address']:02X}" if "address" in sensor else None):
             assert text is None or text in PAGE, text
             assert text is None or text in DIAGRAM, text
+
+
+def test_optional_parts_have_the_addresses_and_limits_that_their_drivers_assume():
+    """The counts of a shunt's voltage end at 82 mV; the counter's program pulls its input up."""
+    for config in (Ina226Config, Ads1115Config):
+        (address,) = [field.default for field in msgspec.structs.fields(config) if field.name == "address"]
+        assert f"0x{address:02X}" in PAGE and f"0x{address:02X}" in DIAGRAM
+    full_V = 2**15 * INA226.shunt_volts_per_count
+    assert f"below {1000 * full_V:.0f} mV (INA226)" in PAGE and f"is for {full_V / 0.1:.1f} A" in PAGE
+    program = (ROOT / "firmware" / "esc_counter" / "esc_counter.c").read_text("utf-8")
+    assert "PORTB |= _BV(PORTB0)" in program and "pull-up at D8" in PAGE
 
 
 def test_the_example_has_transducers_for_the_supply_that_a_pi_stands():
@@ -48,7 +64,7 @@ def test_no_wire_passes_through_a_label_of_a_pin():
         [tuple(map(float, point.split(","))) for point in points.split()]
         for points in re.findall(r'<polyline points="([^"]+)"', DIAGRAM)
     ]
-    assert len(boxes) == 12 and len(wires) > 30
+    assert len(boxes) == 17 and len(wires) > 30
     for (x1, y1), (x2, y2) in wires:
         assert x1 == x2 or y1 == y2, "straight"
         for x, y, width, height in boxes:
