@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 
 from flightpower.analysis.missions.plan_settings import LEG
+from flightpower.analysis.missions.speed_unit import SpeedUnit
 from flightpower.analysis.options import ReplaceOption
 from flightpower.flight.aircraft import Aircraft, load_aircraft, shipped_aircraft
 from flightpower.flight.command_line import Quantity, application, run, takes_options
@@ -165,6 +166,9 @@ def plan(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FOLDER", help="Default: plan-AIRCRAFT.")
     ] = None,
+    speed_unit: Annotated[
+        SpeedUnit, typer.Option("--speed-unit", help="Unit beside m/s on the card: that of the pilot's display.")
+    ] = SpeedUnit.KNOT,
     replace: ReplaceOption = False,
 ) -> None:
     """What to fly next: the sequence of maneuvers that makes the interval of the answer smallest.
@@ -192,7 +196,7 @@ def plan(
 
     files = {
         "plan.toml": simulator_plan(made.maneuvers, made.aircraft, made.request),
-        "card.html": card(made, craft.title),
+        "card.html": card(made, craft.title, speed_unit),
         "card.toml": runs_to_tick_off(made),
     }
     if place is not None:
@@ -200,7 +204,7 @@ def plan(
         files["mission.plan"] = qgroundcontrol_plan(made, where, options.firmware)
         files["mission.waypoints"] = waypoint_file(made, where)
     write_files({folder / name: text for name, text in files.items()})
-    _print(made, folder, list(files), stall_given=options.stall_mps is not None)
+    _print(made, folder, list(files), speed_unit, stall_given=options.stall_mps is not None)
     if options.propeller is not None:
         print(f'before you rehearse it, put propeller = "{options.propeller}" into the aircraft file')
     like = [] if aircraft in shipped_aircraft() else ["--like", "nexstar"]
@@ -251,7 +255,7 @@ def place_of(text: str) -> tuple[float, float]:
     return latitude, longitude
 
 
-def _print(made: "FlightPlan", folder: Path, files: list[str], *, stall_given: bool) -> None:
+def _print(made: "FlightPlan", folder: Path, files: list[str], unit: SpeedUnit, *, stall_given: bool) -> None:
     from flightpower.analysis.missions import card as texts
 
     console = Console(highlight=False, soft_wrap=True)
@@ -259,14 +263,14 @@ def _print(made: "FlightPlan", folder: Path, files: list[str], *, stall_given: b
     console.print(f"Computed with {made.aircraft.basis}.")
     for warning in texts.warnings(made):
         console.print(f"warning: {warning}")
-    console.print(texts.margin(made))
+    console.print(texts.margin(made, unit))
     if not stall_given:
         console.print("If you know the stall speed, give it with --stall.")
     for row in texts.rows(made):
         console.print(f"{row.times:>5} {row.title} ({row.seconds:.0f} s)")
-    widths = ", ".join(f"{half} at {speed}" for speed, half in texts.expected_interval(made))
+    widths = ", ".join(f"{half} at {speed}" for speed, half in texts.expected_interval(made, unit))
     console.print(f"Expected 95 % interval of power: {widths}")
-    console.print("At the worst speed:")
+    console.print("What each part is worth, at the speed with the widest interval:")
     for line in texts.losses(made):
         console.print(f"  {line}")
     console.print(f"wrote {', '.join(str(folder / name) for name in files)}")

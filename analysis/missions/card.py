@@ -28,6 +28,7 @@ from flightpower.analysis.missions.pieces import (
 )
 from flightpower.analysis.missions.plan_settings import MARGINS, PATH
 from flightpower.analysis.missions.search import FlightPlan
+from flightpower.analysis.missions.speed_unit import SpeedUnit, speed_text
 from flightpower.analysis.performance.settings import ASKED
 from flightpower.analysis.settings import EVIDENCE
 from flightpower.flight.arrays import Array
@@ -45,60 +46,60 @@ class Row(NamedTuple):
     seconds: float
 
 
-def rows(plan: FlightPlan) -> list[Row]:
+def rows(plan: FlightPlan, unit: SpeedUnit = SpeedUnit.KNOT) -> list[Row]:
     """The flight in order: pieces that follow each other unchanged are one row."""
     first, last = len(before(plan.aircraft)), len(after(plan.aircraft))
     starts_s = plan.history.starts_s
-    rows = [Row("", "on the ground, then take off", _steps(plan.maneuvers[:first]), float(starts_s[first]))]
+    rows = [Row("", "on the ground, then take off", _steps(plan.maneuvers[:first], unit), float(starts_s[first]))]
     for piece, same in groupby(zip(plan.pieces, plan.piece_seconds, strict=True), key=lambda pair: pair[0]):
         seconds = [taken_s for _, taken_s in same]
-        rows.append(Row(f"{len(seconds)} ×", piece.title, _steps(piece.maneuvers), sum(seconds)))
+        rows.append(Row(f"{len(seconds)} ×", piece.title, _steps(piece.maneuvers, unit), sum(seconds)))
     landing_s = float(starts_s[-1] - starts_s[-1 - last])
-    return [*rows, Row("", "land, then on the ground", _steps(plan.maneuvers[-last:]), landing_s)]
+    return [*rows, Row("", "land, then on the ground", _steps(plan.maneuvers[-last:], unit), landing_s)]
 
 
-def _steps(maneuvers: Sequence[Maneuver]) -> str:
-    return " → ".join(_words(maneuver) for maneuver in maneuvers)
+def _steps(maneuvers: Sequence[Maneuver], unit: SpeedUnit) -> str:
+    return " → ".join(_words(maneuver, unit) for maneuver in maneuvers)
 
 
-def _words(maneuver: Maneuver) -> str:
+def _words(maneuver: Maneuver, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
+    """What the pilot does, for one line of the card."""
     match maneuver:
         case Stand(duration_s):
             return f"stand still {duration_s:.0f} s, motor off"
         case TakeOff(speed_mps):
-            return f"take off, climb at {speed_mps:.0f} m/s"
+            return f"take off, climb at {speed_text(speed_mps, unit)}"
         case Hold(duration_s, speed_mps):
-            return f"hold {speed_mps:.1f} m/s for {duration_s:.0f} s"
+            return f"hold {speed_text(speed_mps, unit)} for {duration_s:.0f} s"
         case Turn(speed_mps, angle_rad, bank_rad):
             circles = round(abs(angle_rad) / (2 * pi))
             size = f"{circles} circles" if circles > 1 else "a circle" if abs(angle_rad) > 1.5 * pi else "turn back"
-            return f"{size} at {speed_mps:.1f} m/s, bank {degrees(bank_rad):.0f}°"
+            return f"{size} at {speed_text(speed_mps, unit)}, bank {degrees(bank_rad):.0f}°"
         case Run(throttle, ramp_s, until_mps, longest_s):
             return (
-                f"throttle to {100 * throttle:.0f} % over {ramp_s:g} s until {until_mps:.1f} m/s"
+                f"throttle to {100 * throttle:.0f} % over {ramp_s:g} s until {speed_text(until_mps, unit)}"
                 f" (at most {longest_s:.0f} s)"
             )
         case Porpoise():
             return (
-                f"stick fore and aft for {maneuver.duration_s:.0f} s at {maneuver.speed_mps:.1f} m/s, a cycle in"
-                f" {maneuver.first_period_s:g} s, later {maneuver.last_period_s:g} s, load factor"
-                f" {1 - maneuver.load:.1f} to {1 + maneuver.load:.1f}"
+                f"stick fore and aft for {maneuver.duration_s:.0f} s at {speed_text(maneuver.speed_mps, unit)}, each"
+                f" cycle {maneuver.first_period_s:g} s long at first and {maneuver.last_period_s:g} s at the end,"
+                f" load factor {1 - maneuver.load:.1f} to {1 + maneuver.load:.1f}"
             )
         case Land():
             return "land"
     raise AssertionError(maneuver)
 
 
-def margin(plan: FlightPlan) -> str:
+def margin(plan: FlightPlan, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
     """The slowest speeds planned, and their margin over the stall."""
     stall, kt = plan.aircraft.stall_mps, plan.request.wind_kt
     slow = slowest_mps(plan.aircraft, kt)
+    held = MARGINS.held * slow
     return (
-        f"Stall at {stall:.1f} m/s ({plan.aircraft.stall_basis}). Nothing slower than {slow:.1f} m/s is planned"
-        f" ({100 * (slow / stall - 1):.0f} % above the stall; decelerations end there), and no speed below"
-        f" {MARGINS.held * slow:.1f} m/s is held ({100 * (MARGINS.held * slow / stall - 1):.0f} % above). The margin is"
-        f" {100 * (MARGINS.slowest - 1):.0f} % in still air and {MARGINS.slowest_per_kt * 100:.1f} % more for each knot"
-        " of wind."
+        f"Stall: {speed_text(stall, unit)}, {plan.aircraft.stall_basis}. Decelerations end at"
+        f" {speed_text(slow, unit)}, {100 * (slow / stall - 1):.0f} % above the stall: never fly slower. The slowest"
+        f" speed to hold is {speed_text(held, unit)}, {100 * (held / stall - 1):.0f} % above it."
     )
 
 
@@ -194,13 +195,13 @@ def side_m(plan: FlightPlan) -> float:
     return max((turn.width_m for turn in plan.maneuvers if isinstance(turn, Turn)), default=0.0)
 
 
-def expected_interval(plan: FlightPlan) -> list[tuple[str, str]]:
+def expected_interval(plan: FlightPlan, unit: SpeedUnit = SpeedUnit.KNOT) -> list[tuple[str, str]]:
     """Speed, and half width of the 95 % interval there."""
-    return [(f"{V:.1f} m/s", f"±{w:.1f} %") for V, w in zip(plan.question.speeds, plan.half_widths, strict=True)]
+    return [(speed_text(V, unit), f"±{w:.1f} %") for V, w in zip(plan.question.speeds, plan.half_widths, strict=True)]
 
 
 def losses(plan: FlightPlan) -> list[str]:
-    """What is lost by keys that the aircraft file lacks, where a piece cannot be flown, and by an autopilot."""
+    """How much wider the interval at the worst speed is by missing keys, without each piece, and by an autopilot."""
     worst = float(max(plan.half_widths))
     losses = []
     if plan.worst_with_keys is not None and plan.worst_with_keys < (1 - EVIDENCE.negligible) * worst:
@@ -212,8 +213,8 @@ def losses(plan: FlightPlan) -> list[str]:
     for part in plan.contributions:
         times = f"{part.times} × " if part.times > 1 else ""
         losses.append(
-            f"{times}{part.title} ({part.seconds:.0f} s): without it ±{part.worst_without:.1f} % instead of"
-            f" ±{worst:.1f} %"
+            f"{times}{part.title} ({part.seconds:.0f} s): if you skip {'these' if part.times > 1 else 'this'},"
+            f" ±{part.worst_without:.1f} % instead of ±{worst:.1f} %"
         )
     if plan.worst_with_porpoising is not None:
         losses.append(
@@ -248,25 +249,26 @@ ul { margin: 0; padding-left: 5mm; font-size: 9pt; font-weight: 500; }
 """.strip()
 
 
-def card(plan: FlightPlan, name: str) -> str:
+def card(plan: FlightPlan, name: str, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
     """The HTML page, without anything from a network."""
     space = plan.request.space
     minutes, seconds = divmod(round(plan.seconds), 60)
     head = (
-        f"For {plan.question.title}. {_air(plan)} {space.height_m:.0f} m high, legs{_headings(plan)}"
-        f" of at most {space.leg_m:.0f} m, and {side_m(plan):.0f} m to their side for the turns; at most"
-        f" {farthest_m(plan):.0f} m from the take-off. Turn left as often as right"
-        f"{', into the wind' if plan.request.wind_kt else ''}. Runs: wings level, height within a few meters."
+        f"To measure {plan.question.title}. Height {space.height_m:.0f} m ({space.height_m / FOOT_M:.0f} ft)."
+        f" Legs{_headings(plan)} up to {space.leg_m:.0f} m long, with {side_m(plan):.0f} m on each side for the turns;"
+        f" never more than {farthest_m(plan):.0f} m from the take-off. Alternate left and right turns"
+        f"{', always into the wind' if plan.request.wind_kt else ''}. In runs keep the wings level and the height"
+        f" within a few meters. {_air(plan)}"
     )
     lines = "".join(
         f'<tr><td class="n">{_boxes(row.times)}</td><td><span class="title">{escape(row.title)}</span><br>'
         f'<span class="steps">{escape(row.steps)}</span></td><td class="t">{_clock(row.seconds)}</td></tr>'
-        for row in rows(plan)
+        for row in rows(plan, unit)
     )
-    widths = expected_interval(plan)
+    widths = expected_interval(plan, unit)
     speeds = "".join(f"<th>{escape(speed)}</th>" for speed, _ in widths)
     halves = "".join(f"<td>{escape(half)}</td>" for _, half in widths)
-    warned = " ".join([*warnings(plan), margin(plan)])
+    warned = " ".join([*warnings(plan), margin(plan, unit)])
     lost = "".join(f"<li>{escape(line)}</li>" for line in losses(plan))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -275,8 +277,8 @@ def card(plan: FlightPlan, name: str) -> str:
         f"<h1>{escape(name)}: {minutes} min {seconds:02d} s</h1>\n"
         f"{_map(plan)}<p>{_to_fill_in(plan)}</p>\n"
         f'<p>{escape(head)}</p>\n<p class="stall">{escape(warned)}</p>\n<table>{lines}</table>\n'
-        f'<table class="widths"><tr><th>speed</th>{speeds}</tr><tr><th>power, 95 %</th>{halves}</tr></table>\n'
-        f"<p>At the worst speed:</p>\n<ul>{lost}</ul>\n</body></html>\n"
+        f'<table class="widths"><tr><th>speed</th>{speeds}</tr><tr><th>expected ± of power</th>{halves}</tr></table>\n'
+        f"<p>What each part is worth, at the speed with the widest interval:</p>\n<ul>{lost}</ul>\n</body></html>\n"
     )
 
 
@@ -292,12 +294,12 @@ def _air(plan: FlightPlan) -> str:
         return "In still air."
     from_deg = request.wind_from_deg
     if from_deg is None:
-        where = f", taken to come from {-PATH.wind_from_deg:.0f}° to the left of the first leg"
+        where = f", assumed to come from {-PATH.wind_from_deg:.0f}° left of the first leg"
     else:
         where = f" from {course_text(radians(from_deg))}"
     return (
-        f"Wind of {request.wind_kt:g} kt{where}; times at the right are in this wind. Between take-off and landing a"
-        " step's seconds are those of still air: against the wind hold on until the leg ends."
+        f"Wind {request.wind_kt:g} kt{where}. The times in the right column include this wind; the seconds within a"
+        " step do not: flying into the wind, hold each speed until the leg ends."
     )
 
 

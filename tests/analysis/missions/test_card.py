@@ -98,10 +98,10 @@ def test_the_map_has_north_up(nexstar: ExpectedAircraft, heading_deg: float, axi
 
 def test_headings_and_wind_are_told_as_they_were_given(nexstar: ExpectedAircraft) -> None:
     flown = plan(nexstar)
-    assert card._headings(flown) == "" and "50° to the left of the first leg" in card._air(flown)
+    assert card._headings(flown) == "" and "50° left of the first leg" in card._air(flown)
     flown.request = replace(flown.request, heading_deg=250.0, wind_from_deg=200.0)
     assert card._headings(flown) == " 250 (first) and 070,"
-    assert card._air(flown).startswith("Wind of 8 kt from 200; ")
+    assert card._air(flown).startswith("Wind 8 kt from 200. ")
     flown.request = replace(flown.request, wind_kt=0.0)
     assert card._air(flown) == "In still air."
 

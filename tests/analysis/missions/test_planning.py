@@ -25,6 +25,7 @@ from flightpower.analysis.missions.plan_mission import Home, left_out, qgroundco
 from flightpower.analysis.missions.plan_settings import PATH, SEARCH
 from flightpower.analysis.missions.search import FlightPlan, Request, plan_flight
 from flightpower.analysis.missions.simulator_plan import simulator_plan
+from flightpower.analysis.missions.speed_unit import SpeedUnit, speed_text
 from flightpower.analysis.missions.time_history import TimeHistory, fly, throttle_at
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 from flightpower.analysis.trajectory.priors import SensorPriors
@@ -406,24 +407,36 @@ def test_a_maneuver_has_one_duration_in_the_rows_and_in_what_it_contributes(plan
     rows = {row.title: round(row.seconds) for row in card.rows(plan)}
     messages = {part.title: round(part.seconds) for part in plan.contributions}
     assert messages and messages == {title: rows[title] for title in messages}
-    assert any(f"({seconds} s): without it" in line for seconds in messages.values() for line in card.losses(plan))
+    assert any(f"({seconds} s): if you skip" in line for seconds in messages.values() for line in card.losses(plan))
 
 
 def test_the_card_says_what_each_maneuver_is():
-    steps = card._steps([Turn(18.0, 4 * pi, 0.6), Turn(18.0, pi, 0.8), Run(0.87, 13.0, 25.0), Stand(90.0)])
+    steps = card._steps(
+        [Turn(18.0, 4 * pi, 0.6), Turn(18.0, pi, 0.8), Run(0.87, 13.0, 25.0), Stand(90.0)], SpeedUnit.MPS
+    )
     assert steps == (
         "2 circles at 18.0 m/s, bank 34° → turn back at 18.0 m/s, bank 46° → throttle to 87 % over 13 s until"
         " 25.0 m/s (at most 20 s) → stand still 90 s, motor off"
     )
-    assert card._steps([Porpoise(20.0, 17.0, 0.8)]).endswith("load factor 0.2 to 1.8")
+    assert card._steps([Porpoise(20.0, 17.0, 0.8)], SpeedUnit.MPS).endswith("load factor 0.2 to 1.8")
+
+
+@pytest.mark.parametrize(
+    ("unit", "text"), [("m/s", "20.0 m/s"), ("kt", "20.0 m/s (38.9 kt)"), ("mph", "20.0 m/s (44.7 mph)"),
+                       ("km/h", "20.0 m/s (72.0 km/h)")],
+)  # fmt: skip
+def test_a_speed_is_told_in_the_unit_of_the_pilot_s_display(plan: FlightPlan, unit: str, text: str):
+    assert speed_text(20.0, SpeedUnit(unit)) == text
+    page = card.card(plan, "mine", SpeedUnit(unit))
+    shown = {other for other in SpeedUnit if re.search(rf"\d m/s \([\d.]+ {other}\)", page)}
+    assert shown == {SpeedUnit(unit)} - {SpeedUnit.MPS}
 
 
 def test_the_card_tells_margin_room_and_what_a_piece_is_worth(plan: FlightPlan):
     stall = plan.aircraft.stall_mps
     margin = card.margin(plan)
-    assert f"slower than {1.1 * stall:.1f} m/s is planned (10 % above the stall" in margin
-    assert f"below {1.04 * 1.1 * stall:.1f} m/s is held (14 % above)" in margin
-    assert "The margin is 8 % in still air and 0.2 % more for each knot of wind." in margin
+    assert f"end at {speed_text(1.1 * stall, SpeedUnit.KNOT)}, 10 % above the stall" in margin
+    assert f"to hold is {speed_text(1.04 * 1.1 * stall, SpeedUnit.KNOT)}, 14 % above it" in margin
     widest = max(m.speed_mps**2 / tan(m.bank_rad) for m in plan.maneuvers if isinstance(m, Turn))
     assert card.side_m(plan) == pytest.approx(2 * widest / GRAVITY_MPS2)
     worst = max(plan.half_widths)
