@@ -39,7 +39,7 @@ def main(
         take(browser, folder / "route.svg", (0, 700, 660), output / "route.webp")
         wind = ("--heading", "250", "--wind-kt", "8", "--wind-from", "280")
         subprocess.run([*PROGRAM, "plan", "nexstar", *wind, "-o", str(folder / "plan")], check=True)
-        take(browser, folder / "plan" / "card.html", (0, 794, 960), output / "card.webp")
+        take(browser, folder / "plan" / "card.html", (0, 794, 800), output / "card.webp")
         flown = Path(shutil.copy2(log, folder))  # a folder of a pilot, without the truth
         served = subprocess.Popen(
             [*PROGRAM, "open", "--no-browser", str(flown)],
