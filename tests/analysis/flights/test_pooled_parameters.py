@@ -71,11 +71,11 @@ def test_sink_is_that_of_the_polar_at_the_cruise_weight_and_density_of_the_pool(
 
 def test_intervals_of_means_are_as_wide_as_the_flights_own() -> None:
     """Errors may be shared, so that four flights are no surer than one of what their curves do not pool."""
-    one, four = (pooled([flight(name, 14.0, 38.0, 1.2) for name in names]) for names in ("a", "bcde"))
+    single, four = (pooled([flight(name, 14.0, 38.0, 1.2) for name in names]) for names in ("a", "bcde"))
     for name in ("FW_T_SINK_MIN", "SOAR_POLAR_B", "idle_power", "ASPD_SCALE_1", "AIRSPEED_MAX"):
-        assert four[name].hi - four[name].lo == pytest.approx(one[name].hi - one[name].lo, rel=1e-6)
-    assert one["AIRSPEED_MIN"].hi / one["AIRSPEED_MIN"].value == pytest.approx(1.02, rel=1e-3)
-    width = [values["cruise_power"].hi - values["cruise_power"].lo for values in (one, four)]
+        assert four[name].hi - four[name].lo == pytest.approx(single[name].hi - single[name].lo, rel=1e-6)
+    assert single["AIRSPEED_MIN"].hi / single["AIRSPEED_MIN"].value == pytest.approx(1.02, rel=1e-3)
+    width = [values["cruise_power"].hi - values["cruise_power"].lo for values in (single, four)]
     assert width[1] < 0.9 * width[0]  # of the curve own errors average out
     assert mean_interval([]) is None
 

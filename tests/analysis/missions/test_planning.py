@@ -1,6 +1,7 @@
 """Plans: information as the estimator states it, files that can be flown, a margin above the stall."""
 
 import json
+import re
 from dataclasses import fields, replace
 from itertools import groupby
 from math import pi, tan
@@ -141,10 +142,10 @@ def test_a_probe_elsewhere_pulls_at_the_sensor_errors_as_the_estimator_finds(nex
     for data in (table, moved):
         problem = TrajectoryProblem(data, history.rest, SensorPriors(0.01, probe_ahead_m=PRIORS.probe_ahead_m))
         solved.append(_solve(problem, problem.initial_states, problem.initial_errors, gust_mps).sensor_errors)
-    found = solved[1][slope] - solved[0][slope]
+    change = solved[1][slope] - solved[0][slope]
     covariance, scores = sensor_errors(history, lacking, gust_mps, alpha_scale_sigma=0.01)
-    assert abs(found) > 0.02
-    assert (covariance @ scores[0])[slope] == pytest.approx(found, rel=0.2)
+    assert abs(change) > 0.02
+    assert (covariance @ scores[0])[slope] == pytest.approx(change, rel=0.2)
     assert 0.1 < np.sqrt(covariance[ahead, ahead]) < PRIORS.probe_ahead_m
     complete = sensor_errors(history, nexstar, gust_mps, alpha_scale_sigma=0.01)
     assert len(complete.scores) == 0 and np.sqrt(complete.covariance[ahead, ahead]) < 1e-5

@@ -56,7 +56,7 @@ ANGLE = Share.ANGLE_OF_ATTACK
 def test_the_largest_part_is_named_and_half_its_error_leaves_a_quarter_of_it(
     largest: Share, cause: NextFlightLowers
 ) -> None:
-    """Of the variance at the speed where the interval is widest, by the record that the report draws."""
+    """The share of an error is that of the variance where the interval is widest, by the report's record."""
     CL = (0.25, 1.1)
     # A0 alone errs, so that the interval in percent is widest at the highest speed.
     polar = Polar(A, np.diag([0.002**2, 0.0, 0.0]))
