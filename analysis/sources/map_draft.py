@@ -20,6 +20,7 @@ from flightpower.analysis.sources.table_file import Columns, read_table
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2 as g
+from flightpower.flight.units import to_si
 
 Q = Quantity
 
@@ -27,24 +28,34 @@ Q = Quantity
 UNSPECIFIC = r"(?!.*\b(indicated|calibrated|equivalent|ground|demand|desired|target|set ?point|sp|error)\b)"
 PROPULSION = r"(?!.*\b(cells?|servos?|[rt]x|receiver|bec|vcc|board|time|date|state|mode|limit|waypoint|wp|mission)\b)"
 VECTOR = r"(.*\.)?v(el|elocity)? {}"  # one component
-CLIMB = r".*\bclimb( ?rate)?\b.*|vspd|.*\bvertical speed\b.*"  # positive up
+CLIMB = r".*\bclimb( ?rate)?\b.*|vspd|vs|vario|.*\bvertical speed\b.*"  # positive up
 # Words of a column's name, without a unit in brackets, in lower case, by quantity: the first pattern that fits is the
 # better name. Names with "nav vel", "acc smooth", "vbat" and "amperage" are those of blackbox_decode (INAV).
 NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.TIME: (
         r"(^|.*[. ])(times?|timestamp|t|zeit)( s| sec| ms| us)?$",
         r"seconds?|.*\belapsed\b.*",
-        r".*\btime\b.*",
+        r".*\b(time|clock)\b.*",
         r".*timestamp.*",
     ),
     Q.AIRCRAFT: (r"(ac|aircraft|vehicle|sys|system) ?(id|number)",),
-    Q.TRUE_AIRSPEED: (r".*true air ?speed.*", r".*\btas\b.*", rf"{UNSPECIFIC}(.*[. ])?air ?speed( m ?ps)?( filt.*)?"),
+    Q.TRUE_AIRSPEED: (
+        r".*true air ?speed.*",
+        r".*\btas\b.*",
+        rf"{UNSPECIFIC}(.*[. ])?air ?speed( m ?ps)?( filt.*)?",
+        r"v (m/s|m ?ps|kts?|kn|knots|km/?h|mph|fps)",
+    ),
     Q.INDICATED_AIRSPEED: (r".*(indicated|calibrated|equivalent) air ?speed.*", r".*\b(ias|cas|eas)\b.*", r"aspd"),
     Q.DYNAMIC_PRESSURE: (r".*(dynamic|differential|impact) pressure.*", r".*\b(diff|dyn) p(ress)?\b.*", r".*\bqc\b.*"),
-    Q.STATIC_PRESSURE: (r".*static pressure.*", r".*\bbaro(meter)? press.*", r".*\b(p static|ps)\b.*", r"pressure.*"),
+    Q.STATIC_PRESSURE: (
+        r".*static pressure.*",
+        r".*\bbaro(meter)? press.*",
+        r".*\b(p static|static|ps)\b.*",
+        r"pressure.*",
+    ),
     Q.HEIGHT: (
         r".*(baro|pressure) (alt|height).*",
-        r".*\b(altitude|height|alt)\b.*",
+        r".*\b(altitude|height|alt|hgt)\b.*",
         r"galt",
     ),
     Q.AIR_TEMPERATURE: (r".*(static|outside|air|ambient) (air )?temp.*", r".*\b(sat|oat)\b.*", r"temp(erature)?\b.*"),
@@ -69,7 +80,7 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.PITCH_RATE: (r".*pitch rate.*", r".*\b(gyro ?[qy]|angular rate y)\b.*", r"(.*\.)?q( (rad|deg).*)?$"),
     Q.YAW_RATE: (r".*yaw rate.*", r".*\b(gyro ?[rz]|angular rate z)\b.*", r"(.*\.)?r( (rad|deg).*)?$"),
     Q.ROLL: (r".*\b(roll|phi|bank)\b.*",),
-    Q.PITCH: (r".*\b(pitch|theta)\b.*",),
+    Q.PITCH: (r".*\b(pitch|theta|tht)\b.*",),
     Q.HEADING: (r".*\b(heading|yaw|psi)\b.*",),
     Q.VELOCITY_NORTH: (r".*\bv(el|elocity)? ?n(orth)?\b.*", r"nav vel 0", VECTOR.format("1")),
     Q.VELOCITY_EAST: (r".*\bv(el|elocity)? ?e(ast)?\b.*", r"nav vel 1", VECTOR.format("2")),
@@ -79,12 +90,14 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.LATITUDE: (r"(.* )?lat(itude)?( (deg|rad))?",),
     Q.LONGITUDE: (r"(.* )?(lon|lng|longitude)( (deg|rad))?",),
     Q.VOLTAGE: (rf"{PROPULSION}.*\bvolt(age)?s?\b.*", rf"{PROPULSION}.*\bbat(t|tery)? (m )?v\b.*", r"vbat\b.*|vfas"),
-    Q.CURRENT: (rf"{PROPULSION}.*\b(current|amps?|ampere)\b.*", rf"{PROPULSION}(.* )?curr", r"amperage\b.*"),
+    Q.CURRENT: (rf"{PROPULSION}.*\b(current|amps?|ampere)\b.*", rf"{PROPULSION}(.* )?curr", r"amperage\b.*|i ?bat"),
     Q.POWER: (r".*\b(electrical|battery|elec) power\b.*",),
     Q.MOTOR_SPEED: (r".*\brpm\b.*", r".*(motor|prop(eller)?|rotor) (speed|revps).*"),
     Q.THRUST: (r".*\bthrust\b.*",),
     Q.THROTTLE: (r".*\bthrottle\b.*",),
 }
+# Names of accelerations, in g or m/s^2, and of gyros: accelerations where the vertical one shows gravity.
+GRAVITY_NAMES = {Q.FORCE_FORWARD: "[gn] ?x", Q.FORCE_RIGHT: "[gn] ?y", Q.FORCE_DOWN: "[gn] ?z"}
 # Units by the end of a name, and what else a column without one may be in, by SI unit of the quantity.
 SUFFIXES = {
     "mps": "m/s",
@@ -98,16 +111,20 @@ SUFFIXES = {
     "mph": "mile/hour",
     "fps": "ft/s",
     "ft/s": "ft/s",
+    "fpm": "ft/min",
+    "ft/min": "ft/min",
     "pa": "Pa",
     "hpa": "hPa",
     "mbar": "mbar",
     "kpa": "kPa",
+    "inhg": "inHg",
     "m": "m",
     "cm": "cm",
     "ft": "ft",
     "k": "K",
     "degc": "degC",
     "c": "degC",
+    "degf": "degF",
     "rad": "rad",
     "deg": "deg",
     "radps": "rad/s",
@@ -140,7 +157,8 @@ SUFFIXES = {
 }
 # Units that stand in brackets alone, some of quantities that no method reads.
 IN_BRACKETS = SUFFIXES | {
-    "°": "deg", "@": "deg", "degrees": "deg", "°c": "degC", "@c": "degC", "f/s": "ft/s", "cm/s": "cm/s", "mm/s": "mm/s",
+    "°": "deg", "@": "deg", "degrees": "deg", "°c": "degC", "@c": "degC", "°f": "degF", "f": "degF",
+    "feet": "ft", "kn": "knot", "f/s": "ft/s", "cm/s": "cm/s", "mm/s": "mm/s",
     "°/s": "deg/s", "m/s²": "m/s^2", "g": "standard_gravity", "mm": "mm", "rev/s": "turn/s", "1/min": "rpm",
     "mah": "mA h", "ah": "A h", "wh": "W h", "db": "dB", "dbm": "dBm", "mw": "mW",
 }  # fmt: skip
@@ -160,6 +178,10 @@ UNITS = {
     "N": ("N", "lbf"),
     "dimensionless": ("dimensionless", "percent"),
 }
+UNITS_BY_NAME_ALONE = ("mbar", "inHg", "mile/hour", "ft/min", "degF")  # not by values
+ANGLES = (Q.ROLL, Q.PITCH, Q.HEADING, Q.COURSE, Q.ANGLE_OF_ATTACK, Q.SIDESLIP)
+UNSIGNED = {Q.TRUE_AIRSPEED, Q.INDICATED_AIRSPEED, Q.DYNAMIC_PRESSURE, Q.STATIC_PRESSURE, Q.HEIGHT, Q.AIR_TEMPERATURE,
+            Q.GROUND_SPEED, Q.VOLTAGE, Q.MOTOR_SPEED}  # fmt: skip
 MOTION = {Q.TRUE_AIRSPEED, Q.INDICATED_AIRSPEED, Q.DYNAMIC_PRESSURE, Q.VELOCITY_NORTH, Q.GROUND_SPEED, Q.LATITUDE}
 ALIKE = (
     (Q.ROLL_RATE, Q.PITCH_RATE, Q.YAW_RATE), (Q.ROLL, Q.PITCH, Q.HEADING),
@@ -195,11 +217,25 @@ def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
     mapped = _of_recorder(columns)
     if not mapped.keys() & MOTION:  # other columns may show it
         mapped = _by_names(columns) | mapped
+    if Q.TIME not in mapped and (name := _running_clock(columns)) is not None:
+        unit = _unit_by_name(name, Q.TIME) or _unit_by_values(columns[name], Q.TIME) or "s"
+        mapped = {Q.TIME: MappedColumn(name, unit)} | mapped
     if Q.TIME not in mapped:
         raise InputError(
-            f"{table}: no column is named as a time; it has {', '.join(columns) or 'no column of numbers or times'}"
+            f"{table}: no column is named as a time, and none ascends as one; it has"
+            f" {', '.join(columns) or 'no column of numbers or times'}: write the clock into a column called time_s"
         )
     return ColumnMap(path, mapped)
+
+
+def _running_clock(columns: Columns) -> str | None:
+    """The first column that ascends throughout, by steps that are alike; None where none does."""
+    for name, value in columns.items():
+        step = np.diff(value[np.isfinite(value)])
+        regular = len(step) and step.min() > 0 and np.percentile(step, 95) < 2 * np.median(step)
+        if regular and _unit_by_values(value, Q.TIME) is not None:
+            return name
+    return None
 
 
 def map_without_question(table: Path, columns: Columns) -> tuple[ColumnMap, str] | None:
@@ -236,7 +272,10 @@ def _of_recorder(columns: Columns) -> dict[Quantity, MappedColumn]:
 def _by_names(columns: Columns) -> dict[Quantity, MappedColumn]:
     mapped_columns: dict[Quantity, MappedColumn] = {}
     taken: set[str] = set()
+    gravity_shown = _shows_gravity(columns)
     for quantity, patterns in NAMES.items():
+        if gravity_shown and quantity in GRAVITY_NAMES:
+            patterns = (*patterns, GRAVITY_NAMES[quantity])
         named = (
             name
             for pattern in patterns
@@ -248,19 +287,55 @@ def _by_names(columns: Columns) -> dict[Quantity, MappedColumn]:
         for name in named:
             unit = _unit_by_name(name, quantity) or _unit_by_values(columns[name], quantity)
             if unit is not None:
-                climbing = quantity is Q.VELOCITY_DOWN and re.fullmatch(CLIMB, _words(_plain(name)))
+                climbing = quantity is Q.VELOCITY_DOWN and _is_named(name, CLIMB, quantity)
                 mapped_columns[quantity] = MappedColumn(name, unit, -1.0 if climbing else 1.0, _offset(quantity, name))
                 taken.add(name)
                 break
-    return mapped_columns
+    return _with_alike_angles(mapped_columns, columns)
+
+
+def _shows_gravity(columns: Columns) -> bool:
+    """Whether a column named as in GRAVITY_NAMES is near 1 g in the middle, to either side, in g or in m/s^2."""
+    named = [x for name, x in columns.items() if re.fullmatch(GRAVITY_NAMES[Q.FORCE_DOWN], _words(_plain(name)))]
+    loads = [abs(float(np.nanmedian(x))) / size for x in named for size in (1.0, g)]
+    return any(0.9 < load < 1.3 for load in loads)
+
+
+def _with_alike_angles(mapped: dict[Quantity, MappedColumn], columns: Columns) -> dict[Quantity, MappedColumn]:
+    """The map with all angles in degrees that have no unit in their names, where one of these cannot be in radians: a
+    logger writes all alike, and small angles show no unit."""
+    unnamed = [q for q in ANGLES if q in mapped and _unit_by_name(mapped[q].column, q) is None]
+    if all(_may_be_radians(columns[mapped[q].column], q) for q in unnamed):
+        return mapped
+    return mapped | {q: replace(mapped[q], unit="deg") for q in unnamed}
+
+
+def _may_be_radians(value: Array, quantity: Quantity) -> bool:
+    """Whether an angle's values are possible in radians. A direction over two pi has to have come there without a jump:
+    one that was counted on through full circles."""
+    known = value[np.isfinite(value)]
+    if quantity not in (Q.HEADING, Q.COURSE):
+        kind = KINDS[quantity]
+        return bool(np.mean((known >= kind.least) & (known <= kind.greatest)) > 0.95)
+    within = np.abs(known) <= 2 * np.pi
+    return bool(np.mean(within) > 0.95 or (within[0] and np.max(np.abs(np.diff(known))) < np.pi))
 
 
 def _is_named(name: str, pattern: str, quantity: Quantity) -> bool:
     """Whether a name, with or without its unit, is the quantity's, and no unit in brackets is another quantity's."""
+    units = (*UNITS[KINDS[quantity].unit], *UNITS_BY_NAME_ALONE)
     unit = _in_brackets(name)
-    if unit is not None and unit not in (*UNITS[KINDS[quantity].unit], "mbar", "mile/hour"):
+    if unit is not None and unit not in units:
         return False
-    return any(re.fullmatch(pattern, _words(text)) for text in (_plain(name), name))
+    texts = [_plain(name), name]
+    if unit is None and (stem := _without_suffix(name)) and _unit_by_name(name, quantity) is not None:
+        texts.append(stem)
+    return any(re.fullmatch(pattern, words) for text in texts for words in (_words(text), _words(text.lower())))
+
+
+def _without_suffix(name: str) -> str:
+    """A name without its last word; empty where it has one."""
+    return re.sub(r"[^A-Za-z0-9%/^]*[A-Za-z0-9%/^]+$", "", name)
 
 
 def _words(name: str) -> str:
@@ -287,7 +362,16 @@ def _unit_by_name(name: str, quantity: Quantity) -> str | None:
     unit = _in_brackets(name)
     if unit is None and not BRACKET.search(name):
         unit = SUFFIXES.get(re.split(r"[^a-z0-9%/^]+", name.lower())[-1])
-    return unit if unit in UNITS[KINDS[quantity].unit] or unit in ("mbar", "mile/hour") else None
+    si = KINDS[quantity].unit
+    return unit if unit in UNITS[si] or (unit in UNITS_BY_NAME_ALONE and _converts(unit, si)) else None
+
+
+def _converts(unit: str, si: str) -> bool:
+    try:
+        to_si(f"1 {unit}", si, unit)
+    except InputError:
+        return False
+    return True
 
 
 def _unit_by_values(value: Array, quantity: Quantity) -> str | None:
@@ -354,8 +438,9 @@ def _changes(proposed: ColumnMap, wrong: Finding) -> Iterator[ColumnMap]:
             if unit != column.unit:
                 entries |= {q: replace(entries[q], unit=unit) for q in together if q in entries}
                 yield replace(proposed, columns=dict(entries))
-            entries[quantity] = replace(entries[quantity], factor=-entries[quantity].factor)
-            yield replace(proposed, columns=entries)
+            if quantity not in UNSIGNED:
+                entries[quantity] = replace(entries[quantity], factor=-entries[quantity].factor)
+                yield replace(proposed, columns=entries)
 
 
 def _suspect(wrong: list[Finding]) -> Quantity:

@@ -306,7 +306,9 @@ def test_marks_below_the_names_are_no_names(tmp_path: Path) -> None:
     path = tmp_path / "controller.csv"
     path.write_text(head + "".join(f"{1 + k % 3}.0 , {40 + k % 2}.5 , {k % 7}.1 \n" for k in range(60)))
     assert [*read_columns(path)] == ["Throttle", "Voltage", "Current"] and read_columns(path)["Voltage"].max() == 41.5
-    with pytest.raises(InputError, match="no column is named as a time; it has Throttle, Voltage, Current"):
+    with pytest.raises(
+        InputError, match="none ascends as one; it has Throttle, Voltage, Current: write the clock into a column"
+    ):
         draft(path)
 
 

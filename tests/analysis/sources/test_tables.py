@@ -214,6 +214,49 @@ def test_a_draft_takes_position_for_velocity(tmp_path: Path) -> None:
     assert drafted(tmp_path, table) == {name: (*item, 1.0) for name, item in BY_POSITION.items()}
 
 
+def test_a_draft_reads_short_names_units_in_names_and_a_clock_by_its_course(tmp_path: Path) -> None:
+    """Names of a flight-test engineer: gx to gz show 1 g and are no gyros; AoA is one word; the clock has no name."""
+    fahrenheit = (TRUE["oat_K"] - 273.15) * 1.8 + 32
+    table = pd.DataFrame(
+        {
+            "ticker": TRUE["t_s"], "V (kt)": TRUE["tas_mps"] / 0.514444, "hgt_ft": TRUE["height_m"] / 0.3048,
+            "AoA": TRUE["alpha_deg"], "phi": TRUE["roll_deg"], "tht": TRUE["pitch_deg"], "psi": TRUE["heading_deg"],
+            "gx": TRUE["ax_mps2"] / g, "gy": TRUE["ay_mps2"] / g, "gz": TRUE["az_mps2"] / g,
+            "vs_fpm": -TRUE["vd_mps"] / 0.3048 * 60, "oat_degF": fahrenheit, "static_inHg": TRUE["ps_Pa"] / 3386.389,
+            "vbat": TRUE["voltage_V"], "ibat": TRUE["current_A"],
+        }
+    )  # fmt: skip
+    expected = {
+        "time": ("ticker", "s", 1), "true_airspeed": ("V (kt)", "knot", 1), "height": ("hgt_ft", "ft", 1),
+        "angle_of_attack": ("AoA", "deg", 1), "roll": ("phi", "deg", 1), "pitch": ("tht", "deg", 1),
+        "heading": ("psi", "deg", 1), "specific_force_forward": ("gx", "standard_gravity", 1),
+        "specific_force_right": ("gy", "standard_gravity", 1), "specific_force_down": ("gz", "standard_gravity", 1),
+        "velocity_down": ("vs_fpm", "ft/min", -1), "air_temperature": ("oat_degF", "degF", 1),
+        "static_pressure": ("static_inHg", "inHg", 1), "battery_voltage": ("vbat", "V", 1),
+        "battery_current": ("ibat", "A", 1),
+    }  # fmt: skip
+    assert drafted(tmp_path, table.iloc[:2000]) == expected
+    rates = table.assign(gx=TRUE["gyro_p_degps"], gy=TRUE["gyro_q_degps"], gz=TRUE["gyro_r_degps"])
+    assert "specific_force_down" not in drafted(tmp_path, rates.iloc[:2000])
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_small_angles_have_the_unit_of_the_others(tmp_path: Path, unit: str) -> None:
+    """A heading of 15 to 25 degrees may be one in radians that was counted on; a pitch of 2 degrees may not. In radians
+    a heading beyond two pi has come there without a jump."""
+    t_s = TRUE["t_s"]
+    angles = {"pitch": 2 + np.sin(t_s), "psi": 20 + 5 * np.sin(t_s / 9), "phi": 0.5 * np.sin(t_s / 5)}
+    if unit == "rad":
+        angles = {"pitch": 0.04 + 0.02 * np.sin(t_s), "psi": 0.1 * t_s, "phi": 0.5 * np.sin(t_s / 5)}
+    result = drafted(tmp_path, pd.DataFrame({"time_s": t_s, **angles}))
+    assert {result[name][1] for name in ("pitch", "heading", "roll")} == {unit}
+
+
+def test_a_heading_beyond_two_pi_alone_is_in_degrees(tmp_path: Path) -> None:
+    north = pd.DataFrame({"time_s": TRUE["t_s"], "psi": 20 + 5 * np.sin(TRUE["t_s"] / 9)})
+    assert drafted(tmp_path, north)["heading"][1] == "deg"
+
+
 @pytest.mark.slow
 def test_a_draft_by_physics(tmp_path: Path) -> None:
     """Names without units: knots and feet by GPS, degrees per second by attitude, g by gravity, signs by motion."""
