@@ -67,21 +67,14 @@ near: $(VENV)/.dev ## the five test files nearest to a file, by imports: make ne
 	@tests=$$($(BIN)/python -m tests.near $(FILE)) && $(BIN)/pytest $$tests
 
 bench: $(VENV)/.dev ## measure drivers, simulator, parameter estimation and daemon
-	$(BIN)/python benchmarks/drivers.py
-	$(BIN)/python benchmarks/daemon_parts.py parts
-	$(IN_NAMESPACE) $(BIN)/python benchmarks/daemon_parts.py threads
-	$(BIN)/python benchmarks/simulator.py
-	$(BIN)/python benchmarks/estimation.py speed
-	$(BIN)/python benchmarks/estimation.py trajectory
+	$(IN_NAMESPACE) $(BIN)/python benchmarks/bench.py
+	$(BIN)/python benchmarks/bench.py analysis --with before=HEAD~1
 	$(BIN)/python benchmarks/estimation.py statistics
 	$(BIN)/python benchmarks/estimation.py significance
-	$(BIN)/python benchmarks/speed.py --before HEAD~1
 	$(BIN)/python benchmarks/estimation_cases.py filter
 	$(BIN)/python benchmarks/estimation_cases.py optima
 	$(BIN)/python benchmarks/estimation_cases.py cases
 	$(BIN)/python benchmarks/estimation_cases.py agreement
-	$(BIN)/python benchmarks/estimation_scaling.py growth
-	$(BIN)/python benchmarks/estimation_scaling.py ratios
 	$(BIN)/python benchmarks/daemon.py faults
 	$(BIN)/python benchmarks/daemon.py mend
 	$(BIN)/python benchmarks/daemon.py day
@@ -106,7 +99,7 @@ fuzz: $(VENV)/.dev ## a million inputs into every parser of bytes from outside (
 crash-points: $(VENV)/.dev ## cut the daemon's power at 500 writes of each of three recordings (needs root; 15 min)
 	for seed in 1003 1004 1005; do $(BIN)/python benchmarks/crash_points.py --points 500 --seed $$seed || exit; done
 
-packages: $(VENV)/.dev ## build sdist and wheel, and try the wheel alone on Python 3.11 to 3.14 (10 min for each)
+packages: $(VENV)/.dev ## build sdist and wheel, and try the wheel beside its neighbors on Python 3.11 to 3.14 (5 min for each)
 	$(BIN)/python benchmarks/packages.py
 
 .PHONY: deb-needs

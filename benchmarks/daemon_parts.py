@@ -1,11 +1,9 @@
 """CPU time of each part of the daemon at each tick: threads by the kernel's account, and what the sampling thread does.
 
-    .venv/bin/python benchmarks/daemon_parts.py threads                      # in real time on device files (needs root)
-    .venv/bin/python benchmarks/daemon_parts.py threads --before HEAD~5      # and of an earlier version, by turns
-    .venv/bin/python benchmarks/daemon_parts.py parts                        # the simulated clock, one thread
-
-`threads` counts everything: system calls, the kernel's side of I2C transfers, changes of thread, cold caches. `parts`
-is the Python code alone, with warm caches, without the fake parts and what counting takes.
+`python benchmarks/bench.py daemon-threads` counts everything in real time on device files (needs root): system calls,
+the kernel's side of I2C transfers, changes of thread, cold caches; with `--with before=HEAD~5` of an earlier version as
+well, by turns. `daemon-parts` is the Python code alone, on the simulated clock in one thread, with warm caches, without
+the fake parts and what counting takes.
 """
 
 import os
@@ -16,13 +14,13 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
-import typer
-from rich.console import Console
-from rich.table import Table
+from records import Record, rounded
 from speed import checked_out
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -30,8 +28,6 @@ EXAMPLE = ROOT / "daq" / "tray.example.toml"
 DAEMON = ROOT / "benchmarks" / "daemon.py"
 CALIBRATION_CALLS = 2000
 SETTLED_S = 7.0  # after the start: imports, bringing up, configuring
-
-app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 
 class Usage(NamedTuple):
@@ -76,8 +72,9 @@ THREADS = ["sampling: collect, encode, compress", "disk: write, sync", "free spa
            "bus 2: three transfers", "three serial lines"]  # fmt: skip
 
 
-@app.command()
-def threads(seconds: float = 20.0, rate: float = 25.0, fifo: bool = True, before: str = "", rounds: int = 2) -> None:
+def thread_records(
+    *, seconds: float = 20.0, rate: float = 25.0, fifo: bool = True, before: str = "", rounds: int = 2
+) -> list[Record]:
     """CPU time and changes of thread a tick of every thread, the median of the rounds."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -97,20 +94,18 @@ def threads(seconds: float = 20.0, rate: float = 25.0, fifo: bool = True, before
         finally:
             fakes.send_signal(signal.SIGTERM)
             fakes.wait(10)
-    columns = [f"{what} {version}" for version in versions for what in ("us,", "switches,")]
-    title = f"CPU time and changes of thread a tick at {rate:g} Hz, load {os.getloadavg()[0]:.1f}"
-    table = Table("thread", *columns, box=None, title=title, title_justify="left")
-    rows = [
-        [(median(run[i][0] for run in runs), median(run[i][1] for run in runs)) for runs in intervals.values()]
-        for i in range(len(THREADS))
-    ]
-    for thread, row in zip(THREADS, rows, strict=True):
-        table.add_row(thread, *(text for us, switches in row for text in (f"{us:.0f}", f"{switches:.1f}")))
-    totals = [[sum(values) for values in zip(*column, strict=True)] for column in zip(*rows, strict=True)]
-    table.add_row("all", *(text for us, switches in totals for text in (f"{us:.0f}", f"{switches:.1f}")))
-    shares = [text for us, _ in totals for text in (f"{us * rate / 1e4:.2f} %", "")]
-    table.add_row("of one core", *shares)
-    Console(width=110).print(table)
+    rows = []
+    for i, thread in enumerate([*THREADS, "all"]):
+        row: Record = {"thread": thread}
+        us = []
+        for version, runs in intervals.items():
+            of_runs = [run[i] if i < len(THREADS) else tuple(map(sum, zip(*run, strict=True))) for run in runs]
+            us.append(median(usage[0] for usage in of_runs))
+            row |= {f"us, {version}": rounded(us[-1])}
+            row |= {f"switches, {version}": rounded(median(usage[1] for usage in of_runs), 1)}
+        rows.append(row | ({"ratio": rounded(us[-1] / us[0], 2)} if before else {}))
+    shares = {name: f"{us * rate / 1e4:.2f} %" for name, us in rows[-1].items() if name.startswith("us, ")}
+    return [*rows, {"thread": "all, of one core", **shares}]
 
 
 class Parts:
@@ -124,6 +119,7 @@ class Parts:
         self.spent_ns: dict[str, float] = defaultdict(float)
         self._running: list[str] = []
         self._since_ns = 0
+        self.wrappers = ExitStack()
         nothing = self.timed(lambda: None, "inside")
         self.enter("outside")
         for _ in range(CALIBRATION_CALLS):
@@ -156,7 +152,8 @@ class Parts:
         return timed
 
     def wrap(self, owner: Any, method: str, part: str) -> None:
-        setattr(owner, method, self.timed(getattr(owner, method), part))
+        """Count every call of a method as `part`, until the wrappers are left."""
+        self.wrappers.enter_context(patch.object(owner, method, self.timed(getattr(owner, method), part)))
 
     def _charge(self) -> None:
         now_ns = time.thread_time_ns()
@@ -168,8 +165,7 @@ class Parts:
 FAKES = "the fake parts"
 
 
-@app.command()
-def parts(seconds: float = 60.0) -> None:
+def part_records(*, seconds: float = 60.0) -> list[Record]:
     """CPU time a tick of the daemon's parts, in one thread on the simulated clock."""
     sys.path.append(str(ROOT / "tests" / "hw_fakes"))
     from analytic_sensor_truth import AnalyticSensorTruth
@@ -208,15 +204,15 @@ def parts(seconds: float = 60.0) -> None:
         begin_driver(supervisor)
         counted.wrap(supervisor._sensor, "read", "drivers")
 
-    SensorSupervisor._begin = begin  # type: ignore[method-assign]
-    counted.wrap(SimulatedClock, "sleep_until_ns", FAKES)
-    counted.wrap(SensorSupervisor, "read", "supervision of sensors")
-    counted.wrap(BusWorker, "collect", "bus workers")
-    counted.wrap(Recorder, "_close_chunk", "compressing and indexing chunks")
-    counted.wrap(Recorder, "write", "encoding messages")
-    counted.wrap(LogFiles, "update", "files")
-    counted.wrap(TelemetryLink, "hear", "telemetry")
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, counted.wrappers as wrappers:
+        wrappers.enter_context(patch.object(SensorSupervisor, "_begin", begin))
+        counted.wrap(SimulatedClock, "sleep_until_ns", FAKES)
+        counted.wrap(SensorSupervisor, "read", "supervision of sensors")
+        counted.wrap(BusWorker, "collect", "bus workers")
+        counted.wrap(Recorder, "_close_chunk", "compressing and indexing chunks")
+        counted.wrap(Recorder, "write", "encoding messages")
+        counted.wrap(LogFiles, "update", "files")
+        counted.wrap(TelemetryLink, "on_cycle", "telemetry")
         tray = parse_tray(EXAMPLE.read_text("utf-8"), "tray.toml", Path(name))
         link = TelemetryLink(TelemetryConfig(to="udp:127.0.0.1:9"), tray)
         until_ns = clock.now_ns() + round(seconds * 1e9)
@@ -224,14 +220,7 @@ def parts(seconds: float = 60.0) -> None:
         done = record(tray, buses=Buses(), clock=clock, until_ns=until_ns, listener=link, report=lambda status: None)  # type: ignore[arg-type]
         counted.leave()
         link.close()
-    table = Table("part", "us a tick", box=None)
     fakes_ns = counted.spent_ns.pop(FAKES)
-    for part, spent_ns in sorted(counted.spent_ns.items(), key=lambda item: -item[1]):
-        table.add_row(part, f"{spent_ns / 1e3 / done.ticks:.1f}")
-    table.add_row("all", f"{sum(counted.spent_ns.values()) / 1e3 / done.ticks:.1f}")
-    table.add_row(f"({FAKES})", f"{fakes_ns / 1e3 / done.ticks:.1f}")
-    Console().print(table)
-
-
-if __name__ == "__main__":
-    app()
+    spent_ns = dict(sorted(counted.spent_ns.items(), key=lambda item: -item[1]))
+    spent_ns |= {"all": sum(spent_ns.values()), f"({FAKES})": fakes_ns}
+    return [{"part": part, "us a tick": rounded(ns / 1e3 / done.ticks, 1)} for part, ns in spent_ns.items()]

@@ -1,7 +1,4 @@
-"""CPU time of the drivers at each tick, what the fake parts spend on their behalf taken out.
-
-    .venv/bin/python benchmarks/drivers.py            # a minute of a simulated flight; leaves with 1 above the limit
-    .venv/bin/python benchmarks/drivers.py --seconds 300
+"""CPU time of the drivers at each tick, without what the fake parts spend: `python benchmarks/bench.py drivers`.
 
 Thread CPU time, so that other work on the machine does not count; reading that clock is included (a few microseconds).
 """
@@ -11,7 +8,7 @@ import time
 from pathlib import Path
 from statistics import fmean, quantiles
 
-import typer
+from records import Record, rounded
 
 from flightpower.daq.config import parse_tray
 from flightpower.daq.driver_factory import driver_factory
@@ -93,23 +90,16 @@ def measure(seconds: float) -> tuple[dict[str, list[float]], list[float]]:
     return drivers_us, fakes_us
 
 
-def row(name: str, values: list[float]) -> str:
-    return f"{name:16} {fmean(values):8.1f} {quantiles(values, n=100)[98]:8.1f} {max(values):8.1f}"
-
-
-def main(seconds: float = 60.0) -> None:
-    """Print a table and the verdict."""
+def records(*, seconds: float = 60.0) -> list[Record]:
+    """CPU time of each driver, and of all against the limit: 99 of 100 ticks."""
     drivers_us, fakes_us = measure(seconds)
     whole_us = [sum(tick) for tick in zip(*drivers_us.values(), strict=True)]
-    print(f"{'us of CPU a tick':16} {'mean':>8} {'99 %':>8} {'worst':>8}   ({len(whole_us)} ticks)")
-    for name, values in drivers_us.items():
-        print(row(name, values))
-    print(row("all drivers", whole_us))
-    print(row("the fake parts", fakes_us))
-    nearly_all_us = quantiles(whole_us, n=100)[98]
-    print(f"99 of 100 ticks take the drivers {nearly_all_us / LIMIT_US:.0%} of {LIMIT_US / 1e3:g} ms at most")
-    raise typer.Exit(nearly_all_us > LIMIT_US)
+    limit = {"ratio": rounded(quantiles(whole_us, n=100)[98] / LIMIT_US, 2), "at most": 1.0}
+    rows = [row(name, values) for name, values in drivers_us.items()]
+    return [*rows, row("all drivers", whole_us) | limit, row("the fake parts", fakes_us)]
 
 
-if __name__ == "__main__":
-    typer.run(main)
+def row(name: str, values: list[float]) -> Record:
+    """Microseconds a tick."""
+    figures = {"mean, us": fmean(values), "99 %, us": quantiles(values, n=100)[98], "worst, us": max(values)}
+    return {"driver": name} | {title: rounded(value, 1) for title, value in figures.items()}

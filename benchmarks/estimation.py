@@ -1,19 +1,15 @@
-"""Measures `analysis.estimation`: speed, accuracy in turbulence, and the identifiability of CLq.
+"""Measures `analysis.estimation`: accuracy in turbulence, and the identifiability of CLq.
 
-    python benchmarks/estimation.py speed
-    python benchmarks/estimation.py trajectory
     python benchmarks/estimation.py statistics --seeds 240
     python benchmarks/estimation.py significance
 
 docs/evidence/accuracy.md quotes the output.
 """
 
-import subprocess
 import sys
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-import flights
 import numpy as np
 import pandas as pd
 import typer
@@ -27,71 +23,14 @@ from flightpower.analysis.estimation.filter_error import fit_filter_error
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.estimation.output_error import fit_output_error
 from flightpower.analysis.methods import aircraft_models
-from flightpower.analysis.trajectory.reconstruction import reconstruct
 from flightpower.flight.aircraft import Aircraft, load_aircraft
-from flightpower.sim.sensors import load_budget
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "analysis" / "estimation"))
 import disturbed
-import test_starts_of_an_aircraft as timed
-from general_optimizer import general_optimizer, processor_time_s
 from models import pitch_and_height
 
-PLAN = "full-test-flight"
 CONSOLE = Console(width=120)
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-
-
-@app.command()
-def speed() -> None:
-    """Processor time of fits, of import and model build, and of a general optimizer with the same likelihood."""
-    table = Table("what", "measured", "wanted", box=None)
-    table.add_row("import and model build", f"{_import_s():.2f} s", "0.5 s")
-    run_s = [timed.made_by_the_model(f"run {i}", i) for i in range(20)]
-    start = aircraft_models.starting_values(timed.NEXSTAR, run_s[0])
-
-    def fit(segments):
-        return fit_output_error(timed.MODEL, segments, start=start)
-
-    fit(run_s[0])
-    single_s = processor_time_s(lambda: fit(run_s[0]), 10)
-    table.add_row("500 samples, 2 states, 4 outputs, 12 parameters", f"{1e3 * single_s:.0f} ms", "20 ms")
-    table.add_row("20 such runs jointly", f"{processor_time_s(lambda: fit(run_s), 2):.2f} s", "2 s")
-    theirs, evaluations, above = general_optimizer(run_s[1])
-    table.add_row(
-        "trust-constr with finite differences, one run",
-        f"{theirs:.1f} s, {theirs / single_s:.0f} times ours, {evaluations} evaluations, cost {above:+.3f}",
-        "100 times ours",
-    )
-    segment = disturbed.linear_record(0)
-    filtered = processor_time_s(
-        lambda: fit_filter_error(disturbed.LINEAR, segment, disturbed.LINEAR_NOISE, test_significance=False),
-        5,
-    )
-    table.add_row("filter error, 250 samples, 2 states, 12 unknowns", f"{1e3 * filtered:.0f} ms", "")
-    CONSOLE.print(table)
-
-
-def _import_s() -> float:
-    """Processor time of a new Python process that imports the package and NumPy and compiles an aircraft model."""
-    program = (
-        "import time;"
-        "from flightpower.analysis.methods import aircraft_models;"
-        "from flightpower.analysis.estimation import output_error;"
-        "from flightpower.analysis.estimation.simulation import build_simulator;"
-        "from flightpower.flight.aircraft import load_aircraft;"
-        "m = aircraft_models.level_run(load_aircraft('nexstar'));"
-        "build_simulator(m, tuple(q.name for q in m.parameters if q.free)); print(time.process_time())"
-    )
-    ran = [
-        subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=_root())
-        for _ in range(3)
-    ]
-    return min(float(result.stdout) for result in ran)
-
-
-def _root() -> Path:
-    return Path(__file__).parents[1]
 
 
 @app.command()
@@ -217,19 +156,6 @@ def significance_limit(aircraft: Aircraft, run: pd.DataFrame, factor: float, see
             return Limit(float(np.exp(before[0] + share * (ln_snr - before[0]))), snr_in_flight, t_quiet)
         before = ln_snr, t
     return Limit(0.0, snr_in_flight, t_quiet)
-
-
-@app.command()
-def trajectory() -> None:
-    """Processor time of the trajectory reconstruction for 20 minutes of flight; it grows with the length."""
-    aircraft, probe = load_aircraft("nexstar"), flights.tunnel_probe()
-    table = Table("full-test-flight in", "20 minutes of it take", "wanted", box=None)
-    for turbulence_kt in (0.0, 3.0, 15.0):
-        flown = flights.flown(aircraft, flights.drawn(load_budget("study"), 0), PLAN, 0, turbulence_kt)
-        air, still, _ = flights.air_of(flown.table, aircraft, probe)
-        single_s = processor_time_s(lambda: reconstruct(air, still), 2)  # noqa: B023 -- called at once
-        table.add_row(f"W20 = {turbulence_kt:g} kt", f"{single_s * 1200 / float(air.index[-1]):.2f} s", "2 s")
-    CONSOLE.print(table)
 
 
 @app.command()

@@ -1,31 +1,21 @@
 """Values for an autopilot, of aircraft drawn at random, against the simulator's truth.
 
-    python benchmarks/parameters.py --flights 2                      # seeds below 1000 are for development
-    python benchmarks/parameters.py --seed 1000 --flights 20 --jobs 2
-
 A seed draws an aircraft (`benchmarks/planned_aircraft.py`) and the errors of its sensors, propeller and weight. It
-flies the whole test flight in 3 kt, and its log is analyzed. Truth is trimmed flight of the same simulated aircraft:
-cruise is where battery power over speed is least among the speeds flown; power, sink and climb are taken at the cruise
-found.
+flies the whole test flight, and its log is analyzed. Truth is trimmed flight of the same simulated aircraft: cruise is
+where battery power over speed is least among the speeds flown; power, sink and climb are taken at the cruise found.
+`python benchmarks/study.py parameters --turbulence-kt 3` repeats it.
 """
 
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-import json
 import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import NamedTuple
 
 import answers
 import chain
 import numpy as np
-import typer
-from flights import Setup
-from planned_aircraft import MODEL, aircraft_of
+from flights import Rows, Setup
+from planned_aircraft import aircraft_of
 
 from flightpower.analysis.cli.route import read_results
 from flightpower.analysis.performance.autopilot_parameters import PX4
@@ -45,6 +35,15 @@ class Value(NamedTuple):
     name: str
     estimate: Interval
     truth: float
+
+    @property
+    def has_both_ends(self) -> bool:
+        return self.estimate.lo is not None and self.estimate.hi is not None
+
+    def error_and_half_width(self) -> np.ndarray:
+        """The error of the interval's middle and the half width [% of the truth], (2, 1)."""
+        low, high = np.array([self.estimate.lo, self.estimate.hi], dtype=float) / self.truth
+        return 100 * np.array([[(low + high) / 2 - 1], [(high - low) / 2]])
 
 
 def values_of(
@@ -74,54 +73,24 @@ def values_of(
         yield Value("climb at cruise", climb, float(climb_mps))
 
 
-def one_aircraft(seed: int) -> dict[str, Any]:
-    craft = aircraft_of(np.random.default_rng([seed, 51]), f"drawn-{seed}")
-    setup = Setup(MODEL, "study", "full-test-flight", 3.0, seed)
-    line: dict[str, Any] = {"seed": seed, "kg": round(craft.mass_kg, 2), "propeller": craft.propulsion.propeller}
+def one_flight(setup: Setup) -> Rows:
+    """The errors and half widths [% of the truth] of one aircraft's values; a title without numbers where it has none.
+
+    Where the half width is larger than the error the truth is inside: the error is that of the middle of the interval.
+    """
+    craft = aircraft_of(np.random.default_rng([setup.seed, 51]), f"drawn-{setup.seed}")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         file = folder / "own.toml"
         file.write_text(craft.text.split("\n# Simulated like")[0] + "\n", "utf-8")
         try:
-            chain.fly(setup, folder, "--no-hardware", "--like", MODEL, aircraft=file)
+            chain.fly(setup, folder, "--no-hardware", "--like", setup.aircraft, aircraft=file)
             battery = f"{craft.propulsion.battery_energy_Wh:.1f} Wh"
             chain.run("analyze", folder / "log.mcap", "--quiet", "-o", folder / "report", "--battery-Wh", battery)
             results = read_results(folder / "report" / "results.json")
         except (InputError, RuntimeError) as error:
-            return {**line, "lost": str(error)[-200:]}
+            return [(f"lost: {str(error).strip().splitlines()[-1][-120:]}", np.empty((2, 0)))]
         if not any(parameter.firmware == PX4 for parameter in results.autopilot_parameters):
-            return {**line, "lost": "no values"}
-        lines = values_of(results, craft, setup.drawn.deviations, chain.read_truth(folder))
-        line["values"] = {
-            line.name: [line.estimate.value, line.estimate.lo, line.estimate.hi, line.truth] for line in lines
-        }
-    return line
-
-
-def main(
-    seed: Annotated[int, typer.Option(help="Of the first aircraft.")] = 0,
-    flights: Annotated[int, typer.Option(help="Aircraft.")] = 2,
-    jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
-) -> None:
-    values: dict[str, list[list[float]]] = {}
-    with ProcessPoolExecutor(jobs) as pool:
-        for line in pool.map(one_aircraft, range(seed, seed + flights)):
-            print(json.dumps(line), flush=True)
-            for name, figures in line.get("values", {}).items():
-                values.setdefault(name, []).append(figures)
-    everything = []
-    for name, of in values.items():
-        value, lo, hi, truth = np.array(of).T
-        inside = (lo <= truth) & (truth <= hi)
-        everything.append(inside)
-        error, half = np.abs(value / truth - 1), (hi - lo) / 2 / truth
-        print(
-            f"{name}: {inside.sum()} of {len(inside)} inside, median error {100 * np.median(error):.1f} %,"
-            f" median half width {100 * np.median(half):.1f} %"
-        )
-    if everything:
-        print(f"all: {100 * np.mean(np.concatenate(everything)):.0f} % of {sum(map(len, everything))} inside")
-
-
-if __name__ == "__main__":
-    typer.run(main)
+            return [("no values", np.empty((2, 0)))]
+        values = list(values_of(results, craft, setup.drawn.deviations, chain.read_truth(folder)))
+    return [(value.name, value.error_and_half_width()) for value in values if value.has_both_ends]

@@ -1,5 +1,7 @@
 """Rows of figures as records: what a benchmark prints as a table, and `benchmarks/evidence.py` keeps in files."""
 
+import contextlib
+import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -48,3 +50,22 @@ def markdown(records: Sequence[Record]) -> str:
 def with_lead(lead: Record, records: Iterable[Record]) -> list[Record]:
     """The records with columns that all of them share before their own."""
     return [{**lead, **record} for record in records]
+
+
+def ratio(what: str, measured: float, against: float, unit: str, **limit: float) -> Record:
+    """A row with measured / against. limit: `at_most` or `at_least`, which `benchmarks/bench.py` holds the ratio to."""
+    row = {"what": what, "unit": unit, "measured": significant(measured), "against": significant(against)}
+    return row | {"ratio": significant(measured / against)} | {k.replace("_", " "): v for k, v in limit.items()}
+
+
+def significant(value: float) -> float:
+    """The number with three significant digits."""
+    return float(f"{value:.3g}")
+
+
+def option(text: str) -> tuple[str, Any]:
+    """Name and value of an option NAME=VALUE; without a value it is switched on."""
+    name, _, value = text.partition("=")
+    with contextlib.suppress(ValueError):
+        return name, json.loads(value or "true")
+    return name, value

@@ -1,16 +1,13 @@
-"""How fast the simulator flies: many times the clock, in processor time of one core.
+"""How fast the simulator flies: many times the clock, in processor time: `python benchmarks/bench.py simulator`.
 
-    .venv/bin/python benchmarks/simulator.py            # aircraft, pilot and every sensor at 50 Hz
-    .venv/bin/python benchmarks/simulator.py --log      # and the whole test flight into a log, both ways
-
-The figure is the best of three, as of anything that shares a machine.
+Aircraft, pilot and every sensor at 50 Hz; `--with log` adds the whole test flight into a log, both ways. The figure is
+the best of three, as of anything that shares a machine.
 """
 
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core: also of the matrices
 
-import argparse
 import subprocess
 import sys
 import tempfile
@@ -19,7 +16,7 @@ from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 
 import numpy as np
-from records import Record, markdown, rounded
+from records import Record, rounded
 
 from flightpower.flight.aircraft import load_aircraft
 from flightpower.sim.fly import fly
@@ -80,14 +77,7 @@ def logged(*options: str) -> tuple[float, float]:
     return time.monotonic() - begun, used
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--log", action="store_true", help="also write the log, through the daemon and straight")
-    arguments = parser.parse_args()
-    print(markdown(records(log=arguments.log)))
-
-
-def records(*, log: bool) -> list[Record]:
+def records(*, log: bool = False) -> list[Record]:
     """Processor and elapsed time of the flight, with the log as well if asked for."""
     fly(load_aircraft("nexstar"), load_plan("case-1"))  # imports, files
     runs = [once() for _ in range(3)]
@@ -103,7 +93,3 @@ def records(*, log: bool) -> list[Record]:
          "times real time": rounded(duration_s / s)}
         for name, (s, wall) in used.items()
     ]  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()

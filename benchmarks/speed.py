@@ -1,9 +1,7 @@
-"""Processor time and memory of an analysis, from a new process to the report.
+"""Processor time and memory of an analysis, from a new process to the report: `python benchmarks/bench.py analysis`.
 
-    python benchmarks/speed.py                      a whole test flight of 21 minutes
-    python benchmarks/speed.py --before HEAD~5      the ratio to an earlier version (or several), by turns in one run
-    python benchmarks/speed.py --hours 2            the same plan with more runs, until it lasts so long
-
+A whole test flight of 21 minutes. `--with before=HEAD~5` gives the ratio to an earlier version, by turns in one run;
+`--with hours=2` flies more runs of the plan, until it lasts so long; `--with log=FILE` takes this log.
 Processor seconds of one process with one thread; the least of the rounds, since other load only adds. A run before them
 is not measured: it leaves the compiled modules that later ones find.
 """
@@ -16,10 +14,8 @@ import tempfile
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
 
-import typer
-from records import Record, markdown, rounded
+from records import Record, rounded
 
 ROOT = Path(__file__).parents[1]
 SEED = 1001
@@ -91,15 +87,6 @@ def checked_out(revision: str, folder: Path) -> Path:
     return folder
 
 
-def main(
-    log: Annotated[Path | None, typer.Argument(help="A log; default: a simulated one.")] = None,
-    before: Annotated[list[str] | None, typer.Option(help="Revision to compare with; may be repeated.")] = None,
-    hours: Annotated[float, typer.Option(help="Length of the simulated flight; 0: 21 minutes.")] = 0.0,
-    rounds: Annotated[int, typer.Option(help="Measurements of each version.")] = 3,
-) -> None:
-    print(markdown(records(log, before or [], hours, rounds)))
-
-
 def records(
     log: Path | None, before: Sequence[str], hours: float, rounds: int, modules: Path | None = None
 ) -> list[Record]:
@@ -131,7 +118,3 @@ def records(
         ratio = {"ratio": rounded(values[0] / values[-1], 2)} if len(values) > 1 and values[-1] else {}
         table.append({"step": step, **dict(zip(best, shown, strict=True)), **ratio})
     return table
-
-
-if __name__ == "__main__":
-    typer.run(main)

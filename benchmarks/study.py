@@ -13,8 +13,6 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import contextlib
-import json
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -28,10 +26,11 @@ import estimators
 import methods
 import numpy as np
 import own_aircraft
+import parameters
 import thrust_stand
 import typer
 from flights import Rows, Setup, error_rows
-from records import Record, counted, markdown, rounded
+from records import Record, counted, markdown, option, rounded
 from rich.console import Console
 from rich.progress import track
 
@@ -61,6 +60,7 @@ CASES = {
     "autopilot-logs": Case(electrical.one_flight, "ordinary-flight", electrical.columns),
     "autopilot-pools": Case(electrical.one_campaign, "ordinary-flight", electrical.columns),
     "own-aircraft": Case(own_aircraft.one_flight, "accel-decel"),
+    "parameters": Case(parameters.one_flight, "full-test-flight"),
     "chain": Case(chain.one_flight, "full-test-flight"),
 }
 
@@ -160,14 +160,6 @@ def main(
         for records in tables:
             if records:
                 print("", markdown(records), sep="\n")
-
-
-def option(text: str) -> tuple[str, Any]:
-    """Name and value of an option; without a value it is switched on."""
-    name, _, value = text.partition("=")
-    with contextlib.suppress(ValueError):
-        return name, json.loads(value or "true")
-    return name, value
 
 
 if __name__ == "__main__":
