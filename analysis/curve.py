@@ -23,7 +23,7 @@ from flightpower.analysis.records.flight import (
     SpeedReason,
 )
 from flightpower.analysis.settings import CURVES
-from flightpower.analysis.uncertain import Uncertain
+from flightpower.analysis.uncertain import Uncertain, variances
 from flightpower.flight.arrays import Array
 
 
@@ -76,6 +76,17 @@ def speed_at(CL: ArrayLike, condition: Condition) -> Array:
     return np.sqrt(2 * condition.weight_N / (condition.rho * np.asarray(CL) * condition.wing_area_m2))
 
 
+def drag_terms(CL: Array) -> Array:
+    """Derivative (n, 3) of the drag coefficient at C_L (n,) by the coefficients of the polar."""
+    return np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+
+
+def drag_and_error(polar: Polar, CL: Array) -> tuple[Array, Array]:
+    """Drag coefficient and its standard error, each (n,), at C_L (n,)."""
+    terms = drag_terms(CL)
+    return terms @ polar.A, np.sqrt(variances(terms, polar.covariance))
+
+
 def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
     """Why a drag polar is unphysical over the lift coefficients flown; empty where it is not."""
     CL = np.linspace(*flown_CL, 61)
@@ -92,7 +103,7 @@ def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
 def power_required(V: ArrayLike, polar: Polar, condition: Condition) -> tuple[Array, Array]:
     """Power required in level flight (3.45) and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
     gradient = power_gradient(V, condition)
-    return gradient @ polar.A, np.sqrt(np.einsum("ni,ij,nj->n", gradient, polar.covariance, gradient))
+    return gradient @ polar.A, np.sqrt(variances(gradient, polar.covariance))
 
 
 def power_gradient(V: ArrayLike, condition: Condition) -> Array:
@@ -100,7 +111,7 @@ def power_gradient(V: ArrayLike, condition: Condition) -> Array:
     V = np.asarray(V, dtype=float)
     CL = lift_coefficient(V, condition)
     unit_W = condition.rho * V**3 * condition.wing_area_m2 / 2
-    return np.asarray(unit_W[:, None] * np.stack([np.ones_like(CL), CL, CL**2], axis=1))
+    return np.asarray(unit_W[:, None] * drag_terms(CL))
 
 
 def minimum_power_lift(A: Array) -> float:

@@ -74,3 +74,8 @@ def total(parts: Iterable[Uncertain]) -> Uncertain:
         np.sum([part.own for part in parts], axis=0),
         {name: np.sum([part.shared.get(name, zero) for part in parts], axis=0) for name in names},
     )
+
+
+def variances(rows: Array, covariance: Array) -> Array:
+    """Variance (k,) of each row's (k, n) combination of values with a covariance (n, n)."""
+    return np.asarray(np.einsum("ki,ij,kj->k", rows, covariance, rows))

@@ -42,7 +42,7 @@ from flightpower.analysis.records.pool import PooledResults
 from flightpower.analysis.results.curves import curve_result, power_statistics
 from flightpower.analysis.results.settings import TRUST
 from flightpower.analysis.settings import CURVES
-from flightpower.analysis.uncertain import Uncertain, total
+from flightpower.analysis.uncertain import Uncertain, total, variances
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 
@@ -127,9 +127,7 @@ class CurvePool(Pool):
         """(flights, n), of which each column has the sum 1."""
         times = np.ones(len(self.curves)) if len(counts) == 0 else np.array(counts, dtype=float)
         B = self._interpolation(V)
-        variance = np.stack(
-            [np.einsum("vi,ij,vj->v", b, curve.power_W.own, b) for b, curve in zip(B, self.curves, strict=True)]
-        )
+        variance = np.stack([variances(b, curve.power_W.own) for b, curve in zip(B, self.curves, strict=True)])
         weight = np.where([_inside(curve, V) for curve in self.curves], times[:, None] / variance, 0.0)
         with np.errstate(invalid="ignore"):
             return np.asarray(weight / weight.sum(axis=0))

@@ -58,6 +58,7 @@ from flightpower.analysis.records.flight import CurveResult, Kind
 from flightpower.analysis.records.pool import PolarCoefficients, PooledFlight, PooledResults, SharedParameter
 from flightpower.analysis.results.curves import curve_result, two_term_polar
 from flightpower.analysis.results.settings import TRUST
+from flightpower.analysis.uncertain import variances
 from flightpower.flight.arrays import Array
 
 _N_POLAR = len(POLAR)
@@ -172,7 +173,7 @@ class JointPool(Pool):
         deviations = []
         for difference in differences_in_pool(self.stack, self.estimate):
             value, C = J @ difference.value[:_N_POLAR], difference.covariance[:_N_POLAR, :_N_POLAR]
-            deviations.append((value, NORMAL_95 * np.sqrt(np.maximum(np.einsum("vi,ij,vj->v", J, C, J), 0.0))))
+            deviations.append((value, NORMAL_95 * np.sqrt(np.maximum(variances(J, C), 0.0))))
         return deviations
 
     def deviations_for_trends(self) -> tuple[Array, ErrorParts]:

@@ -16,6 +16,7 @@ from flightpower.analysis.maneuvers.kinds import (
     Maneuver,
     Maneuvers,
     RejectedManeuver,
+    Search,
     Unsuitable,
     maneuver_in,
 )
@@ -36,18 +37,15 @@ def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeu
     steady &= (np.abs(np.nan_to_num(motion.climb, nan=np.inf)) < STEADY_POINT.largest_climb_mps) & (
         np.abs(motion.bank) < FLOWN.level_rad
     )
-    points: list[Maneuver] = []
-    rejected: list[RejectedManeuver] = []
+    search = Search(table, motion.V)
     for rows in stretches(steady):
         data = table.iloc[rows]
         seconds = float(data.index[-1] - data.index[0])
         if seconds < STEADY_POINT.mentioned_s:
             continue
-        if rejection := _rejection(data, motion.V[rows], n[rows]):
-            rejected.append(RejectedManeuver(STEADY, float(data.index[0]), float(data.index[-1]), rejection))
-        else:
-            points.append(maneuver_in(STEADY, rows, table, motion.V, quality.notes(data, motion.bank[rows])))
-    return points, rejected
+        rejection = _rejection(data, motion.V[rows], n[rows])
+        search.judged(STEADY, rows, rejection, () if rejection else quality.notes(data, motion.bank[rows]))
+    return search.maneuvers, search.rejected
 
 
 def _rejection(data: pd.DataFrame, V: Array, load: Array) -> Rejection | None:

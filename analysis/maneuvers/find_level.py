@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from flightpower.analysis.maneuvers.kinds import Maneuver, RejectedManeuver, maneuver_in
+from flightpower.analysis.maneuvers.kinds import Maneuver, RejectedManeuver, Search
 from flightpower.analysis.maneuvers.quality import NEEDED_COLUMNS, SmoothedMotion, missing_share, notes, smooth
 from flightpower.analysis.sources.daemon import speed_ratio_of
 from flightpower.analysis.sources.grid import stretches
@@ -30,8 +30,7 @@ def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list
     turning_or_steep = (np.abs(np.nan_to_num(motion.bank)) > LEVEL_RUN.largest_bank_rad) | (
         np.abs(np.nan_to_num(motion.climb)) > LEVEL_RUN.steep_mps * larger(scale)
     )
-    level_runs: list[Maneuver] = []
-    rejected: list[RejectedManeuver] = []
+    search = Search(table, motion.V)
     for stretch in [*stretches(flying & ~turning_or_steep), *stretches(flying & turning_or_steep)]:
         for leg in legs_of(motion.V[stretch].tolist()):
             whole = _changing_rows(motion, stretch.start, leg, changing_mps2)
@@ -41,12 +40,9 @@ def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list
                     parts = _judged(divided, table, motion, leg.sign, noise)
                     judged = parts if any(part.rejection is None for part in parts) else judged
             for rows, rejection in judged:
-                data = table.iloc[rows]
-                if rejection:
-                    rejected.append(RejectedManeuver(leg.kind, float(data.index[0]), float(data.index[-1]), rejection))
-                else:
-                    level_runs.append(maneuver_in(leg.kind, rows, table, motion.V, notes(data, motion.bank[rows])))
-    return sorted(level_runs, key=lambda run: run.start_s), sorted(rejected, key=lambda run: run.start_s)
+                remarks = () if rejection else notes(table.iloc[rows], motion.bank[rows])
+                search.judged(leg.kind, rows, rejection, remarks)
+    return sorted(search.maneuvers, key=lambda run: run.start_s), sorted(search.rejected, key=lambda run: run.start_s)
 
 
 class _Judged(NamedTuple):

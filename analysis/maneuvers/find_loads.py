@@ -12,8 +12,8 @@ from flightpower.analysis.maneuvers.kinds import (
     WIND_UP_TURN,
     Maneuver,
     RejectedManeuver,
+    Search,
     Unsuitable,
-    maneuver_in,
 )
 from flightpower.analysis.maneuvers.quality import SmoothedMotion, load_factor, smooth
 from flightpower.analysis.maneuvers.settings import LOADS, STEPS
@@ -26,8 +26,7 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
     """The maneuvers of all three kinds, and the rejected stretches. table: of `air_data`."""
     motion, n = smooth(table, LOADS.smoothing_s), load_factor(table, LOADS.load_smoothing_s)
     flying = table["flying"].to_numpy() & np.isfinite(motion.V)
-    maneuvers: list[Maneuver] = []
-    rejected: list[RejectedManeuver] = []
+    search = Search(table, motion.V)
     for kind, where, loads_enough, rejection_of in (
         (
             ROLLER_COASTER,
@@ -43,15 +42,12 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
                 continue
             data = table.iloc[rows]
             if kind == ROLLER_COASTER and _swings(n[rows]) >= LOADS.swings[0]:
-                maneuvers.append(maneuver_in(PORPOISING, rows, table, motion.V, _range_of(n[rows])))
+                search.judged(PORPOISING, rows, None, _range_of(n[rows]))
                 continue
             rejection = quality.without_data(data) or rejection_of(data, motion, rows, n[rows]) or quality.too_low(data)
-            if rejection:
-                rejected.append(RejectedManeuver(kind, float(data.index[0]), float(data.index[-1]), rejection))
-            else:
-                maneuvers.append(maneuver_in(kind, rows, table, motion.V, _range_of(n[rows])))
-    return maneuvers, rejected + _gentle_porpoises(
-        table, n, flying & (np.abs(motion.bank) < LEVEL_RUN.largest_bank_rad), maneuvers
+            search.judged(kind, rows, rejection, () if rejection else _range_of(n[rows]))
+    return search.maneuvers, search.rejected + _gentle_porpoises(
+        table, n, flying & (np.abs(motion.bank) < LEVEL_RUN.largest_bank_rad), search.maneuvers
     )
 
 
@@ -143,8 +139,7 @@ def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
         return [], []
     motion = smooth(table, LOADS.smoothing_s)
     times, signs = _edges(without_gaps(table["elevator_rad"].to_numpy()), motion.step_s)
-    inputs: list[Maneuver] = []
-    rejected: list[RejectedManeuver] = []
+    search = Search(table, motion.V)
     for first, last in _alternating(times, signs):
         holds = np.diff(times[first : last + 1])
         if len(holds) < 2:
@@ -156,12 +151,8 @@ def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuve
         data = table.iloc[rows]
         rejection = None if data["flying"].all() else Rejection(Unsuitable.NOT_FLYING)
         rejection = rejection or _3211_rejection(holds) or quality.too_low(data) or quality.without_data(data)
-        if rejection:
-            rejected.append(RejectedManeuver(STEPS_3211, float(data.index[0]), float(data.index[-1]), rejection))
-        else:
-            notes = (f"unit {np.sum(holds) / np.sum(STEPS.units):.2f} s",)
-            inputs.append(maneuver_in(STEPS_3211, rows, table, motion.V, notes))
-    return inputs, rejected
+        search.judged(STEPS_3211, rows, rejection, (f"unit {np.sum(holds) / np.sum(STEPS.units):.2f} s",))
+    return search.maneuvers, search.rejected
 
 
 def _edges(elevator: Array, step_s: float) -> tuple[Array, Array]:

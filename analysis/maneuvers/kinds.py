@@ -142,3 +142,21 @@ def maneuver_in(
         float(height[-few:].mean() - height[:few].mean()) if flown else 0.0,
         notes,
     )
+
+
+@dataclass
+class Search:
+    """Maneuvers and rejected stretches of a table, as they are found. V : smoothed speed [m/s], (n,)"""
+
+    table: pd.DataFrame
+    V: NDArray[np.float64]
+    maneuvers: list[Maneuver] = field(default_factory=list)
+    rejected: list[RejectedManeuver] = field(default_factory=list)
+
+    def judged(self, kind: str, rows: slice, rejection: Rejection | None, notes: tuple[str, ...] = ()) -> None:
+        """Keeps a stretch as a maneuver, or with the reason why it is none."""
+        if rejection:
+            start_s, end_s = (float(self.table.index[row]) for row in (rows.start, rows.stop - 1))
+            self.rejected.append(RejectedManeuver(kind, start_s, end_s, rejection))
+        else:
+            self.maneuvers.append(maneuver_in(kind, rows, self.table, self.V, notes))

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flightpower.analysis.curve import drag_terms
 from flightpower.analysis.estimation.data import Segment
 from flightpower.analysis.estimation.model import Model, NamedValues, Parameter
 from flightpower.analysis.methods.settings import CROSS_CHECK
@@ -237,7 +238,7 @@ def starting_values(aircraft: Aircraft, segments: Segment | Sequence[Segment], C
     (CL0, CLa), *_ = np.linalg.lstsq(np.stack([np.ones_like(alpha), alpha], axis=1), CL - CLde * elevator, rcond=None)
     if CLa > 0:
         start |= {"CL0": float(CL0), "CLa": float(CLa)}
-    (A0, A1, A2), *_ = np.linalg.lstsq(np.stack([np.ones_like(CL), CL, CL**2], axis=1), CD, rcond=None)
+    (A0, A1, A2), *_ = np.linalg.lstsq(drag_terms(CL), CD, rcond=None)
     if A0 > 0 and A2 > 0:
         start |= {"A0": float(A0), "A1": float(A1), "A2": float(A2)}
     return start

@@ -21,6 +21,7 @@ from flightpower.analysis.methods.assumed_values import ASSUMED_VALUES
 from flightpower.analysis.methods.consider import JointEstimate
 from flightpower.analysis.methods.dynamic import DynamicEstimate
 from flightpower.analysis.methods.rejected_assumptions import Assumption
+from flightpower.analysis.uncertain import variances
 from flightpower.flight.aircraft import Aircraft
 from flightpower.flight.arrays import Array
 
@@ -67,23 +68,20 @@ def variance_by_source(
     """
     gradient = power_gradient(V, condition)
     if estimate.joint is None:
-        noise, shared = (
-            np.einsum("ni,ij,nj->n", gradient, polar_part(part), gradient)
-            for part in (estimate.noise, estimate.systematic)
-        )
+        noise, shared = (variances(gradient, polar_part(part)) for part in (estimate.noise, estimate.systematic))
         return {Share.NOISE: noise, Share.SHARED: shared}
     joint = estimate.joint
-    variances: dict[Share, Array] = defaultdict(lambda: np.zeros(len(V)))
+    by_source: dict[Share, Array] = defaultdict(lambda: np.zeros(len(V)))
     polar = joint.parameters.at([joint.names.index(name) for name in POLAR])
     for name, change in polar.shared.items():
         if name == covariance.DENSITY:  # kept for the comparison of flights; here at the density of this one
             change = covariance.at_nominal_density(polar.value + change, aircraft) - polar.value
-        variances[OF_CHANGE.get(name, Share.TRANSDUCERS)] += (gradient @ change) ** 2
+        by_source[OF_CHANGE.get(name, Share.TRANSDUCERS)] += (gradient @ change) ** 2
     for source, shares in shares_of_correlated(joint, gradient).items():
-        variances[source] += shares
-    total = np.einsum("ni,ij,nj->n", gradient, estimate.polar.covariance, gradient)
-    variances[Share.NOISE] = np.maximum(total - np.sum(list(variances.values()), axis=0), 0.0)
-    return {source: variances[source] for source in Share if np.any(variances.get(source, 0.0))}
+        by_source[source] += shares
+    total = variances(gradient, estimate.polar.covariance)
+    by_source[Share.NOISE] = np.maximum(total - np.sum(list(by_source.values()), axis=0), 0.0)
+    return {source: by_source[source] for source in Share if np.any(by_source.get(source, 0.0))}
 
 
 def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Share, Array]:

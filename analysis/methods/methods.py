@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from flightpower.analysis.curve import Condition, Polar, unphysical
+from flightpower.analysis.curve import Condition, Polar, drag_and_error, unphysical
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS, Maneuver
 from flightpower.analysis.methods.causes import ErrorEstimate, estimate_errors
@@ -28,9 +28,9 @@ from flightpower.analysis.methods.steady_points import PIW_VIW_THREE, PIW_VIW_TW
 from flightpower.analysis.methods.thrust_prior import THRUST, thrust_prior
 from flightpower.analysis.records.flight import CurveStatus, DisagreementResult, MethodRejection, MethodTried
 from flightpower.analysis.settings import CURVES
+from flightpower.analysis.sources.grid import rows_within
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.flight.aircraft import Aircraft
-from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 from flightpower.flight.propeller import Propeller
 from flightpower.flight.runs import ACCELERATION, DECELERATION
@@ -71,9 +71,7 @@ def every_method(
 
 def _inputs(flight_forces: FlightForces, runs: list[Maneuver]) -> tuple[MethodInputs, dict[str, ErrorEstimate]]:
     t, trajectory = flight_forces.t_s, flight_forces.trajectory
-    in_level_runs = np.zeros(len(t), dtype=bool)
-    for run in runs:
-        in_level_runs |= (run.kind in LEVEL_RUNS) & (t >= run.start_s) & (t <= run.end_s)
+    in_level_runs = rows_within(t, [(run.start_s, run.end_s) for run in runs if run.kind in LEVEL_RUNS])
     errors = estimate_errors(flight_forces, trajectory, in_level_runs)
     return method_inputs(flight_forces, trajectory, runs, errors), errors
 
@@ -130,7 +128,7 @@ def rejection_of(polar: Polar | None, flown_CL: tuple[float, float]) -> MethodRe
 
 def informative(polar: Polar, flown_CL: tuple[float, float]) -> bool:
     """Whether the 95 % interval of drag stays above zero over most of these lift coefficients."""
-    drag, sigma = _drag_and_error(polar, flown_CL)
+    drag, sigma = drag_and_error(polar, np.linspace(*flown_CL, CURVES.points))
     return bool(np.mean(drag > NORMAL_95 * sigma) > 0.5)
 
 
@@ -139,15 +137,9 @@ def narrower(polars: tuple[Polar, tuple[float, float]], other: tuple[Polar, tupl
     coefficients of both. Each with its own range."""
     (a, of_a), (b, of_b) = polars, other
     common = max(of_a[0], of_b[0]), min(of_a[1], of_b[1])
-    (drag_a, error_a), (drag_b, error_b) = (_drag_and_error(polar, common) for polar in (a, b))
+    CL = np.linspace(*common, CURVES.points)
+    (drag_a, error_a), (drag_b, error_b) = (drag_and_error(polar, CL) for polar in (a, b))
     return bool(common[0] < common[1] and np.mean(error_a / drag_a) < np.mean(error_b / drag_b))
-
-
-def _drag_and_error(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Array, Array]:
-    """Drag coefficient and its standard error at lift coefficients over this range."""
-    CL = np.linspace(*flown_CL, CURVES.points)
-    terms = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
-    return terms @ polar.A, np.sqrt(np.einsum("ni,ij,nj->n", terms, polar.covariance, terms))
 
 
 def tried(name: str, title: str, reason: MethodRejection, details: str = "") -> MethodTried:

@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flightpower.analysis.curve import Condition, speed_at
+from flightpower.analysis.curve import Condition, drag_terms, speed_at
 from flightpower.analysis.methods.causes import error_prior_sigma
 from flightpower.analysis.methods.method import MethodEstimate
 from flightpower.analysis.methods.settings import COMPARISON
 from flightpower.analysis.records.flight import RunAgainstOthers
 from flightpower.analysis.settings import CURVES
+from flightpower.analysis.uncertain import variances
 from flightpower.flight.aircraft import Uncertainty
 from flightpower.flight.arrays import Array
 
@@ -91,8 +92,8 @@ def _differences(
     CL, covering = lift[shared], covering[shared]
     if not len(CL):
         return None
-    rows = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
-    noise = np.stack([_variance(rows, method_estimate.noise) for method_estimate in others], axis=1)
+    rows = drag_terms(CL)
+    noise = np.stack([variances(rows, method_estimate.noise) for method_estimate in others], axis=1)
     weight = covering / noise
     weight /= weight.sum(axis=1, keepdims=True)
     weighed = (weight[:, :, None] * rows[:, None, :]).reshape(len(CL), -1)
@@ -102,7 +103,7 @@ def _differences(
         return np.asarray(weighed @ np.concatenate([value.reshape(3, -1) for value in values]))
 
     CD, CD_others = rows @ _polar(run), by_others([_polar(method_estimate) for method_estimate in others])[:, 0]
-    variance = _variance(rows, run.noise) + np.sum(weight**2 * noise, axis=1)
+    variance = variances(rows, run.noise) + np.sum(weight**2 * noise, axis=1)
     variance += (COMPARISON.run_slope_rad * CL) ** 2 * (1 + np.sum(weight**2, axis=1))
     by_trajectory = rows @ run.trajectory_deviations - by_others(
         [method_estimate.trajectory_deviations for method_estimate in others]
@@ -115,11 +116,6 @@ def _differences(
         )
         variance += (change * sigma[name]) ** 2
     return _Differences(CL, CD, CD_others, np.sqrt(variance))
-
-
-def _variance(rows: Array, covariance: Array) -> Array:
-    """Variance (k,) of each row's combination of the polar's coefficients."""
-    return np.asarray(np.einsum("ki,ij,kj->k", rows, covariance, rows))
 
 
 def _polar(run: MethodEstimate) -> Array:

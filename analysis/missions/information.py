@@ -41,6 +41,7 @@ from flightpower.analysis.missions.plan_settings import NOISE, SEARCH
 from flightpower.analysis.missions.time_history import TimeHistory
 from flightpower.analysis.records.flight import Results, Trust
 from flightpower.analysis.results import read
+from flightpower.analysis.sources.grid import rows_within
 from flightpower.analysis.trajectory.equations import (
     MEASUREMENT_INPUTS,
     PREDICTED_FLOW,
@@ -348,9 +349,7 @@ def expected(
     runs, _ = find_runs(history.table, noise_mps=math.inf)
     forces = FlightForces(trajectory, aircraft.aircraft, aircraft.propeller)
     states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors
-    inside = np.zeros(len(states), dtype=bool)
-    for run in runs:
-        inside |= (forces.t_s >= run.start_s) & (forces.t_s <= run.end_s)
+    inside = rows_within(forces.t_s, [(run.start_s, run.end_s) for run in runs])
     along = forces.nominal
     inside &= along[["CL", "CD", "J"]].notna().all(axis=1).to_numpy()
     if not inside.any():

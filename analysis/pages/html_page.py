@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from flightpower.analysis.pages.charts.figure import Figure
-from flightpower.analysis.pages.charts.svg import chart, chart_script, chart_style
+from flightpower.analysis.pages.charts.svg import chart, chart_script, chart_style, plain
 
 
 class HtmlTable(NamedTuple):
@@ -42,14 +41,7 @@ def render_page(template: str, **context: object) -> str:
 
 def to_json(value: object, **_: object) -> str:
     """JSON of figures: NaN becomes null, where a line is interrupted."""
-    return msgspec.json.encode(value, enc_hook=_plain).decode()
-
-
-def _plain(value: Any) -> Any:
-    """Arrays and numbers of NumPy as Python's."""
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise NotImplementedError(f"{type(value).__name__} in a figure")
+    return msgspec.json.encode(value, enc_hook=plain).decode()
 
 
 @cache

@@ -12,6 +12,7 @@ from flightpower.analysis.curve import (
     Polar,
     PolarCurve,
     classic_form,
+    drag_terms,
     lift_coefficient,
     maximum_lift_to_drag,
     polar_curve,
@@ -139,7 +140,7 @@ def drag_polar(polar: Polar, aircraft: Aircraft) -> DragPolar:
 def two_term_polar(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Interval, Interval]:
     """C_D0 and B of the nearest C_D = C_D0 + B C_L^2 over the lift coefficients flown."""
     CL = np.linspace(*flown_CL, CURVES.points)
-    terms = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
+    terms = drag_terms(CL)
     nearest = np.linalg.pinv(terms[:, [0, 2]]) @ terms
     values, errors = nearest @ polar.A, np.sqrt(np.diag(nearest @ polar.covariance @ nearest.T))
     CD0, B = (

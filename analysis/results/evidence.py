@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from scipy import special
 
-from flightpower.analysis.curve import POLAR, Condition, lift_coefficient
+from flightpower.analysis.curve import POLAR, Condition, Polar, drag_and_error, drag_terms, lift_coefficient
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.methods.consider import UPDRAFT
 from flightpower.analysis.methods.motor_lag import PARAMETER as MOTOR_LAG_PARAMETER
@@ -511,9 +511,8 @@ def _effect(name: str, statistics: PoolingStatistics) -> float:
     with_polar, variance = np.array(statistics.covariance[i][: len(POLAR)]), statistics.covariance[i][i]
     change = with_polar / variance * (statistics.values[i] - statistics.prior_mean[i])
     CL = np.linspace(*statistics.flown_CL, CURVES.points)
-    at = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
-    half = NORMAL_95 * np.sqrt(np.einsum("ki,ij,kj->k", at, np.array(statistics.polar_covariance), at))
-    return float(np.max(np.abs(at @ change) / half))
+    _, error = drag_and_error(Polar(np.zeros(3), np.array(statistics.polar_covariance)), CL)
+    return float(np.max(np.abs(drag_terms(CL) @ change) / (NORMAL_95 * error)))
 
 
 def _sensor_errors_together(results: Results) -> Iterator[Evidence]:

@@ -6,6 +6,7 @@ the not-a-knot condition (de Boor, A Practical Guide to Splines, ch. IV) and the
 `scipy.interpolate.CubicSpline`, whose import takes 0.15 s and 20 MB.
 """
 
+from collections.abc import Iterable
 from math import factorial
 
 import numpy as np
@@ -28,6 +29,14 @@ def without_gaps(values: Array) -> Array:
         return values
     at = np.arange(len(values))
     return np.interp(at, at[known], values[known])
+
+
+def rows_within(t_s: Array, stretches_s: Iterable[tuple[float, float]]) -> NDArray[np.bool_]:
+    """Rows (n,) at times (n,) within one of the stretches, both ends included."""
+    rows = np.zeros(len(t_s), dtype=bool)
+    for start_s, end_s in stretches_s:
+        rows |= (t_s >= start_s) & (t_s <= end_s)
+    return rows
 
 
 def local_quadratic(values: Array, window: int, derivative: int = 0, step: float = 1.0) -> Array:

@@ -19,6 +19,7 @@ import numpy as np
 
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.settings import EVIDENCE
+from flightpower.analysis.sources.grid import rows_within
 from flightpower.analysis.sources.recording import Fix
 from flightpower.analysis.trajectory.observability import against_prior
 from flightpower.analysis.trajectory.reconstruction import Trajectory
@@ -109,9 +110,7 @@ def mean_updraft(trajectory: Trajectory, runs_s: list[tuple[float, float]], sun_
     """The mean over runs with these beginnings and ends, in the time of the trajectory's states."""
     states = trajectory.states
     t_s = states.index.to_numpy()
-    in_run = np.zeros(len(t_s), dtype=bool)
-    for start_s, end_s in runs_s:
-        in_run |= (t_s >= start_s) & (t_s <= end_s)
+    in_run = rows_within(t_s, runs_s)
     if not in_run.any():
         in_run[:] = True
     flown = states[in_run]

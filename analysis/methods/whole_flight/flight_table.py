@@ -18,7 +18,7 @@ from flightpower.analysis.methods.whole_flight.ground_velocity import circle_cen
 from flightpower.analysis.methods.whole_flight.settings import SHARED, TEMPERATURE, WINDOWS, ZERO
 from flightpower.analysis.sources import recording
 from flightpower.analysis.sources.autopilot_settings import READABLE
-from flightpower.analysis.sources.grid import resampled, smoothed, stretches
+from flightpower.analysis.sources.grid import resampled, rows_within, smoothed, stretches
 from flightpower.analysis.sources.grid_settings import FLIGHT
 from flightpower.analysis.sources.recording import Channel, FlightRecording
 from flightpower.flight.arrays import Array, BoolArray
@@ -110,7 +110,7 @@ def flight_table(
         ground_m = _ground_height(columns["height_m"], standing)
         columns["wind_factor"] = height_factor(columns["height_m"], ground_m, moving)
         first_wind, moving = _first_wind(columns, moving, least_Pa)
-    airborne = _airborne(columns, standing, moving, least_Pa, _left_out(t_s - t_s[0], left_out_s))
+    airborne = _airborne(columns, standing, moving, least_Pa, rows_within(t_s - t_s[0], left_out_s))
     _refuse_meter(flight.path, columns, moving, weight_N)
     if sum(rows.stop - rows.start for rows in airborne) * FLIGHT.step_s < FLIGHT.shortest_flight_s:
         raise InputError(f"{flight.path}: {_why_too_short(columns, moving, left_out_s)}")
@@ -138,14 +138,6 @@ def flight_table(
         first_wind,
         float(t_s[0]),
     )
-
-
-def _left_out(t_s: Array, left_out_s: Sequence[Stretch]) -> BoolArray:
-    """Rows (n,) at times (n,) that lie in one of the stretches."""
-    rows = np.zeros(len(t_s), dtype=bool)
-    for start_s, end_s in left_out_s:
-        rows |= (t_s >= start_s) & (t_s <= end_s)
-    return rows
 
 
 def _why_too_short(columns: Mapping[str, Array], moving: BoolArray, left_out_s: Sequence[Stretch]) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flightpower.analysis.curve import Polar
+from flightpower.analysis.curve import Polar, drag_and_error
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS
 from flightpower.analysis.methods.interval_sources import Share
@@ -152,9 +152,8 @@ def interval_by_source(curve: Sequence[PowerPoint], V: Array, variances: Mapping
 def drag_polar(polar: Polar, flown_CL: tuple[float, float], predicted: PredictedPolar | None = None) -> Figure:
     """The drag polar over the flown lift coefficients, with its 95 % interval."""
     CL = np.linspace(*flown_CL, 60)
-    powers = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
-    CD = powers @ polar.A
-    half_width = NORMAL_95 * np.sqrt(np.einsum("ni,ij,nj->n", powers, polar.covariance, powers))
+    CD, error = drag_and_error(polar, CL)
+    half_width = NORMAL_95 * error
     figure = Figure(height_px=420, cursor=Cursor.NEAREST, x=Axis("drag coefficient", from_zero=True))
     outline = np.r_[CD - half_width, (CD + half_width)[::-1]]
     figure.add(Band(x=outline, y=np.r_[CL, CL[::-1]], color=BLUE, opacity=0.25, name="95 % interval", value=""))

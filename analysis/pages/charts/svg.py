@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib import resources
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -449,3 +449,10 @@ def chart_style() -> str:
 def chart_script() -> str:
     """What reads, zooms and hides in the charts."""
     return resources.files("flightpower.analysis.pages.charts").joinpath("chart.js").read_text("utf-8")
+
+
+def plain(value: Any) -> Any:
+    """Arrays and numbers of NumPy as Python's. Raises NotImplementedError for a value of another type."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise NotImplementedError(f"{type(value).__name__} is no part of JSON")

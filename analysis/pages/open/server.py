@@ -22,10 +22,9 @@ from typing import IO, Any, NamedTuple
 from urllib.parse import quote
 
 import msgspec
-import numpy as np
 
 from flightpower.analysis.files import write_file
-from flightpower.analysis.pages.charts.svg import chart_script, chart_style
+from flightpower.analysis.pages.charts.svg import chart_script, chart_style, plain
 from flightpower.analysis.pages.open.flights import Folder
 from flightpower.analysis.pages.open.folder_files import POLARS, is_polar
 from flightpower.analysis.pages.open.request import LIMITS, FieldError, Values
@@ -277,13 +276,7 @@ def _values(environ: Environ) -> Values:
 
 
 def _json(content: object) -> Answer:
-    return Answer(JSON, msgspec.json.encode(content, enc_hook=_plain))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    raise NotImplementedError(f"{type(value).__name__} in an answer")
+    return Answer(JSON, msgspec.json.encode(content, enc_hook=plain))
 
 
 def server_of(page: LocalPage, listening: socket) -> Any:
