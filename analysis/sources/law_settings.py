@@ -38,6 +38,11 @@ class LawSettings(Settings):
         "shorter delays are those of filters and receivers; share of what is left unexplained at once; times the"
         " airspeed, how long lift follows pitch: V/g times the lift coefficient over its slope, here 1 over 5",
     )
+    energy: tuple[float, float] = setting(
+        (3.0, 60.0),
+        "s",
+        "means of height and speed, above the lag of both; least flight, in which some exchange of the two is usual",
+    )
 
 
 LAWS = LawSettings()

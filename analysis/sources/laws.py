@@ -237,6 +237,7 @@ def findings(channels: Channels, name: Callable[[Quantity], str]) -> list[Findin
         for law in laws(grid):
             if (finding := _judged(law, name)) is not None:
                 findings.append(finding)
+    findings += _energy(grid, name)
     findings += _ground_speed(grid, name)
     often = Counter(quantity for finding in findings for quantity in finding.quantities)
     return sorted(findings, key=lambda finding: (finding.mistake is not Mistake.RANGE, -often[finding.quantities[0]]))
@@ -458,6 +459,77 @@ def _looks_like(ratio: float) -> str:
     near = {words: difference for words, difference in off.items() if difference < 0.12}
     unit = min(near, key=lambda difference: near[difference], default=None)
     return f": one of them is in {unit}, or should be" if unit else ": correct the unit of one of them"
+
+
+class EnergyBalance(NamedTuple):
+    """What climbs give for changes of speed. ratio: of their spreads, 1 where both units are right. correlation: the
+    ratio lies between `ratio` times and over it, as each of the two has noise."""
+
+    ratio: float
+    correlation: float
+
+
+def energy_balance(grid: Grid) -> EnergyBalance | None:
+    """Height against speed by energy: g dh/dt and -V dV/dt, both without what airspeed and power explain.
+
+    Drag is a function of airspeed (a constant, V^3, 1/V, as of energy by time), and the rest of the power goes into
+    both. Both are smoothed over LAWS.energy. None where too little is known.
+    """
+    airspeed, height = grid.airspeed(), grid[Q.HEIGHT]
+    if airspeed is None or height is None:
+        return None
+    both = grid.all(Q.VOLTAGE, Q.CURRENT)
+    power = both[0] * both[1] if both is not None else grid[Q.POWER]
+    V = airspeed[1]
+    power = np.ones(len(V)) if power is None else power
+    width = round(LAWS.energy[0] / FLIGHT.step_s)
+    flown = _flown(V) & np.isfinite(V + height + power)
+    share = _moving_mean(flown.astype(float), width)
+    inside = share > 1 - 0.5 / width
+    V, height, power = (
+        _moving_mean(np.where(flown, values, 0.0), width) / np.maximum(share, 0.5 / width)
+        for values in (V, height, power)
+    )
+    if inside.sum() * FLIGHT.step_s < LAWS.energy[1]:
+        return None
+    columns = np.stack([np.ones(len(V)), V**3, 1 / np.maximum(V, 1.0), power], axis=1)[inside]
+    basis = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)[0]
+    climb, slowing = g * grid.rate(height)[inside], -(V * grid.rate(V))[inside]
+    left = [values - basis @ (basis.T @ values) for values in (climb, slowing)]
+    spreads = [float(np.linalg.norm(values)) for values in left]
+    if min(spreads) == 0:
+        return None
+    return EnergyBalance(spreads[0] / spreads[1], float(left[0] @ left[1]) / (spreads[0] * spreads[1]))
+
+
+def _moving_mean(values: Array, width: int) -> Array:
+    return np.convolve(values, np.ones(width) / width, mode="same")
+
+
+def height_is_checked(channels: Channels) -> bool:
+    """Whether something in the table shows the unit of its height: pressure, climb, or changes of speed."""
+    grid = Grid(channels)
+    if grid[Q.STATIC_PRESSURE] is not None or grid[Q.VELOCITY_DOWN] is not None:
+        return True
+    balance = energy_balance(grid)
+    return balance is not None and balance.correlation > LAWS.correlation.related
+
+
+def _energy(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
+    """A ratio of climb and speed that cannot be one, whatever the noise of either, where no climb is in the table."""
+    airspeed, balance = grid.airspeed(), energy_balance(grid)
+    if airspeed is None or balance is None or grid[Q.VELOCITY_DOWN] is not None:
+        return
+    if balance.correlation < LAWS.correlation.related:
+        return
+    nearest = np.clip(1.0, balance.ratio * balance.correlation, balance.ratio / balance.correlation)
+    if not _one_unit(float(nearest)):
+        yield Finding(
+            Mistake.UNIT,
+            (Q.HEIGHT, airspeed[0]),
+            f"{name(Q.HEIGHT)} gains {balance.ratio:.2g} times the energy that {name(airspeed[0])} loses"
+            f"{_looks_like(balance.ratio)}",
+        )
 
 
 def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:

@@ -14,7 +14,7 @@ import numpy as np
 from flightpower.analysis.sources.check_settings import STRUCTURE
 from flightpower.analysis.sources.column_map import DRAFT, Channels, ColumnMap, map_files, map_of, mapped_channels
 from flightpower.analysis.sources.daemon_log import gives_electrical_power
-from flightpower.analysis.sources.laws import Finding, findings
+from flightpower.analysis.sources.laws import Finding, findings, height_is_checked
 from flightpower.analysis.sources.map_draft import map_without_question
 from flightpower.analysis.sources.position import velocity_by_position
 from flightpower.analysis.sources.quantities import KINDS, Quantity
@@ -70,7 +70,22 @@ def log_of_table(path: Path, given: Path | None = None) -> Log:
     channels = mapped_channels(path, columns, column_map)
     if wrong := findings(channels, column_map.named):
         raise contradiction(path, wrong, column_map)
-    return as_log(path, channels)
+    log = as_log(path, channels)
+    log.metadata[TABLE] = unchecked_units(channels, column_map)
+    return log
+
+
+def unchecked_units(channels: Channels, column_map: ColumnMap) -> dict[str, str]:
+    """Sentences, by quantity, on units that nothing in the table checks."""
+    notes = {}
+    for quantity, checked in ((Q.HEIGHT, height_is_checked(channels)), (Q.AIR_TEMPERATURE, False)):
+        if quantity in channels and not checked:
+            unit = column_map.columns[quantity].unit
+            notes[str(quantity)] = (
+                f"The unit of {column_map.named(quantity)} is not checked: nothing in the table shows whether it is"
+                f" {unit}."
+            )
+    return notes
 
 
 def refuse_without_method(log: Log) -> None:

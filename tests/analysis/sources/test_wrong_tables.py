@@ -7,9 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flightpower.analysis.sources.table import log_of_table
+from flightpower.analysis.sources.daemon_recording import recording_of
+from flightpower.analysis.sources.map_draft import draft
+from flightpower.analysis.sources.table import TABLE, log_of_table
 from flightpower.flight.errors import InputError
-from tests.analysis.sources.flown_table import MAP, flown_table, map_text, written
+from tests.analysis.sources.flown_table import MAP, flown_table, map_text, write_csv, written
 
 Table = pd.DataFrame
 TRUE = flown_table()
@@ -132,3 +134,46 @@ def test_two_aircraft_by_their_number(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="2 aircraft"):
         log_of_table(written(tmp_path, TRUE.assign(ac_id=number), text))
     assert log_of_table(written(tmp_path, TRUE.assign(ac_id=7), text))
+
+
+BARE = {name: MAP[name] for name in ("time", "true_airspeed", "height", "battery_voltage", "battery_current")}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"height_m": 1 / 0.3048}, r"height \(column height_m\) gains 3\.\d times the energy .* feet"),
+        ({"height_m": 0.3048}, r"height .* gains 0\.3\d* times the energy .* feet"),
+        ({"tas_mps": 1 / 0.514444}, r"height .* gains 0\.2\d* times the energy that true_airspeed \(column tas_mps\)"),
+    ],
+)
+def test_energy_tells_a_unit_where_the_table_has_no_climb(
+    wrong: dict[str, float], message: str, tmp_path: Path
+) -> None:
+    """g dh/dt against V dV/dt at equal power: feet are 3.28 times as many, knots squared 3.8 times."""
+    table = TRUE.assign(**{name: TRUE[name] * factor for name, factor in wrong.items()})
+    with pytest.raises(InputError, match=message):
+        log_of_table(written(tmp_path, table, map_text(BARE)))
+
+
+def test_energy_rejects_no_sound_flight_and_leaves_no_note(tmp_path: Path) -> None:
+    for seed in range(1, 9):
+        assert not log_of_table(written(tmp_path, flown_table(seed), map_text(BARE))).metadata[TABLE], seed
+
+
+def test_units_that_nothing_checks_are_named(tmp_path: Path) -> None:
+    """Steady circles exchange no height for speed; no law has the temperature of the air."""
+    level = TRUE.assign(tas_mps=15.0 + 0.2 * np.sin(TRUE["t_s"]), height_m=100 + 0.5 * np.sin(0.7 * TRUE["t_s"]))
+    text = map_text({**BARE, "air_temperature": ("oat_K", "K")})
+    notes = log_of_table(written(tmp_path, level, text)).metadata[TABLE]
+    assert notes["height"].startswith("The unit of height (column height_m) is not checked")
+    assert "shows whether it is K" in notes["air_temperature"]
+    recording = recording_of(log_of_table(written(tmp_path, level, text)))
+    assert set(notes.values()) <= set(recording.notes)
+
+
+def test_a_draft_takes_height_in_feet_by_energy(tmp_path: Path) -> None:
+    names = {"height_m": "altitude", "t_s": "time", "tas_mps": "tas", "voltage_V": "voltage", "current_A": "current"}
+    feet = TRUE[list(names)].assign(height_m=TRUE["height_m"] / 0.3048).rename(columns=names)
+    write_csv(tmp_path / "flight.csv", feet)
+    assert '[height]\ncolumn = "altitude"\nunit = "ft"' in draft(tmp_path / "flight.csv")
