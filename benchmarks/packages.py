@@ -2,12 +2,15 @@
 
     make packages                                                     # python3.11 to python3.14, each must be here
     .venv/bin/python benchmarks/packages.py --python /opt/python3.14  # this Python only
+    .venv/bin/python benchmarks/packages.py --px4-log ../flight3.ulg  # and this real log, of the Seaway Mini
     .venv/bin/python benchmarks/packages.py --tests                   # and the tests of the unpacked sdist
 
-With each Python, from the wheel alone, in an empty folder: the demonstration, an aircraft file of one's own, ten
-flights pooled, the page in the browser, and with the extra [autopilot] only, without CasADi, a log of PX4. Packages
-come from pip's index, the newest that pyproject.toml allows. Exit code 1 if a command fails, if the wheels differ in a
-byte, if twine, check-wheel-contents or pyroma find a fault, or if a license is unknown or the GPL. In
+With each Python, from the wheel, in an empty folder, beside the packages `analysis` and `daq` of the index: the
+demonstration, an aircraft of the user's own flown and analyzed, flights pooled and added to a fleet, the page in the
+browser, and with the extra [autopilot] only, without CasADi, a log of PX4; then neighbors and wheel are uninstalled by
+turns, and the other must still work. Packages come from pip's index, the newest that pyproject.toml allows. Exit code 1
+if a command fails, if the wheels differ in a byte, if twine, check-wheel-contents or pyroma find a fault, or if a
+license is unknown or the GPL. In
 build/packages/dist are the packages, a bill of materials (CycloneDX), the licenses, and hashes.txt, which fixes every
 file that is installed: `pip install --require-hashes -r hashes.txt`, then `pip install --no-deps WHEEL`.
 """
@@ -17,10 +20,12 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
 import urllib.request
+from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -33,6 +38,17 @@ HASHED = ("fleet", "sim", "plot", "status")  # the extras for users
 LEAST_RATING = (
     8  # of pyroma's 10: two are for addresses of a home page and of authors, which pyproject.toml has not yet
 )
+NEIGHBORS = ("analysis", "daq")  # names of our parts on the index, by others; its `flight` cannot be installed
+# Each module of the packages named is as it was installed. (The index's `daq` cannot be imported without Dask. Its
+# command is called as ours, and belongs to what was installed last: README says to type `flightpower daq` there.)
+INTACT = """
+import base64, hashlib, sys
+from importlib.metadata import files
+for name in sys.argv[1:]:
+    for file in files(name):
+        if file.hash and ".." not in file.parts:
+            assert base64.urlsafe_b64decode(file.hash.value + "=") == hashlib.sha256(file.read_binary()).digest(), file
+"""
 MINE = """name = "mine"
 [geometry]
 span = "1.75 m"
@@ -41,7 +57,8 @@ wing_area = "0.464 m^2"
 weight = "3.84 kg"
 """
 OF_THE_AIRCRAFT = ("--mass", "3.84 kg", "--wing-area", "0.464 m^2", "--span", "1.75 m")
-FLIGHTS = 10
+OF_THE_SEAWAY = ("--mass", "9.4 kg", "--wing-area", "1.499 m^2", "--span", "4 m")
+FLIGHTS = 3
 REFUSED = re.compile(r"UNKNOWN|Affero|AGPL|(?<!Lesser )General Public|(?<!L)GPL-")
 
 
@@ -85,6 +102,7 @@ def main(
     python: Annotated[list[str] | None, typer.Option(help="Try this Python; may be given several times.")] = None,
     tests: Annotated[bool, typer.Option("--tests", help="Run the tests of the unpacked sdist, too.")] = False,
     wheel: Annotated[Path | None, typer.Option(help="A wheel that was built before, in place of building.")] = None,
+    px4_log: Annotated[Path | None, typer.Option(help="Analyze this log of the Seaway Mini, too.")] = None,
 ) -> None:
     """Build and try the packages."""
     shutil.rmtree(folder, ignore_errors=True)
@@ -98,7 +116,7 @@ def main(
         if path is None or subprocess.run([path, "-c", ""], capture_output=True).returncode:
             bench.add(f"{name}", False, "is not here; give its path with --python")
         else:
-            tried(bench, Path(path), wheel.resolve())
+            tried(bench, Path(path), wheel.resolve(), px4_log and px4_log.resolve())
     installed = sorted(bench.folder.glob("3.*/venv/bin/python"))
     if sdist is not None and installed:
         supply(bench, installed[0])
@@ -142,34 +160,23 @@ def unpacked(sdist: Path, folder: Path) -> Path:
 
 
 def environment(bench: Bench, python: Path, wheel: Path, extras: str, folder: Path) -> Path:
-    """The folder of the commands of a new environment with the wheel; by uv where it is here, or else by pip."""
+    """The folder of the commands of a new environment with the wheel, beside its neighbors of the same names."""
     what = f"{folder.parent.name} [{extras}]"
-    if uv := shutil.which("uv"):
-        bench.run(f"{what} environment", uv, "venv", "--quiet", "--python", python, folder)
-        bench.run(
-            f"{what} installed",
-            uv,
-            "pip",
-            "install",
-            "--quiet",
-            "--python",
-            folder / "bin/python",
-            f"{wheel}[{extras}]",
-        )
-    else:
-        bench.run(f"{what} environment", python, "-m", "venv", folder)
-        bench.run(f"{what} installed", folder / "bin/pip", "install", "--quiet", f"{wheel}[{extras}]")
+    bench.run(f"{what} environment", python, "-m", "venv", folder)
+    pip = (folder / "bin" / "pip", "install", "--quiet")
+    bench.run(f"{what} neighbors installed", *pip, *NEIGHBORS)
+    bench.run(f"{what} installed", *pip, f"{wheel}[{extras}]")
     return folder / "bin"
 
 
-def tried(bench: Bench, python: Path, wheel: Path) -> None:
+def tried(bench: Bench, python: Path, wheel: Path, px4_log: Path | None) -> None:
     """What a user does, from the wheel, with one Python."""
     outcome = subprocess.run([python, "-c", "import sys; print(*sys.version_info[:2], sep='.')"], capture_output=True)
     version = outcome.stdout.decode().strip()
     place = bench.folder / version
     work = place / "work"
     work.mkdir(parents=True)
-    commands = environment(bench, python, wheel, "analysis,sim", place / "venv")
+    commands = environment(bench, python, wheel, "fleet,sim", place / "venv")
     if not (commands / "flightpower").exists():
         return
 
@@ -180,17 +187,31 @@ def tried(bench: Bench, python: Path, wheel: Path) -> None:
     step("demo: fly", "sim", "fly", "--plan", "demo", "-o", "demo")
     step("demo: analyze", "analyze", "demo/log.mcap")
     (work / "my.toml").write_text(MINE)
-    step("own aircraft", "analyze", "demo/log.mcap", "--aircraft", "my.toml", "-o", "mine")
+    step("own aircraft, five keys", "analyze", "demo/log.mcap", "--aircraft", "my.toml", "-o", "mine")
+    step("own aircraft: file", "flightpower", "new", "aircraft", "--like", "nexstar", "-o", "like.toml")
+    step("own aircraft: fly", "sim", "fly", "--aircraft", "like.toml", "--plan", "demo", "-o", "like")
+    step("own aircraft: analyze", "analyze", "like/log.mcap", "--aircraft", "like.toml")
     for seed in range(FLIGHTS):
         step(f"flight {seed}", "sim", "fly", "--plan", "demo", "--no-hardware", "--seed", seed, "-o", f"flights/{seed}")
     logs = [f"flights/{seed}/log.mcap" for seed in range(FLIGHTS)]
-    step("ten flights pooled", "analyze", *logs, "-o", "pool")
+    step("flights pooled", "analyze", *logs, "-o", "pool")
+    step("fleet: add", "flightpower", "fleet", "add", "pool", "--to", "fleet")
+    step("fleet: show", "flightpower", "fleet", "show", "fleet", "-o", "fleet-today")
     step("PX4: fly", "sim", "fly", "--plan", "ordinary-flight", "--as", "px4", "-o", "px4")
     page(bench, version, commands, work)
     light = environment(bench, python, wheel, "autopilot", place / "light")
     bench.add(f"{version} [autopilot] is without CasADi", not list(light.parent.rglob("casadi")), "")
     bench.run(f"{version} PX4: analyze", light / "analyze", "px4/log.ulg", *OF_THE_AIRCRAFT, cwd=work)
-    for name, used in (("[analysis,sim]", place / "venv"), ("[autopilot]", place / "light")):
+    if px4_log is not None:
+        bench.run(f"{version} PX4, a real log", light / "analyze", px4_log, *OF_THE_SEAWAY, "-o", "real", cwd=work)
+    bench.run(f"{version} neighbors uninstalled", commands / "pip", "uninstall", "--quiet", "--yes", *NEIGHBORS)
+    step("analyze without neighbors", "analyze", "demo/log.mcap", "-o", "again")
+    step("flightpower daq without neighbors", "flightpower", "daq", "--help")
+    bench.run(f"{version} wheel uninstalled", light / "pip", "uninstall", "--quiet", "--yes", "flightpower")
+    bench.run(f"{version} neighbors without the wheel", light / "python", "-c", INTACT, *NEIGHBORS)
+    left = [path.name for path in light.iterdir() if path.name in ("analyze", "daq", "flightpower", "sim")]
+    bench.add(f"{version} nothing is left of the wheel", not left, ", ".join(left))
+    for name, used in (("[fleet,sim]", place / "venv"), ("[autopilot]", place / "light")):
         bytes_ = sum(path.lstat().st_size for path in used.rglob("*") if path.is_file())
         bench.add(f"{version} {name}", True, f"{bytes_ / 1e6:.0f} MB")
 
@@ -225,8 +246,9 @@ def page(bench: Bench, version: str, commands: Path, work: Path) -> None:
     """The page of the demonstration's flight is served, and ends by itself when it is asked to."""
     command = [commands / "flightpower", "open", "demo/log.mcap", "--no-browser"]
     served = subprocess.Popen(
-        command, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=clean_environment()
-    )
+        command, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=clean_environment(),
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores Ctrl-C
+    )  # fmt: skip
     assert served.stdout is not None
     lines, address = [], None
     for line in served.stdout:
@@ -238,10 +260,10 @@ def page(bench: Bench, version: str, commands: Path, work: Path) -> None:
     except OSError as error:
         text, lines = "", [*lines, str(error)]
     finally:
-        served.terminate()
+        served.send_signal(signal.SIGINT)
         code = served.wait(60)
-    good = "<html" in text and code in (0, -15)
-    bench.add(f"{version} page", good, f"{len(text) / 1e3:.0f} kB" if good else "".join(lines)[-300:])
+    good = "<html" in text and code == 0
+    bench.add(f"{version} page", good, f"{len(text) / 1e3:.0f} kB" if good else f"{code}: {''.join(lines)[-300:]}")
 
 
 def test_sdist(bench: Bench, sdist: Path) -> None:
