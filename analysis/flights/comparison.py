@@ -225,7 +225,7 @@ def compare(a: Pool, b: Pool) -> Comparison:
         of_a, of_b = of_kind(a, kind), of_kind(b, kind)
         if not of_a or not of_b:
             side = "B" if of_a else "A"
-            raise InputError(f"no flight of {side} gives {kind.words}; compare flights with a kind of power in common")
+            raise InputError(f"no flight of {side} gives {kind.words}; add one to compare by it")
         return _of_one_kind(of_a, of_b)
 
     drag_first = a.kind is b.kind is Kind.POWER_REQUIRED

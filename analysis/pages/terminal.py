@@ -22,7 +22,7 @@ from flightpower.analysis.pages.sections.summary import verdict_section
 from flightpower.analysis.pages.wording import every
 from flightpower.analysis.records.fleet import FleetResults
 from flightpower.analysis.records.flight import Results
-from flightpower.analysis.records.pool import ComparisonResults, PooledResults, of_each_kind
+from flightpower.analysis.records.pool import ComparisonResults, Configuration, PooledResults, of_each_kind
 
 
 def print_summary(results: Results, page: Path, console: Console) -> None:
@@ -52,8 +52,12 @@ def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
         _print_answers(console, [*headline_answers(one_kind, one_kind.performance), *pooled_answers(one_kind)])
         counted = f"{len(one_kind.flights)} pooled, {len(one_kind.left_out)} left out, {len(one_kind.failures)} refused"
         console.print(f"flights: {counted}", highlight=False)
-        _print_notes(console, [*one_kind.notes, *left_out_lines(one_kind)])
+        _print_notes(console, [*one_kind.notes, *_left_out(one_kind)])
     _print_page(console, page)
+
+
+def _left_out(of: PooledResults | Configuration) -> list[str]:
+    return [f"left out: {line}" for line in left_out_lines(of)]
 
 
 def print_comparison(comparison: ComparisonResults, page: Path | None, console: Console) -> None:
@@ -63,7 +67,7 @@ def print_comparison(comparison: ComparisonResults, page: Path | None, console: 
         _print_table(console, title, differences_table(one_kind.differences, 8))
         _print_answers(console, comparison_answers(one_kind))
         console.print(escape(one_kind.text), highlight=False)
-        _print_notes(console, [*one_kind.notes, *left_out_lines(one_kind.a), *left_out_lines(one_kind.b)])
+        _print_notes(console, [*one_kind.notes, *_left_out(one_kind.a), *_left_out(one_kind.b)])
     if page:
         _print_page(console, page)
 

@@ -197,7 +197,7 @@ def test_pools_are_compared_by_the_kinds_of_power_that_both_have() -> None:
     assert [flight.log for flight in both.b.left_out] == ["a"] and "the electrical power of B" in both.other_kind.text
     page = render_comparison(both)
     assert "<h1> against : power required</h1>" in page and "<h2> against : electrical power</h2>" in page
-    with pytest.raises(InputError, match="no flight of A gives electrical power; compare flights with a kind"):
+    with pytest.raises(InputError, match="no flight of A gives electrical power; add one to compare by it"):
         compared(of_tray("b", battery=False), [autopilot])
     with pytest.raises(InputError, match="a is in both pools"):
         compared([autopilot], [autopilot])
@@ -234,7 +234,7 @@ def test_the_commands_give_both_kinds_as_python_does(tmp_path: Path, capsys: pyt
     printed = capsys.readouterr().out
     assert "A: power required" in printed and "flights: 2 pooled, 1 left out" in printed
     assert "A: electrical power" in printed and "flights: 3 pooled, 0 left out" in printed
-    assert "note: x: it gives electrical power only" in printed
+    assert "note: left out: x: it gives electrical power only" in printed
     pooled = json.loads((tmp_path / "a" / "results.json").read_text())
     assert (pooled["kind"], pooled["other_kind"]["kind"]) == (Kind.POWER_REQUIRED, Kind.ELECTRICAL)
     assert pooled["left_out"] == [
