@@ -17,6 +17,7 @@ from flightpower.daq.log_names import numbered_logs
 from flightpower.daq.log_recovery import MAX_RECORD_BYTES, chunk_of
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_index import CHUNK_HEAD, MAGIC, RECORD_HEAD
+from flightpower.flight.log_reader import CUT
 from flightpower.flight.log_writer import MESSAGE_HEAD
 from flightpower.flight.messages import Time
 from flightpower.flight.satellite_time import ahead_of_log_ns
@@ -32,7 +33,7 @@ class ListedLog(NamedTuple):
     begin: datetime | None
     by_satellites: bool
     duration_s: float
-    state: str  # complete, unfinished, empty, cannot be read: why
+    state: str  # complete, CUT, empty, cannot be read: why
 
 
 def list_logs(directory: Path, latest: int | None = None) -> list[ListedLog]:
@@ -84,9 +85,9 @@ def unfinished(path: Path, size: int) -> ListedLog:
                 begin_ns, end_ns, _, _ = CHUNK_HEAD.unpack_from(head, RECORD_HEAD.size)
                 times_ns.append((begin_ns, end_ns))
     if not times_ns:
-        return ListedLog(path, size, None, False, 0.0, "unfinished")
-    begin = datetime.fromtimestamp(times_ns[0][0] / 1e9, UTC)
-    return ListedLog(path, size, begin, False, (times_ns[-1][1] - times_ns[0][0]) / 1e9, "unfinished")
+        return ListedLog(path, size, None, False, 0.0, CUT)
+    begin, duration_s = datetime.fromtimestamp(times_ns[0][0] / 1e9, UTC), (times_ns[-1][1] - times_ns[0][0]) / 1e9
+    return ListedLog(path, size, begin, False, duration_s, f"{CUT}: {duration_s:.1f} s read")
 
 
 def satellites_minus_log_time_ns(stream: BinaryIO, summary: Summary) -> int | None:

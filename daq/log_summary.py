@@ -46,7 +46,7 @@ def summarize(path: Path) -> Summary:
         _ticks(log),
     ]
     if log.torn:
-        lines.append(f"the file is unfinished; it was read up to the damaged record ({log.torn})")
+        lines.append(f"the file is {log.incomplete}")
     if log.undecodable:
         lines.append(f"{log.undecodable} messages cannot be decoded")
     return Summary(lines, [_topic(topic, entries, duration_s) for topic, entries in sorted(log.entries.items())])

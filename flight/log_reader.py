@@ -15,7 +15,7 @@ from flightpower.flight.formats import refusal
 from flightpower.flight.log_chunk import LogTooLarge, allowed_bytes
 from flightpower.flight.log_entries import Entries
 from flightpower.flight.log_index import MAGIC
-from flightpower.flight.log_records import Messages, records
+from flightpower.flight.log_records import Messages, RecordCut, records
 from flightpower.flight.log_writer import PROFILE
 from flightpower.flight.messages import TYPE_OF_TOPIC, Message, Status
 from flightpower.flight.undecodable import Undecodable
@@ -38,6 +38,21 @@ class Log:
     other_encodings: dict[str, str] = field(default_factory=dict)  # by topic that is not encoded as JSON
     undecodable_of: dict[str, Undecodable] = field(default_factory=dict)  # by topic
     torn: str = ""  # why reading stopped before the end; empty for a complete log
+    cut: bool = False  # whether the file ended before its footer; other torn logs are damaged
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last message."""
+        begins = [entries.time_ns[0] for entries in self.entries.values() if len(entries)]
+        ends = [entries.time_ns[-1] for entries in self.entries.values() if len(entries)]
+        return (max(ends) - min(begins)) / 1e9 if begins else 0.0
+
+    @property
+    def incomplete(self) -> str:
+        """What an incomplete log is, and how much of it was read; empty for a complete one."""
+        if self.cut:
+            return f"{CUT}: {self.duration_s:.1f} s read"
+        return f"damaged ({self.torn}): {self.duration_s:.1f} s before that read" if self.torn else ""
 
     @property
     def undecodable(self) -> int:
@@ -45,6 +60,7 @@ class Log:
         return sum(undecodable.count for undecodable in self.undecodable_of.values())
 
 
+CUT = "still being recorded, or cut by a loss of power"
 UNDECODABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)  # of one message: the others are read
 
 
@@ -84,7 +100,7 @@ def _no_search_for_cycles() -> Iterator[None]:
 
 def _why_empty(log: Log) -> str:
     if log.torn:
-        return f"holds no message (it is torn: {log.torn})"
+        return f"holds no message ({log.torn if log.cut else f'it is damaged: {log.torn}'})"
     for topic, undecodable in log.undecodable_of.items():
         return f"none of its {log.undecodable} messages can be decoded; {topic}: {undecodable.mistake}"
     for topic, encoding in log.other_encodings.items():
@@ -174,6 +190,8 @@ def _read(path: Path, stream: Iterator[McapRecord | Messages]) -> Log:
         raise
     except LogTooLarge as error:
         log.torn = str(error)
+    except RecordCut:
+        log.torn, log.cut = CUT, True
     except Exception as error:  # whatever a decoder raises on a torn chunk: McapError, EOFError, errors of zstandard …
         log.torn = f"{type(error).__name__}: {error}".rstrip(": ")
     for entries in read.values():

@@ -21,6 +21,10 @@ IN_CHUNK = struct.Struct("<BQHIQQ")  # the same with the record's head
 USED = {Opcode.HEADER: Header, Opcode.ATTACHMENT: Attachment, Opcode.METADATA: Metadata, Opcode.CHANNEL: Channel}
 
 
+class RecordCut(EndOfFile):
+    """The file ends within a record, or without a footer: it is still being written, or the power was cut."""
+
+
 class Messages(NamedTuple):
     """Consecutive messages of one channel, not decoded. ticks: the records' sequence numbers."""
 
@@ -51,13 +55,13 @@ def _records(stream: IO[bytes], allowed: int, messages: dict[int, Messages]) -> 
     while True:
         head = stream.read(RECORD_HEAD.size)
         if len(head) < RECORD_HEAD.size:
-            raise EndOfFile()
+            raise RecordCut()
         opcode, length = RECORD_HEAD.unpack(head)
         if length > MAX_RECORD_BYTES:
             raise RecordLengthLimitExceeded(opcode, length, MAX_RECORD_BYTES)
         content = stream.read(length)
         if len(content) < length:
-            raise EndOfFile()
+            raise RecordCut()
         if opcode == Opcode.CHUNK:
             chunk = Chunk.read(ReadDataStream(BytesIO(content)))
             data = decompressed(chunk.compression, chunk.data)

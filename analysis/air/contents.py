@@ -180,7 +180,7 @@ def _of_another_table(aircraft: Aircraft, propeller: Propeller) -> str:
 
 def damage(log: Log) -> list[str]:
     """Parts of the log that are torn or cannot be decoded, in sentences."""
-    notes = [f"The log is truncated ({log.torn}); the part before is used."] if log.torn else []
+    notes = [f"The log is {log.incomplete}."] if log.torn else []
     for topic, undecodable in sorted(log.undecodable_of.items()):
         left_out = "1 message is" if undecodable.count == 1 else f"{undecodable.count} messages are"
         notes.append(f"{left_out} left out: {topic}: {undecodable.mistake}.")

@@ -41,6 +41,8 @@ def recording_of(log: Log) -> FlightRecording:
     missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
     lacks = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
     notes = (*log.metadata.get(TABLE, {}).values(), *((lacks, NOTE) if missing else (NOTE,)))
+    if log.torn:
+        notes = (f"The log is {log.incomplete}.", *notes)
     return FlightRecording(
         log.path,
         channels,

@@ -19,7 +19,7 @@ from flightpower.daq.log_list import list_logs
 from flightpower.daq.log_summary import summarize
 from flightpower.daq.sensors import ublox as ublox_driver
 from flightpower.flight.errors import InputError
-from flightpower.flight.log_reader import read_log
+from flightpower.flight.log_reader import CUT, read_log
 from flightpower.flight.messages import SECOND_TOPICS, TYPE_OF_TOPIC, Status, schema_of
 from flightpower.hw_fakes import ublox as ublox_fake
 from flightpower.hw_fakes.clock import SimulatedClock
@@ -127,9 +127,11 @@ def test_logs_are_listed_by_the_satellites_time(flight, tmp_path):
     logs = list_logs(tmp_path)
     assert [log.state.partition(":")[0] for log in logs] == [
         "complete",
-        "unfinished",
+        CUT,
         "cannot be read",
     ]
+    assert logs[1].state == f"{CUT}: {logs[1].duration_s:.1f} s read"
+    assert f"the file is {CUT}: {read_log(logs[1].path).duration_s:.1f} s read" in summarize(logs[1].path).lines
     assert logs[0].by_satellites and f"{logs[0].begin:%Y-%m-%d %H:%M}" in ("2016-05-14 09:29", "2016-05-14 09:30")
     assert logs[0].duration_s == pytest.approx(SECONDS, abs=0.1)
     assert any("2016-05-14 09:" in line and "satellites' time" in line for line in summarize(recording.path).lines)

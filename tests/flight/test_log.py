@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from flightpower.flight.errors import InputError
-from flightpower.flight.log_reader import read_log
+from flightpower.flight.log_reader import CUT, read_log
 from flightpower.flight.log_writer import LogWriter
 from flightpower.flight.messages import (
     MESSAGES,
@@ -155,6 +155,24 @@ def test_a_file_torn_anywhere_gives_what_was_closed_before_the_tear(tmp_path):
     assert counts == sorted(counts)  # more file, more messages
     # The last chunk is open when the power fails: 2,000 bytes hold less than one tick of all topics.
     assert counts[-1] >= 38
+
+
+def test_a_log_that_still_grows_or_lost_its_end_is_not_called_damaged(tmp_path):
+    """Its whole records are read; a record whose bytes are others is damage."""
+    stream, path = io.BytesIO(), tmp_path / "log.mcap"
+    write(stream, ticks=40, finish=False)
+    whole = stream.getvalue()
+    path.write_bytes(whole[:-700])
+    log = read_log(path)
+    times_ns = [time_ns for entries in log.entries.values() for time_ns in entries.time_ns]
+    assert log.cut and log.incomplete == f"{CUT}: {(max(times_ns) - min(times_ns)) / 1e9:.1f} s read"
+    middle = len(whole) // 2
+    path.write_bytes(whole[:middle] + bytes(64) + whole[middle + 64 :])
+    assert not read_log(path).cut and read_log(path).incomplete.startswith("damaged (")
+    stream = io.BytesIO()
+    write(stream, ticks=40)
+    path.write_bytes(stream.getvalue())
+    assert read_log(path).incomplete == ""
 
 
 def test_a_topic_we_do_not_know_and_a_message_we_cannot_read_are_passed_over(tmp_path):

@@ -287,7 +287,7 @@ WRONG = {
     "calibrate probe a.png -o new.json": "a.png: not a text file in UTF-8: give another",
     "calibrate thrust two.csv --propeller apc-12x8e": "two.csv: column 'a;b': must be one of",
     "calibrate airspeed a.png": "a.png: an image, which is not read",
-    "calibrate surfaces torn.mcap": "torn.mcap: holds no message (it is torn:",
+    "calibrate surfaces torn.mcap": "torn.mcap: holds no message (still being recorded, or cut by a loss of power)",
     "calibrate magnetometer zip.mcap -o new.json": "zip.mcap: a ZIP archive, which is not read",
     "sim fly -o new --world moon": "world moon: not one of bench, harsh, none,",
     "sim fly -o new --as inav": "--as inav: not known; give px4 or ardupilot or",
