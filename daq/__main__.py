@@ -306,18 +306,19 @@ def list_(
     """
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     from flightpower.daq.log_list import list_logs
-    from flightpower.daq.log_names import numbered_logs
+    from flightpower.daq.log_names import all_logs
 
     table = Table("log", "begin (UTC)", "min", "MB", "state", box=None)
     for log in list_logs(folder, latest=None if every else SHOWN_LOGS):
         begin = "-" if log.begin is None else f"{log.begin:%Y-%m-%d %H:%M}{'' if log.by_satellites else ' ?'}"
         length = f"{log.duration_s / 60:.1f}" if log.begin else "-"
-        table.add_row(log.path.name, begin, length, f"{log.bytes / 1e6:.1f}", log.state)
-    none = f"{folder}: no log-NNNN.mcap (`daq info FILE` describes a log of any name)"
+        table.add_row(Text(log.path.name), begin, length, f"{log.bytes / 1e6:.1f}", log.state)
+    none = f"{folder}: no log (.mcap) is in it; give the folder of the logs"
     Console().print(table if table.rows else none, highlight=False, soft_wrap=not table.rows)
-    if table.rows and (left := len(numbered_logs(folder)) - table.row_count) > 0:
+    if table.rows and (left := len(all_logs(folder)) - table.row_count) > 0:
         Console().print(f"{left} earlier logs are not shown; --all lists them", highlight=False)
 
 

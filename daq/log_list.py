@@ -13,7 +13,7 @@ from mcap.reader import SeekingReader
 from mcap.summary import Summary
 
 from flightpower.daq.disk_space import is_finished
-from flightpower.daq.log_names import numbered_logs
+from flightpower.daq.log_names import all_logs
 from flightpower.daq.log_recovery import MAX_RECORD_BYTES, chunk_of
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_index import CHUNK_HEAD, MAGIC, RECORD_HEAD
@@ -37,13 +37,13 @@ class ListedLog(NamedTuple):
 
 
 def list_logs(directory: Path, latest: int | None = None) -> list[ListedLog]:
-    """The numbered logs of a folder, in order. latest: how many of them, None for all.
+    """The logs of a folder, numbered ones last and in order. latest: how many of them, None for all.
 
     Raises InputError if the folder cannot be read.
     """
     if not directory.is_dir():
         raise InputError(f"{directory}: no such folder; give the one with the logs")
-    logs = numbered_logs(directory)
+    logs = all_logs(directory)
     return [listed(path) for path in (logs if latest is None else logs[-latest:])]
 
 

@@ -25,6 +25,12 @@ def numbered_logs(directory: Path) -> list[Path]:
     return sorted((path for path in directory.glob("log-*.mcap") if log_number(path) >= 0), key=log_number)
 
 
+def all_logs(directory: Path) -> list[Path]:
+    """The MCAP files of a directory: those of other names first, by name, then the numbered ones in order."""
+    files = (path for path in directory.glob("*.mcap") if not path.name.startswith("."))
+    return sorted(files, key=lambda path: (log_number(path), path.name))
+
+
 def numbered_names(directory: Path) -> Callable[[int], Path]:
     """Names log-NNNN.mcap after the highest number in use. Raises InputError if the directory is unusable.
 

@@ -66,3 +66,14 @@ def test_a_full_card_is_listed_from_its_end_and_says_so(log: Path, tmp_path: Pat
     assert lines[-1].startswith("3 earlier")
     every = CliRunner().invoke(app, ["list", "--all", str(tmp_path)], env={"COLUMNS": "80"}).output
     assert every.count("complete") == 53 and "earlier" not in every
+
+
+def test_logs_of_any_name_are_listed_before_the_numbered_ones(log: Path, tmp_path: Path) -> None:
+    """As a browser or a friend names them; other files are none."""
+    for name in ("flight[1].mcap", "log-0010.mcap", "log-0009_2026-05-01_100000Z.mcap", "notes.txt", ".part.mcap"):
+        (tmp_path / name).write_bytes(log.read_bytes())
+    outcome = CliRunner().invoke(app, ["list", str(tmp_path)], env={"COLUMNS": "120"})
+    names = [line.split()[0] for line in outcome.output.splitlines()[1:]]
+    assert names == ["flight[1].mcap", "log-0009_2026-05-01_100000Z.mcap", "log-0010.mcap"]
+    empty = CliRunner().invoke(app, ["list", str(log.parent.parent)], env={"COLUMNS": "120"})
+    assert empty.exit_code == 0 and "no log (.mcap) is in it" in empty.output
