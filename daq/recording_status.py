@@ -1,6 +1,7 @@
 """The state of a recording, once a second: a line for the terminal and systemd, a file for the status page."""
 
 import enum
+import time
 from collections import deque
 from pathlib import Path
 
@@ -138,11 +139,18 @@ class RunNews(msgspec.Struct, frozen=True, kw_only=True):
     reached: str = ""
 
 
+class PublishedEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """An event, and when the daemon told it, by the system clock."""
+
+    unix_s: float
+    event: Event
+
+
 class PublishedStatus(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of the status file: the latest status and events, the latest event first."""
 
     status: RecordingStatus
-    events: list[Event]
+    events: list[PublishedEvent]
 
 
 class StatusFile:
@@ -150,11 +158,11 @@ class StatusFile:
 
     def __init__(self, path: Path):
         self._path = path
-        self._events: deque[Event] = deque(maxlen=LATEST_EVENTS)
+        self._events: deque[PublishedEvent] = deque(maxlen=LATEST_EVENTS)
         self._failed = False
 
     def add(self, event: Event) -> None:
-        self._events.appendleft(event)
+        self._events.appendleft(PublishedEvent(unix_s=time.time(), event=event))
 
     def write(self, status: RecordingStatus) -> None:
         """Replace the file. Where it cannot be written, the page is lost, not the recording; stderr says so once."""

@@ -19,7 +19,7 @@ from flightpower.daq.computer_watch import CELSIUS_K
 from flightpower.daq.config import Tray
 from flightpower.daq.log_names import numbered_logs
 from flightpower.daq.plausibility import Values
-from flightpower.daq.recording_status import IN_ORDER, PublishedStatus, RecordingState
+from flightpower.daq.recording_status import IN_ORDER, NO_NEWS_S, PublishedStatus, RecordingState
 from flightpower.daq.still_air_zero import Zero
 from flightpower.daq.tray_check import check_file
 from flightpower.flight.errors import InputError
@@ -42,6 +42,7 @@ HEADERS = [
     ("Cache-Control", "no-store"),
 ]
 STYLE = """
+:root { color-scheme: light dark }
 body { font: 18px/1.4 sans-serif; margin: 0; color: #000; background: #fff }
 h1 { margin: 0; padding: .6em; font-size: 1.3em; color: #fff }
 h1.good { background: #00592b } h1.bad { background: #a00000 }
@@ -51,6 +52,13 @@ table { border-collapse: collapse; width: 100% }
 td { padding: .2em .6em .2em 0; border-bottom: 1px solid #ccc; vertical-align: top; overflow-wrap: anywhere }
 td:first-child { overflow-wrap: normal; width: 8em }
 td.bad { color: #a00000; font-weight: bold }
+section.stale td, section.stale h2 { color: #767676; font-weight: normal }
+@media (prefers-color-scheme: dark) {
+  body { color: #eee; background: #121212 }
+  td { border-color: #444 }
+  td.bad { color: #ff8a80 }
+  section.stale td, section.stale h2 { color: #8a8a8a }
+}
 """
 
 StartResponse = Callable[[str, list[tuple[str, str]]], Any]
@@ -110,6 +118,7 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
     except (OSError, msgspec.MsgspecError):
         return "The daemon does not run", False, []
     status = msgspec.structs.replace(published.status, age_s=max(0.0, age_s))
+    silent = status.age_s > NO_NEWS_S
     recording = status.state is RecordingState.RECORDING
     rows: list[Row] = [
         ("log", status.log or "none", bool(status.log) or not recording),
@@ -128,11 +137,17 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
     rows += [("card", line, True) for line in status.card]
     rows += _values(status.values)
     sensors: list[Row] = [(name, state, state in IN_ORDER) for name, state in status.sensors.items()]
-    events: list[Row] = [(event.severity, event.text, event.severity == "info") for event in published.events]
+    events: list[Row] = [
+        (f"{_time(item.unix_s)} {item.event.severity}", item.event.text, item.event.severity == "info")
+        for item in published.events
+    ]
+    since = _time(now_s - age_s)
+    tables = _section(f"Last at {since}" if silent else "Now", rows) + _section("Sensors", sensors)
+    headline = f"No answer since {since} UTC: the daemon hangs or does not run" if silent else status.summary
     return (
-        status.summary,
+        headline,
         status.well,
-        [_section("Now", rows), _section("Sensors", sensors), _section("Latest events", events)],
+        [f'<section class="stale">{tables}</section>' if silent else tables, _section("Latest events, UTC", events)],
     )
 
 
@@ -175,6 +190,10 @@ def _check(path: Path) -> Row:
     bad = [str(line.get("topic")) for line in content.get("lines", []) if line.get("ok") is False]
     bad += [str(fact.get("text")) for fact in content.get("facts", []) if fact.get("ok") is False]
     return "check", f"{'fit to fly' if fit else 'not fit to fly: ' + ', '.join(bad)} ({when})", fit
+
+
+def _time(unix_s: float) -> str:
+    return f"{datetime.fromtimestamp(unix_s, UTC):%H:%M:%S}"
 
 
 def _utc(unix_s: float) -> str:

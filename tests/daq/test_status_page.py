@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import threading
+from datetime import UTC, datetime
 from importlib import resources
 from urllib.request import urlopen
 
@@ -13,9 +14,10 @@ import pytest
 import waitress
 from test_daemon import SteadySensorTruth, default_tray
 
+from flightpower.daq import recording_status
 from flightpower.daq.config import load_tray
 from flightpower.daq.daemon import record
-from flightpower.daq.recording_status import RecordingState, RecordingStatus, StatusFile
+from flightpower.daq.recording_status import PublishedStatus, RecordingState, RecordingStatus, StatusFile
 from flightpower.daq.sensor_health import SensorState
 from flightpower.daq.status_page import SERVER, _reachable, application, page, sources_of
 from flightpower.daq.still_air_zero import FORMAT, Zero
@@ -59,8 +61,25 @@ def test_what_is_wrong_is_in_the_headline(sources):
     assert "<script>" not in text and "&lt;script&gt;" in text
 
 
+def test_events_have_the_time_at_which_they_were_told(sources, monkeypatch, tmp_path):
+    monkeypatch.setattr(recording_status.time, "time", lambda: 1_795_358_402.0)  # 2026-11-22 14:40:02 UTC
+    file = StatusFile(tmp_path / "status.json")
+    file.add(Event(text="log-0002.mcap was started"))
+    published = msgspec.json.decode(sources.status.read_bytes(), type=PublishedStatus)
+    file.write(published.status)
+    text = page(sources._replace(status=tmp_path / "status.json"), 0.0)
+    assert '<td>14:40:02 info</td><td class="good">log-0002.mcap was started</td>' in text
+
+
 def test_a_daemon_that_has_stopped_is_noticed(sources, tmp_path):
-    assert '<h1 class="bad">No news from the daemon for 60 s' in page(sources, now_s(sources) + 59)
+    """Its last values are gray, and say when they were read; what lies on the disk is as it was."""
+    last_s = sources.status.stat().st_mtime
+    text = page(sources, last_s + 60)
+    last = f"{datetime.fromtimestamp(last_s, UTC):%H:%M:%S}"
+    assert f'<h1 class="bad">No answer since {last} UTC' in text
+    stale, current = text.split('<section class="stale">')[1].split("</section>")
+    assert f"<h2>Last at {last}</h2>" in stale and "baro" in stale and "<h2>Logs</h2>" in current
+    assert "stale" not in page(sources, last_s + 1).split("</style>")[1]
     nothing = sources._replace(status=tmp_path / "absent.json")
     assert '<h1 class="bad">The daemon does not run</h1>' in page(nothing, 0.0)
     torn = tmp_path / "torn.json"
@@ -132,7 +151,7 @@ def test_a_simulated_flight_shows_its_state_while_it_is_recorded(tmp_path):
     _record(
         tmp_path, flight, TrayVariant(), seed=0, faults=(), real_time=False, status=sources.status, report=look
     )  # fmt: skip
-    assert shown and "recording 0 min, 25 Hz" in shown[-1] and "info</td>" in shown[-1]
+    assert shown and "recording 0 min, 25 Hz" in shown[-1] and " info</td>" in shown[-1]
     assert not sources.status.exists()
 
 
@@ -163,7 +182,7 @@ def test_a_browser_shows_it(sources, tmp_path):
         arguments = [*quiet, f"--user-data-dir={tmp_path}", "--enable-logging=stderr", "--dump-dom", address]
         shown = subprocess.run([str(CHROMIUM), *arguments], capture_output=True, text=True, timeout=120)
         server.close()
-    assert "baro failed" in shown.stdout or "No news from the daemon" in shown.stdout
+    assert "baro failed" in shown.stdout or "No answer since" in shown.stdout
     assert ":CONSOLE" not in shown.stderr
 
 
