@@ -3,9 +3,11 @@
 A whole test flight of 21 minutes. `--with before=HEAD~5` gives the ratio to an earlier version, by turns in one run;
 `--with hours=2` flies more runs of the plan, until it lasts so long; `--with log=FILE` takes this log.
 Processor seconds of one process with one thread; the least of the rounds, since other load only adds. A run before them
-is not measured: it leaves the compiled modules that later ones find.
+is not measured: it leaves the compiled modules that later ones find. Modules move, so each version is measured by the
+steps that its own copy of this file names.
 """
 
+import ast
 import json
 import os
 import subprocess
@@ -35,11 +37,8 @@ step("import of the command")
 from flightpower.flight.log_reader import read_log
 log = read_log(sys.argv[1])
 step("reading the log")
-try:
-    from flightpower.analysis.pages.lean_imports import import_lean
-    import_lean()
-except ImportError:  # earlier versions
-    pass
+from flightpower.analysis.pages.lean_imports import import_lean
+import_lean()
 from flightpower.analysis.pipeline.runs import analyze_runs
 from flightpower.analysis.pages.write import write_report
 step("import of the libraries")
@@ -56,12 +55,26 @@ print(json.dumps({"steps": steps, "MB": peak, "duration_s": float(analysis.table
 """
 
 
+def measured_steps(code: Path) -> str:
+    """The program MEASURED of the version whose files are in `code`, which knows where its modules are.
+
+    Raises SystemExit where that version has none.
+    """
+    file = code / "benchmarks" / "speed.py"
+    tree = ast.parse(file.read_text("utf-8") if file.exists() else "")
+    for statement in tree.body:
+        match statement:
+            case ast.Assign(targets=[ast.Name(id="MEASURED")], value=ast.Constant(value=str(program))):
+                return program
+    raise SystemExit(f"{code.name}: benchmarks/speed.py has no MEASURED there; name a later revision")
+
+
 def measured(code: Path, log: Path, report: Path, modules: Path) -> dict:
     """Seconds of each step and peak memory [MB] of the version whose code is there. modules: its compiled ones."""
     environment = os.environ | {"PYTHONPATH": str(code), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(modules)}
     ran = subprocess.run(
-        [sys.executable, "-c", MEASURED, log, report],
+        [sys.executable, "-c", measured_steps(code), log, report],
         cwd=code, env=environment, capture_output=True, text=True, check=True,
     )  # fmt: skip
     return json.loads(ran.stdout)

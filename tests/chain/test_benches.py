@@ -9,6 +9,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import bench
 import daemon_parts
 import drivers
+import speed
 from records import ratio
 
 
@@ -36,3 +37,28 @@ def test_a_ratio_beyond_its_limit_is_missed(measured: float, limit: dict[str, fl
     row = ratio("a fit", measured, 20.0, "ms", **limit)
     assert row["ratio"] == pytest.approx(measured / 20, rel=5e-3)
     assert bench.missed([row]) == ([row] if is_missed else [])
+
+
+@pytest.mark.parametrize("place", [".", "parts"])
+def test_a_version_is_measured_where_its_own_modules_are(tmp_path: Path, place: str) -> None:
+    """Modules have moved between versions: the steps to measure are those that the version itself names."""
+    code = tmp_path / "version"
+    (code / "benchmarks").mkdir(parents=True)
+    (code / place).mkdir(exist_ok=True)
+    (code / place / "version_of_place.py").write_text(f"PLACE = {place!r}\n", "utf-8")
+    module = "version_of_place" if place == "." else f"{place}.version_of_place"
+    program = f"import json, sys\nfrom {module} import PLACE\nprint(json.dumps({{PLACE: sys.argv[1:]}}))\n"
+    (code / "benchmarks" / "speed.py").write_text(f"import missing\nMEASURED = {program!r}\n", "utf-8")
+    assert speed.measured(code, Path("log"), Path("report"), tmp_path) == {place: ["log", "report"]}
+
+
+def test_a_version_without_steps_to_measure_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match="no MEASURED"):
+        speed.measured_steps(tmp_path)
+
+
+def test_the_analysis_of_now_is_measured_by_what_exists() -> None:
+    imported = [line for line in speed.MEASURED.splitlines() if line.startswith(("import ", "from "))]
+    assert speed.measured_steps(speed.ROOT) == speed.MEASURED
+    assert sum("flightpower" in line for line in imported) >= 4
+    exec("\n".join(imported), {})
