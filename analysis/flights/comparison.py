@@ -57,6 +57,7 @@ class Relation(NamedTuple):
     same_installation, same_propeller : of electrical power, whether both are of one aircraft
     contradicted : by which the flights contradict the one installation that the files of both name; None where not
     thrust_contradicted : by which they contradict having one thrust, with one propeller and table; None where not
+    shared : which errors cancel in the difference
     same_day : whether all were flown on one day, so that motor speed and propeller had no night to change
     """
 
@@ -100,26 +101,9 @@ class Comparison(OfAKind["Comparison"]):
     test: LargestDifference
 
     @property
-    def condition(self) -> Condition:
-        return self.a.condition
-
-    @property
-    def same_installation(self) -> bool:
-        return self.relation.same_installation
-
-    @property
-    def same_propeller(self) -> bool:
-        return self.relation.same_propeller
-
-    @property
     def differs(self) -> bool:
         """Whether the curves differ, with at most 5 % of false alarms."""
         return self.test.differs
-
-    @property
-    def shared_errors(self) -> SharedErrors:
-        """Which errors cancel in the difference."""
-        return self.relation.shared
 
     def evidence(self, a_name: str = "", b_name: str = "") -> list[Evidence]:
         """Against the flights of both and what they are said to share, the worst first. a_name, b_name: of the two."""
@@ -143,9 +127,9 @@ class Comparison(OfAKind["Comparison"]):
             kind=self.a.kind,
             a=_configuration(self.a, a_name),
             b=_configuration(self.b, b_name),
-            test=condition_result(self.condition),
-            same_installation=self.same_installation,
-            same_propeller=self.same_propeller,
+            test=condition_result(self.a.condition),
+            same_installation=self.relation.same_installation,
+            same_propeller=self.relation.same_propeller,
             differences=self._differences,
             quoted=self._differences[self._quoted],
             p=self.test.p,
@@ -186,7 +170,7 @@ class Comparison(OfAKind["Comparison"]):
         return (
             f"{verdict}: at {row.speed_mps:.1f} m/s{where} the {self.a.kind.words} of B is"
             f" {row.difference_percent:+.1f} ± {(row.hi_percent - row.lo_percent) / 2:.1f} % from that of A"
-            f"{by_chance if row.excludes_zero and not self.differs else ''}. {self.shared_errors.value}"
+            f"{by_chance if row.excludes_zero and not self.differs else ''}. {self.relation.shared.value}"
         )
 
     def _notes(self, names: tuple[str, str], evidence: list[Evidence]) -> list[str]:
@@ -195,7 +179,7 @@ class Comparison(OfAKind["Comparison"]):
     def _notes_of_kind(self, names: tuple[str, str], evidence: list[Evidence]) -> list[str]:
         if self.a.kind is Kind.ELECTRICAL:  # both sides together: a board may have flown on both
             contents = [flight.content for pool in (self.a, self.b) for flight in pool.flights]
-            apart = one_name(self.a, self.b) and not self.same_installation
+            apart = one_name(self.a, self.b) and not self.relation.same_installation
             return [*vehicle_notes(contents), *([NOT_ONE_VEHICLE] if apart else [])]
         notes = [
             f"{name}: {note}" if name else note

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from flightpower.analysis.flights.agreement import Compared, LikelyCause, Test, least_p, outlier_level
 from flightpower.analysis.flights.flight_statistics import PoolFlight
 from flightpower.analysis.records.fleet import Contradiction
-from flightpower.analysis.records.flight import Evidence, EvidenceKind, PartOfResult, Results, Trust
+from flightpower.analysis.records.flight import Evidence, EvidenceKind, Results, Trust
 from flightpower.analysis.results.settings import TRUST
 from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, SensorErrorKind
 
@@ -54,7 +54,6 @@ def _doubt(
     return Evidence(
         kind=kind,
         level=Trust.DOUBTFUL,
-        part=PartOfResult.CURVE,
         log=log,
         figure=p,
         limit=limit,

@@ -161,7 +161,7 @@ class Evidence(msgspec.Struct, frozen=True, kw_only=True):
 
     kind: EvidenceKind
     level: Trust
-    part: PartOfResult
+    part: PartOfResult = PartOfResult.CURVE
     log: str = ""  # of the flight, in the evidence against several; empty where it concerns all
     subject: str = ""  # the run, the sensor error or the parameter; empty where the kind says it
     figure: float | None = None

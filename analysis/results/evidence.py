@@ -146,7 +146,6 @@ def _estimation(results: Results) -> Iterator[Evidence]:
             if results.status is CurveStatus.TRAJECTORY_NOT_CONVERGED
             else EvidenceKind.NOT_CONVERGED,
             level=Trust.NOT_TO_BE_TRUSTED,
-            part=PartOfResult.CURVE,
             text=f"The estimation did not converge: {results.verdict}.",
         )
     elif (
@@ -157,7 +156,6 @@ def _estimation(results: Results) -> Iterator[Evidence]:
         yield Evidence(
             kind=EvidenceKind.TRAJECTORY_NOT_CONVERGED,
             level=Trust.NOT_TO_BE_TRUSTED,
-            part=PartOfResult.CURVE,
             text="The trajectory did not converge.",
         )
 
@@ -176,7 +174,6 @@ def _failed_methods(results: Results) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.METHOD_FAILED,
         level=Trust.DOUBTFUL,
-        part=PartOfResult.CURVE,
         subject=failed[0].name,
         text=(
             f"The runs give no drag ({failed[0].title}: {failed[0].text}); the curve is that of the energy balance"
@@ -229,7 +226,6 @@ def _off_the_table(subject: str, of: tuple[float, float, str], text: str) -> Evi
     return Evidence(
         kind=EvidenceKind.THRUST_TABLE,
         level=_level(figure, limit),
-        part=PartOfResult.CURVE,
         subject=subject,
         figure=figure,
         unit=unit,
@@ -278,7 +274,6 @@ def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.COUNTED_SPEED,
         level=Trust.NOT_TO_BE_TRUSTED if poles else _level(share, limit),
-        part=PartOfResult.CURVE,
         subject=MOTOR_SPEED_PARAMETER,
         figure=100 * share,
         unit="%",
@@ -306,7 +301,6 @@ def _motor_lag(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.MOTOR_LAG,
         level=_level(lag_s, limit_s),
-        part=PartOfResult.CURVE,
         subject=MOTOR_LAG_PARAMETER,
         figure=lag_s,
         unit="s",
@@ -328,7 +322,6 @@ def _other_blades(results: Results) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.OTHER_BLADES,
         level=Trust.NOT_TO_BE_TRUSTED,
-        part=PartOfResult.CURVE,
         figure=gain,
         limit=limit,
         text=(
@@ -346,7 +339,6 @@ def _motor_speed(results: Results) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.MOTOR_SPEED,
         level=_level(ratio - 1, TRUST.motor_constant),
-        part=PartOfResult.CURVE,
         figure=ratio,
         limit=1 + TRUST.motor_constant if ratio > 1 else 1 - TRUST.motor_constant,
         text=(
@@ -402,7 +394,6 @@ def _shaft(results: Results) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.MOTOR_EFFICIENCY,
         level=Trust.DOUBTFUL,
-        part=PartOfResult.CURVE,
         figure=share,
         limit=least if share <= least else greatest,
         text=(
@@ -438,7 +429,6 @@ def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.THRUST_EFFICIENCY,
         level=Trust.NOT_TO_BE_TRUSTED if certain else Trust.DOUBTFUL,
-        part=PartOfResult.CURVE,
         figure=eta.value,
         limit=least if eta.value < least else most,
         false_alarm_rate=T.false_alarm_rate,
@@ -463,7 +453,6 @@ def _lift_coefficient(results: Results) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.LIFT_COEFFICIENT,
         level=Trust.DOUBTFUL,
-        part=PartOfResult.CURVE,
         figure=CL,
         limit=FLOWN.doubtful_CL,
         text=(
@@ -489,7 +478,6 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
         yield Evidence(
             kind=EvidenceKind.SENSOR_ERROR,
             level=Trust.NOT_TO_BE_TRUSTED if not covered else _level(sigmas, limit),
-            part=PartOfResult.CURVE,
             subject=name,
             figure=sigmas,
             unit="standard deviations",
@@ -526,7 +514,6 @@ def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.SENSOR_ERRORS_TOGETHER,
         level=Trust.DOUBTFUL,
-        part=PartOfResult.CURVE,
         subject=" ".join(worst),
         figure=test.probability,
         limit=TRUST.false_alarm_rate,
@@ -562,7 +549,6 @@ def _implausible(results: Results) -> Iterator[Evidence]:
             yield Evidence(
                 kind=EvidenceKind.IMPLAUSIBLE_READINGS,
                 level=Trust.DOUBTFUL,
-                part=PartOfResult.CURVE,
                 subject=compared,
                 figure=shared_s,
                 unit="s",
@@ -608,7 +594,6 @@ def _outside_table(results: Results) -> Iterator[Evidence]:
     yield Evidence(
         kind=EvidenceKind.OUTSIDE_TABLE,
         level=Trust.DOUBTFUL,
-        part=PartOfResult.CURVE,
         figure=share,
         limit=1 - FLOWN.least_covered,
         text=(
@@ -624,7 +609,6 @@ def _curve(results: Results) -> Iterator[Evidence]:
         yield Evidence(
             kind=EvidenceKind.INTERVAL_REACHES_ZERO,
             level=Trust.NOT_TO_BE_TRUSTED,
-            part=PartOfResult.CURVE,
             figure=_least(curve).power_lo_W,
             unit="W",
             limit=0.0,
@@ -634,7 +618,6 @@ def _curve(results: Results) -> Iterator[Evidence]:
         yield Evidence(
             kind=EvidenceKind.POLAR_CURVES_DOWNWARD,
             level=Trust.NOT_TO_BE_TRUSTED,
-            part=PartOfResult.CURVE,
             figure=results.drag_polar.A2,
             limit=0.0,
             text="The drag polar curves downward (A2 is not above zero), which would make drag by lift negative: the"
@@ -644,7 +627,6 @@ def _curve(results: Results) -> Iterator[Evidence]:
         yield Evidence(
             kind=EvidenceKind.CROSS_CHECK,
             level=Trust.DOUBTFUL,
-            part=PartOfResult.CURVE,
             text="The cross-check by output error differs from the curve by more than their intervals allow.",
         )
 

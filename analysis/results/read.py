@@ -20,7 +20,6 @@ from flightpower.analysis.records.flight import (
     Evidence,
     EvidenceKind,
     Kind,
-    PartOfResult,
     Results,
     Trust,
     WithCurves,
@@ -33,7 +32,6 @@ from flightpower.flight.files import json_object_text
 NO_VERDICT = Evidence(
     kind=EvidenceKind.NO_VERDICT,
     level=Trust.DOUBTFUL,
-    part=PartOfResult.CURVE,
     text="Its results are of an earlier version, which gave no verdict: analyze the log again.",
 )
 Json = dict[str, Any]

@@ -72,9 +72,11 @@ def test_each_flight_has_its_own_error_of_the_density() -> None:
 def test_two_measurements_of_thrust_at_rest_are_two_propellers() -> None:
     """With one table it is unknown whether the propeller is the same, so its errors do not cancel."""
     stand = {"name": "stand", "coefficients": {"thrust_scale": 1.0, "thrust_slope": -0.5}, "value": 0.0, "sigma": 0.03}
-    assert compared(1, 1.0).same_propeller
+    assert compared(1, 1.0).relation.same_propeller
     result = compared(1, 1.0, stand=stand)  # type: ignore[arg-type]
-    assert not result.same_propeller and np.all(result.half_width_percent > compared(1, 1.0).half_width_percent)
+    assert not result.relation.same_propeller and np.all(
+        result.half_width_percent > compared(1, 1.0).half_width_percent
+    )
 
 
 def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
@@ -83,9 +85,9 @@ def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
     assert np.all(np.abs(same.difference_percent - 5) < 1.5 * same.half_width_percent)
     assert np.all(same.half_width_percent < 0.9 * same.independent_half_width_percent)
     assert np.all(same.half_width_percent < other.half_width_percent)
-    assert same.shared_errors is SharedErrors.INSTALLATION_AND_PROPELLER
+    assert same.relation.shared is SharedErrors.INSTALLATION_AND_PROPELLER
     assert "Errors of installation and propeller table cancel" in same.results().text
-    assert other.shared_errors is SharedErrors.PROPELLER
+    assert other.relation.shared is SharedErrors.PROPELLER
 
 
 def days(seed: int, thrust: float, flights: int = 2) -> Comparison:
@@ -109,9 +111,9 @@ def test_thrust_that_differs_between_the_days_is_told_and_does_not_cancel() -> N
     assert np.mean(covered) > 0.85
     this_days = comparison[messages.index(True)]
     assert (
-        this_days.shared_errors is SharedErrors.NOT_THRUST
-        and this_days.same_installation
-        and not this_days.same_propeller
+        this_days.relation.shared is SharedErrors.NOT_THRUST
+        and this_days.relation.same_installation
+        and not this_days.relation.same_propeller
     )
     results = this_days.results("old", "new")
     texts = [evidence.text for evidence in results.evidence if evidence.kind is EvidenceKind.THRUST_TABLE]
@@ -121,7 +123,9 @@ def test_thrust_that_differs_between_the_days_is_told_and_does_not_cancel() -> N
 def test_thrust_that_is_the_same_is_seldom_denied() -> None:
     comparison = [days(seed, 0.0) for seed in range(60)]
     assert np.mean([comparison.relation.thrust_contradicted is not None for comparison in comparison]) < 0.1
-    assert all(comparison.same_installation for comparison in comparison if comparison.relation.contradicted is None)
+    assert all(
+        comparison.relation.same_installation for comparison in comparison if comparison.relation.contradicted is None
+    )
 
 
 def test_from_one_day_to_another_a_part_of_thrust_is_not_shared() -> None:
@@ -137,8 +141,8 @@ def test_from_one_day_to_another_a_part_of_thrust_is_not_shared() -> None:
 
 def test_another_propeller_leaves_its_thrust_error_in_the_difference() -> None:
     same, other = compared(2, 1.0), compared(2, 1.0, propeller="apc-10x5")
-    assert not other.same_propeller
-    assert other.same_installation
+    assert not other.relation.same_propeller
+    assert other.relation.same_installation
     assert np.all(other.half_width_percent > same.half_width_percent)
 
 
@@ -147,14 +151,14 @@ def test_without_a_named_installation_only_the_common_part_cancels() -> None:
     x = truth(rng)
     a, b = (joint_pool([flight(x, rng, f"{name}{i}", 0.3, installation="") for i in range(4)]) for name in ("a", "b"))
     comparison = compare(a, b)
-    assert comparison.same_installation
-    assert comparison.shared_errors is SharedErrors.COMMON_PART
+    assert comparison.relation.same_installation
+    assert comparison.relation.shared is SharedErrors.COMMON_PART
 
 
 def test_where_nothing_is_shared_nothing_cancels() -> None:
     result = compared(7, 1.0, installation="nose", propeller="apc-10x5")
     np.testing.assert_allclose(result.half_width_percent, result.independent_half_width_percent, rtol=1e-3)
-    assert result.shared_errors is SharedErrors.NONE
+    assert result.relation.shared is SharedErrors.NONE
 
 
 def test_errors_that_no_residual_shows_cancel_too_in_one_installation() -> None:
@@ -281,7 +285,7 @@ def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_th
     assert np.mean([item.relation.contradicted is not None for item in of_one]) < 0.12 and covered(of_one) > 0.92
     assert np.mean(believed) < 0.5
     for comparison in comparisons + of_one:
-        assert comparison.same_installation == (comparison.relation.contradicted is None)
+        assert comparison.relation.same_installation == (comparison.relation.contradicted is None)
         results = comparison.results("old", "new")
         kinds = [evidence.kind for evidence in results.evidence if not evidence.log]
         assert comparison.relation.contradicted is None or kinds == [EvidenceKind.INSTALLATIONS_DIFFER] or results.notes
