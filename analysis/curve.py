@@ -76,6 +76,12 @@ def speed_at(CL: ArrayLike, condition: Condition) -> Array:
     return np.sqrt(2 * condition.weight_N / (condition.rho * np.asarray(CL) * condition.wing_area_m2))
 
 
+def inside(x: Array, ends: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which speeds or lift coefficients (n,) lie between two, which count as inside whatever the last digit."""
+    low, high = ends
+    return np.asarray((x >= low * (1 - 1e-9)) & (x <= high * (1 + 1e-9)))
+
+
 def drag_terms(CL: Array) -> Array:
     """Derivative (n, 3) of the drag coefficient at C_L (n,) by the coefficients of the polar."""
     return np.stack([np.ones_like(CL), CL, CL**2], axis=1)
@@ -201,6 +207,10 @@ class Curve:
         value = self.idle_W + more * (self.power_W.value - self.idle_W)
         power = self.power_W.through(more * np.eye(len(value)), value)
         return replace(self, condition=condition, V_mps=faster * self.V_mps, power_W=power)
+
+    def covers(self, V: Array) -> NDArray[np.bool_]:
+        """Which speeds (n,) are within those of the curve."""
+        return inside(V, (self.V_mps[0], self.V_mps[-1]))
 
     def points(self) -> list[PowerPoint]:
         """The points for results.json; speeds with unknown power or interval are left out."""

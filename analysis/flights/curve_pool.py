@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 from msgspec import structs
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flightpower.analysis.curve import Condition, Curve
@@ -120,7 +119,7 @@ class CurvePool(Pool):
     def some(self, numbers: Sequence[int]) -> "CurvePool":
         """The pool of some of the flights, by number."""
         flights, curves = tuple(self.flights[i] for i in numbers), tuple(self.curves[i] for i in numbers)
-        V = self.V_mps[np.any([_inside(curve, self.V_mps) for curve in curves], axis=0)]
+        V = self.V_mps[np.any([curve.covers(self.V_mps) for curve in curves], axis=0)]
         return CurvePool(flights, self.condition, curves, V)
 
     def _weights(self, V: Array, counts: Sequence[float] = ()) -> Array:
@@ -128,7 +127,7 @@ class CurvePool(Pool):
         times = np.ones(len(self.curves)) if len(counts) == 0 else np.array(counts, dtype=float)
         B = self._interpolation(V)
         variance = np.stack([variances(b, curve.power_W.own) for b, curve in zip(B, self.curves, strict=True)])
-        weight = np.where([_inside(curve, V) for curve in self.curves], times[:, None] / variance, 0.0)
+        weight = np.where([curve.covers(V) for curve in self.curves], times[:, None] / variance, 0.0)
         with np.errstate(invalid="ignore"):
             return np.asarray(weight / weight.sum(axis=0))
 
@@ -187,7 +186,7 @@ class CurvePool(Pool):
             return None
         V = np.linspace(slow, fast, 3)
         values, errors = self._shares(V)
-        unknown = int(np.sum(~np.array([_inside(curve, V) for curve in self.curves])))
+        unknown = int(np.sum(~np.array([curve.covers(V) for curve in self.curves])))
         if len(self.flights) * len(V) - unknown <= len(V):
             return None
         return common_values(values, errors, unknown)
@@ -200,7 +199,7 @@ class CurvePool(Pool):
         names = list(dict.fromkeys(name for part in parts for name in part.shared))
         values, own, shared = [], [], []
         for curve, part in zip(self.curves, parts, strict=True):
-            known = _inside(curve, V)
+            known = curve.covers(V)
             values.append(np.where(known, part.value - 1, 0.0))
             own.append(np.where(np.outer(known, known), part.own, np.eye(len(V)) / np.finfo(float).eps))
             changes = [part.shared.get(name, np.zeros(len(V))) for name in names]
@@ -227,7 +226,7 @@ class CurvePool(Pool):
             of_difference = -weights
             of_difference[i] += 1
             difference = total(self._parts(V, of_difference))
-            known = np.where(_inside(curve, V), 1.0, np.nan)
+            known = np.where(curve.covers(V), 1.0, np.nan)
             deviations.append((100 * known * difference.value / power, 100 * known * difference.half_width / power))
         return deviations
 
@@ -285,12 +284,8 @@ def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = Non
     curves = [flight.curve.at(condition._replace(wing_area_m2=flight.aircraft.wing_area_m2)) for flight in flights]
     low, high = min(curve.V_mps[0] for curve in curves), max(curve.V_mps[-1] for curve in curves)
     V = np.linspace(low, high, CURVES.points)
-    flown = np.any([_inside(curve, V) for curve in curves], axis=0)
+    flown = np.any([curve.covers(V) for curve in curves], axis=0)
     return CurvePool(tuple(flights), condition, tuple(curves), V[flown])
-
-
-def _inside(curve: Curve, V: Array) -> NDArray[np.bool_]:
-    return np.asarray((curve.V_mps[0] * (1 - 1e-9) <= V) & (curve.V_mps[-1] * (1 + 1e-9) >= V))
 
 
 def curve_difference(pool: CurvePool, other: CurvePool, shares_errors: bool) -> CurveDifference:

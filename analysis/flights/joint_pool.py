@@ -14,6 +14,7 @@ from flightpower.analysis.curve import (
     Condition,
     Polar,
     PolarCurve,
+    inside,
     lift_coefficient,
     polar_curve,
     power_gradient,
@@ -315,15 +316,14 @@ def thrust_known(flights: Sequence[FlightStatistics], CL: Array) -> NDArray[np.b
     known = np.zeros(len(CL), dtype=bool)
     for flight in flights:
         points = flight.content.power_required
-        low, high = flight.flown_CL
-        inside = (CL >= low * (1 - 1e-9)) & (CL <= high * (1 + 1e-9))
+        covered = inside(CL, flight.flown_CL)
         if not points:
-            known |= inside
+            known |= covered
             continue
         CL_of_points = lift_coefficient(np.array([point.speed_mps for point in points]), flight.condition)
         nearest = np.abs(CL_of_points[:, None] / CL - 1).argmin(axis=0)
         sure = np.array([not point.extrapolated for point in points])
-        known |= inside & sure[nearest]
+        known |= covered & sure[nearest]
     return known
 
 

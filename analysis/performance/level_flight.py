@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flightpower.analysis.curve import Condition, lift_coefficient
+from flightpower.analysis.curve import Condition, inside, lift_coefficient
 from flightpower.analysis.methods.settings import REGRESSION
 from flightpower.analysis.performance.full_throttle import FullThrottle
 from flightpower.analysis.performance.power_train import PowerTrainModel
@@ -161,8 +161,7 @@ def level_flight(model: PerformanceModel, condition: Condition, V: Array) -> Lev
     battery_W = train.battery_power(table_shaft_W, n, parameters)
     shaft_W, thrust_power_W = train.shaft_power(table_shaft_W, parameters), thrust_N * V
     covered = propeller.covers(V / (n[0] * propeller.diameter_m), 60 * n[0])
-    smallest_CL, largest_CL = model.flown_CL
-    flown = (CL >= smallest_CL * (1 - 1e-9)) & (CL <= largest_CL * (1 + 1e-9))  # both ends count as inside
+    flown = inside(CL, model.flown_CL)
     return LevelFlight(
         V=V,
         required=from_sigma_points(drag(parameters, V, CL, condition) * V),

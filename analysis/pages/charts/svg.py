@@ -286,10 +286,12 @@ def _dots(mark: Points, color: str, at: tuple[Array, Array], here: Array, y: Sca
     yield f'<path{about} d="{d}" {look} stroke-width="{mark.size:g}"/>'
     if mark.hollow:
         plain = look.replace(_ink(color), _ink(PAPER))
-        name = "".join(
-            f' data-{key}="{escape(text)}"' for key, text in (("name", mark.name), ("run", mark.run)) if text
-        )
-        yield f'<path{name} d="{d}" {plain} stroke-width="{mark.size - 5:g}"/>'
+        yield f'<path{_names(mark)} d="{d}" {plain} stroke-width="{mark.size - 5:g}"/>'
+
+
+def _names(mark: Mark) -> str:
+    """The attributes by which the script finds what to hide or to mark."""
+    return "".join(f' data-{key}="{escape(text)}"' for key, text in (("name", mark.name), ("run", mark.run)) if text)
 
 
 def path(x: Array, y: Array, *, dots: bool = False) -> str:
@@ -374,7 +376,7 @@ def _shade(shade: Shade, x: Scale) -> str:
 
 def _placed(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
     """What keeps its shape: symbols, arrow heads and texts, at percentages of the panel."""
-    about = "".join(f' data-{key}="{escape(text)}"' for key, text in (("name", mark.name), ("run", mark.run)) if text)
+    about = _names(mark)
     off = " off" if mark.hidden else ""
 
     def at(i: int, content: str) -> str:
