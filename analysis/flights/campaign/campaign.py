@@ -243,7 +243,8 @@ def flight_folders_of(folder: Path) -> list[Path]:
             raise InputError(f"{folder}: no {RESULTS} in it; give a folder that `analyze` wrote")
         return folders
     results = read_json(folder / RESULTS)
-    if "flights" not in results:
+    flights = results.get("flights")
+    if flights is None:
         return [folder]
-    flights = results["flights"] + (results.get("other_kind") or {}).get("flights", [])
+    flights += (results.get("other_kind") or {}).get("flights", [])
     return [folder / name for name in dict.fromkeys(str(flight["log"]) for flight in flights)]
