@@ -82,11 +82,11 @@ def propeller_text(name_or_path: str) -> str:
     return read_text(Path(name_or_path))
 
 
-def calibration_text(path: str | None, of: str) -> str | None:
+def calibration_text(path: str | None, kind: str) -> str | None:
     """The calibration file of the probe, the magnetometer or the transducers. Checked only for being a JSON object."""
     if path is None:
         return None
-    return json_object_text(Path(path), f"a {of} calibration")
+    return json_object_text(Path(path), f"a {kind} calibration")
 
 
 def zero_text(path: str) -> str | None:

@@ -496,9 +496,9 @@ def _with_key(error: msgspec.ValidationError, document: Any) -> str:
     """Turn msgspec's "what - at `$.sensors[2].range_g`" into "sensors[2].range_g: what"."""
     what, _, key = str(error).partition(" - at `$.")
     if number := re.fullmatch(r"Invalid enum value (\d+)", what):
-        shown = hex if key.endswith(".address`") else str
-        values = " or ".join(map(shown, _permitted(key.rstrip("`"), document)))
-        what = f"{shown(int(number[1]))} must be {values or 'one of the permitted values'}"
+        form = hex if key.endswith(".address`") else str
+        values = " or ".join(map(form, _permitted(key.rstrip("`"), document)))
+        what = f"{form(int(number[1]))} must be {values or 'one of the permitted values'}"
     if key.endswith(".driver`"):
         what += f"; the drivers are {', '.join(installed_drivers())}"
     if unknown := re.fullmatch(r"Object contains unknown field `(.*)`", what):

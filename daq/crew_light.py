@@ -78,15 +78,15 @@ class CrewLight:
                 line.close()
 
     def _run(self, lamp: GpioLine, button: GpioLine | None) -> None:
-        shown: bool | None = None
+        set_to: bool | None = None
         pressed = was_pressed = False
         while not self._stop.wait(STEP_S):
             now_s = time.monotonic()
             status, since_s = self._status
             lit = light_of(status, now_s - since_s).lit(now_s)
-            if lit is not shown:
+            if lit is not set_to:
                 lamp.set(lit)
-                shown = lit
+                set_to = lit
             if button is None:
                 continue
             before, pressed = pressed, button.get()

@@ -76,7 +76,9 @@ class Plausibility:
     def __init__(self, probe: ProbeMaps | None = None, zero: Zero | None = None) -> None:
         self._probe = probe
         self._zeros_Pa = (
-            {topic: of[DIFFERENCE].mean for topic, of in zero.readings.items() if DIFFERENCE in of} if zero else {}
+            {topic: readings[DIFFERENCE].mean for topic, readings in zero.readings.items() if DIFFERENCE in readings}
+            if zero
+            else {}
         )
         self._airspeeds_mps: deque[float] = deque(maxlen=STEADY_OVER)
         self._alpha_differences: deque[float] = deque(maxlen=MEAN_OF_COMPARISONS)
@@ -122,7 +124,7 @@ class Plausibility:
 
     def values(self, now_ns: int) -> Values:
         """The latest readings."""
-        gps, motor = self._of(Gps, "/gps", now_ns), self._of(Rpm, "/rpm", now_ns)
+        gps, motor = self._fresh(Gps, "/gps", now_ns), self._fresh(Rpm, "/rpm", now_ns)
         return Values(
             airspeed_mps=self._airspeed_mps(now_ns),
             height_msl_m=gps.height_msl_m if gps else None,
@@ -142,20 +144,20 @@ class Plausibility:
         }
 
     def _airspeed_mps(self, now_ns: int, topic: str = "/probe/airspeed") -> float | None:
-        q_c = self._of(DifferentialPressure, topic, now_ns)
+        q_c = self._fresh(DifferentialPressure, topic, now_ns)
         if q_c is None or q_c.differential_pressure_Pa is None:
             return None
         return math.sqrt(2 * max(q_c.differential_pressure_Pa, 0.0) / DENSITY_KGPM3)
 
     def _speed_over_ground_mps(self, now_ns: int, topic: str = "/gps") -> float | None:
-        gps = self._of(Gps, topic, now_ns)
+        gps = self._fresh(Gps, topic, now_ns)
         if gps is None or gps.velocity_north_mps is None or gps.velocity_east_mps is None:
             return None
         return math.hypot(gps.velocity_north_mps, gps.velocity_east_mps)
 
     def _difference_Pa(self, topic: str, now_ns: int) -> float | None:
         """A pressure difference less its zero."""
-        reading = self._of(DifferentialPressure, topic, now_ns)
+        reading = self._fresh(DifferentialPressure, topic, now_ns)
         if reading is None or reading.differential_pressure_Pa is None:
             return None
         return reading.differential_pressure_Pa - self._zeros_Pa.get(topic, 0.0)
@@ -178,7 +180,7 @@ class Plausibility:
 
     def _alpha_difference_rad(self, now_ns: int) -> float | None:
         """Angle of attack by the probe less that by attitude and flight path, which neglects the vertical wind."""
-        attitude, gps = self._of(Attitude, "/attitude", now_ns), self._of(Gps, "/gps", now_ns)
+        attitude, gps = self._fresh(Attitude, "/attitude", now_ns), self._fresh(Gps, "/gps", now_ns)
         dp_alpha, q_c = self._difference_Pa("/probe/alpha", now_ns), self._difference_Pa("/probe/airspeed", now_ns)
         if self._probe is None or attitude is None or gps is None or dp_alpha is None or q_c is None or q_c <= 0:
             return None
@@ -214,10 +216,10 @@ class Plausibility:
         return f"airspeed {airspeed:.0f} m/s, {over_ground:.0f} over the ground: is a line of the probe off or blocked?"
 
     def _barometer_problem(self, now_ns: int) -> str:
-        baro, static = (self._of(AbsolutePressure, topic, now_ns) for topic in ("/baro", "/static"))
+        baro, static = (self._fresh(AbsolutePressure, topic, now_ns) for topic in ("/baro", "/static"))
         if baro is None or static is None or baro.pressure_Pa is None or static.pressure_Pa is None:
             return ""
-        q_c = self._of(DifferentialPressure, "/probe/airspeed", now_ns)
+        q_c = self._fresh(DifferentialPressure, "/probe/airspeed", now_ns)
         # The pressure in the fuselage differs from the static one by a part of q.
         allowed_Pa = MAX_BAROMETER_DIFFERENCE_PA + abs((q_c and q_c.differential_pressure_Pa) or 0.0)
         difference_Pa = baro.pressure_Pa - static.pressure_Pa
@@ -226,7 +228,7 @@ class Plausibility:
         return f"barometers differ by {difference_Pa / 100:+.0f} hPa: is the static line off or blocked?"
 
     def _motor_problem(self, now_ns: int) -> str:
-        battery, motor = self._of(Battery, "/battery", now_ns), self._of(Rpm, "/rpm", now_ns)
+        battery, motor = self._fresh(Battery, "/battery", now_ns), self._fresh(Rpm, "/rpm", now_ns)
         if battery is None or battery.current_A is None or battery.current_A <= IDLE_CURRENT_A:
             return ""
         if motor is not None and motor.motor_speed_revps:
@@ -234,7 +236,7 @@ class Plausibility:
         return f"{battery.current_A:.0f} A, but no motor speed: is the RPM sensor's wire off?"
 
     def _receiver_problem(self, now_ns: int) -> str:
-        gps = self._of(Gps, "/gps", now_ns)
+        gps = self._fresh(Gps, "/gps", now_ns)
         if gps is None or gps.fix_type is None or gps.status is not OK:
             return ""
         if gps.dynamic_model is not None and gps.dynamic_model not in AIRBORNE_MODELS:
@@ -245,7 +247,7 @@ class Plausibility:
             return f"GPS knows velocity to {gps.speed_accuracy_mps:.1f} m/s only"
         return ""
 
-    def _of(self, kind: type[M], topic: str, now_ns: int) -> M | None:
+    def _fresh(self, kind: type[M], topic: str, now_ns: int) -> M | None:
         """The latest message, if it is not old."""
         time_ns, message = self._latest.get(topic, (0, None))
         return message if isinstance(message, kind) and now_ns - time_ns <= MAX_AGE_NS else None

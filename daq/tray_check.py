@@ -187,7 +187,7 @@ def check_topic(
         ok, advice = None, MOTOR_STOPPED
     if ok and (problem := rest_problem(good)):
         ok, advice = False, problem
-    values = [_value(good, *shown) for shown in SHOWN_FIELDS.get(kind, ())]
+    values = [_value(good, *field) for field in SHOWN_FIELDS.get(kind, ())]
     bus_errors = sum(statuses[status] for status in BUS_ERRORS)
     return TopicCheck(topic, part.text, ok, len(good) / seconds, values, bus_errors, trouble, advice)
 

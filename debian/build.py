@@ -76,8 +76,8 @@ def needs(architecture: Architecture) -> Needs:
 def main() -> None:
     """Build the package, and have lintian look at it."""
     parser = argparse.ArgumentParser(description="The Debian package of the recorder.")
-    here = Architecture.ARM64 if os.uname().machine == "aarch64" else Architecture.AMD64
-    parser.add_argument("--architecture", choices=list(Architecture), type=Architecture, default=here)
+    own_architecture = Architecture.ARM64 if os.uname().machine == "aarch64" else Architecture.AMD64
+    parser.add_argument("--architecture", choices=list(Architecture), type=Architecture, default=own_architecture)
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="the folder for the package")
     parser.add_argument("--version", default="", help="in place of that of the commit")
     parser.add_argument("--needs", action="store_true", help="only say what is missing here")

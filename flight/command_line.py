@@ -150,10 +150,10 @@ def _check_encoding(arguments: list[str]) -> None:
         try:
             word.encode()
         except UnicodeEncodeError:
-            shown = word.encode("utf-8", "replace").decode()
+            printable = word.encode("utf-8", "replace").decode()
             encoding = sys.getfilesystemencoding()
             raise InputError(
-                f"{shown}: not in the system's encoding ({encoding}); rename it, or set LC_ALL=C.UTF-8"
+                f"{printable}: not in the system's encoding ({encoding}); rename it, or set LC_ALL=C.UTF-8"
             ) from None
 
 

@@ -119,8 +119,8 @@ class _HasFormat(Protocol):
 File = TypeVar("File", bound=_HasFormat)
 
 
-def json_object_text(path: Path, of: str) -> str:
-    """The text of a file that holds a JSON object. of: what it should be, such as "a probe calibration".
+def json_object_text(path: Path, meaning: str) -> str:
+    """The text of a file that holds a JSON object. meaning: what it should be, such as "a probe calibration".
 
     Raises InputError when it cannot be read or is something else.
     """
@@ -128,9 +128,9 @@ def json_object_text(path: Path, of: str) -> str:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not {of} ({error})") from None
+        raise InputError(f"{path}: not {meaning} ({error})") from None
     if not isinstance(content, dict):
-        raise InputError(f"{path}: not {of} (not a JSON object)")
+        raise InputError(f"{path}: not {meaning} (not a JSON object)")
     return text
 
 
@@ -139,14 +139,14 @@ class JsonFormat(Generic[File]):
     """One kind of JSON file with a field `format`.
 
     content : the struct of its content     formats : those that are accepted, the newest first
-    of : what it is, such as "a probe calibration"
+    description : what it is, such as "a probe calibration"
     check : of content and file name, raises InputError for content that the types of its fields permit
     remedy : appended to the message
     """
 
     content: type[File]
     formats: tuple[str, ...]
-    of: str
+    description: str
     check: Callable[[File, str], None] = lambda _, __: None
     remedy: str = ""
 
@@ -155,7 +155,7 @@ class JsonFormat(Generic[File]):
         try:
             content = msgspec.json.decode(data, type=self.content)
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-            raise InputError(f"{where}: not {self.of} ({error}){self.remedy}") from None
+            raise InputError(f"{where}: not {self.description} ({error}){self.remedy}") from None
         if content.format not in self.formats:
             raise InputError(f"{where}: format {content.format!r} is not supported; expected {self.formats[0]!r}")
         self.check(content, where)

@@ -280,9 +280,9 @@ def schema_of(kind: type[Message]) -> dict[str, Any]:
     }
 
 
-def _schema_of_type(of: msgspec.inspect.Type) -> dict[str, Any]:
+def _schema_of_type(kind: msgspec.inspect.Type) -> dict[str, Any]:
     """One plain type. Raises TypeError for a field that viewers could not show."""
-    match of:
+    match kind:
         case msgspec.inspect.UnionType(types=types):
             (measured,) = (each for each in types if not isinstance(each, msgspec.inspect.NoneType))
             return _schema_of_type(measured)
@@ -300,4 +300,4 @@ def _schema_of_type(of: msgspec.inspect.Type) -> dict[str, Any]:
             return {"type": "number"}
         case msgspec.inspect.StrType():
             return {"type": "string"}
-    raise TypeError(f"no plain JSON type for {of}")
+    raise TypeError(f"no plain JSON type for {kind}")

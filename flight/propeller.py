@@ -201,8 +201,8 @@ class Propeller(PropellerModel):
         """
         last_J = np.interp(rpm, self._rpm, [row.J[-1] for row in self.rows])
         slope = np.interp(rpm, self._rpm, [(row.cT[-1] - row.cT[-2]) / (row.J[-1] - row.J[-2]) for row in self.rows])
-        beyond = np.maximum(J - last_J, 0)
-        error = (CONTINUATION_SLOPE_ERROR + CONTINUATION_ERROR_PER_J * beyond) * np.abs(slope) * beyond
+        J_excess = np.maximum(J - last_J, 0)
+        error = (CONTINUATION_SLOPE_ERROR + CONTINUATION_ERROR_PER_J * J_excess) * np.abs(slope) * J_excess
         if self.beyond_zero_thrust == FOLD:
             return np.where(self.table(J, rpm)[0] < 0, 0.0, error)
         return error

@@ -76,5 +76,5 @@ def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
     at_low, at_high = excess(low), excess(high)
     rise = at_high - at_low
     no_root = np.where(high > low, np.nan, 0.0)  # a constant excess has none; bounds that have met are the root
-    beyond = np.divide((high - low) * at_low, rise, out=no_root, where=rise != 0)
-    return np.where(is_above, low - beyond, np.nan)
+    step = np.divide((high - low) * at_low, rise, out=no_root, where=rise != 0)
+    return np.where(is_above, low - step, np.nan)

@@ -281,8 +281,8 @@ class RunMeasures(NamedTuple):
 
     def negligible(self, scale: float) -> bool:
         """Whether speed was held, or the stretch is too short to be mentioned. scale: the aircraft's `speed_ratio`."""
-        held = self._gentle(scale) and self.speed_change < self._least_change
-        return held or self.rows < LEVEL_RUN.mentioned_s * min(1.0, scale) / self.step_s
+        is_steady = self._gentle(scale) and self.speed_change < self._least_change
+        return is_steady or self.rows < LEVEL_RUN.mentioned_s * min(1.0, scale) / self.step_s
 
     def _gentle(self, scale: float) -> bool:
         return self.peak_mps2 < self._clearly_changing_mps2(scale)

@@ -188,9 +188,9 @@ class FuseI2C:
         if length == 0:
             return
         ours = IoVec(ctypes.addressof(buffer), length)
-        theirs = IoVec(at, length)
+        remote = IoVec(at, length)
         unity, flags = ctypes.c_ulong(1), ctypes.c_ulong(0)
-        if self._call(name, pid, ctypes.byref(ours), unity, ctypes.byref(theirs), unity, flags) != length:
+        if self._call(name, pid, ctypes.byref(ours), unity, ctypes.byref(remote), unity, flags) != length:
             raise OSError(errno.EFAULT, os.strerror(errno.EFAULT))
 
 

@@ -31,10 +31,12 @@ class PtyServer:
 
     def __init__(self, port: SerialPort):
         self._port = port
-        self._ours, self._theirs = os.openpty()  # keeping theirs open preserves the line between two openings
-        tty.setraw(self._theirs)
-        os.set_blocking(self._ours, False)
-        self.path = os.ttyname(self._theirs)
+        self._controller, self._terminal = (
+            os.openpty()
+        )  # keeping the terminal open preserves the line between two openings
+        tty.setraw(self._terminal)
+        os.set_blocking(self._controller, False)
+        self.path = os.ttyname(self._terminal)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._serve, name=f"pty {self.path}", daemon=True)
         self._thread.start()
@@ -50,19 +52,19 @@ class PtyServer:
         if not self._stop.is_set():
             self._stop.set()
             self._thread.join()
-            os.close(self._ours)
-            os.close(self._theirs)
+            os.close(self._controller)
+            os.close(self._terminal)
 
     def _serve(self) -> None:
         while not self._stop.is_set():
-            readable, _, _ = select.select([self._ours], [], [], POLL_S)
-            code = termios.tcgetattr(self._ours)[5]
+            readable, _, _ = select.select([self._controller], [], [], POLL_S)
+            code = termios.tcgetattr(self._controller)[5]
             self._port.baud = BAUD_OF_CODE.get(code, self._port.baud)
             if readable:
-                self._port.write(os.read(self._ours, 4096))
+                self._port.write(os.read(self._controller, 4096))
             data = self._port.read_available()
             try:
                 while data:
-                    data = data[os.write(self._ours, data) :]
+                    data = data[os.write(self._controller, data) :]
             except BlockingIOError:  # the reader is too slow
                 pass

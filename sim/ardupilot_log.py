@@ -130,8 +130,8 @@ def _power(sensors: SensorTruth, t_s: Array, faults: Collection[str]) -> list[Da
     if "two-packs" in faults:
         return [monitor(0, voltage, 0.55 * current + IDLE_A), monitor(1, 0.98 * voltage, 0.45 / 0.98 * current)]
     instance = 1 if "wrong-battery-first" in faults else 0
-    both = [monitor(instance, voltage, current + IDLE_A), monitor(1 - instance, 0 * t_s + AVIONICS_V, 0 * t_s)]
-    return both[::-1] if instance else both
+    monitors = [monitor(instance, voltage, current + IDLE_A), monitor(1 - instance, 0 * t_s + AVIONICS_V, 0 * t_s)]
+    return monitors[::-1] if instance else monitors
 
 
 def _control(flight: Flight, t_s: Array, lift: NDArray[np.bool_]) -> list[DataflashMessages]:

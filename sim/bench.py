@@ -110,7 +110,7 @@ class ColumnSegment(BenchSegment):
 
     def applied_Pa(self, t: Array) -> Array:
         """Pressure on the lines [Pa] at times t (n,) from the start; changes are slow against the lines' lags."""
-        return _held(t, self.pressure_Pa, self.hold_s, self.move_s)
+        return _steps(t, self.pressure_Pa, self.hold_s, self.move_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,7 +171,7 @@ class DeflectSegment(BenchSegment):
                 raise InputError(
                     f"{angle:.1f} deg is beyond the {self.surface}'s travel, {travel.min():.1f} to {travel.max():.1f}"
                 )
-        angle = _held(t, self.angle_rad, self.hold_s, MOVE_S)
+        angle = _steps(t, self.angle_rad, self.hold_s, MOVE_S)
         return {f"{self.surface}_command_rad": angle, f"{self.surface}_rad": angle}
 
 
@@ -197,7 +197,9 @@ class RunUpSegment(BenchSegment):
         return len(self.throttle) * (self.move_s + self.hold_s) + self.move_s
 
     def motion(self, position: Array, attitude: Array, t: Array) -> Motion:
-        return _pitching(position, attitude, t, -self.lean_rad * _held(t, self.throttle, self.hold_s, self.move_s) ** 2)
+        return _pitching(
+            position, attitude, t, -self.lean_rad * _steps(t, self.throttle, self.hold_s, self.move_s) ** 2
+        )
 
     def columns(self, plant: Plant, t: Array) -> dict[str, Array]:
         rho = float(ambient(plant.air, 0.0).density)
@@ -210,7 +212,7 @@ class RunUpSegment(BenchSegment):
 
         fastest = plant.aircraft.propulsion.max_rpm / 60 * 2
         steady = [brentq(acceleration, 1.0, fastest, args=(throttle,)) for throttle in self.throttle]
-        revps, throttle = (_held(t, values, self.hold_s, self.move_s) for values in (steady, self.throttle))
+        revps, throttle = (_steps(t, values, self.hold_s, self.move_s) for values in (steady, self.throttle))
         train = power_train(
             plant.aircraft.propulsion, plant.propeller, V=0.0, n=revps, throttle=throttle, rho=rho, thrust_factor=factor
         )
@@ -249,7 +251,7 @@ class BoomWeightsSegment(BenchSegment):
 
     def motion(self, position: Array, attitude: Array, t: Array) -> Motion:
         """Whoever hangs a weight rocks the aircraft."""
-        hung = _held(t, self.mass_kg, self.hold_s, self.move_s) * GRAVITY_MPS2
+        hung = _steps(t, self.mass_kg, self.hold_s, self.move_s) * GRAVITY_MPS2
         since = t % (self.move_s + self.hold_s) / self.move_s
         rocking = np.where(since < 1, 0.03 * np.sin(pi * since) ** 2 * np.sin(8 * pi * since), 0.0)
         return _pitching(position, attitude, t, rocking - self.give_rad_per_N * hung)
@@ -281,7 +283,7 @@ class SixSidesSegment(BenchSegment):
         """On its right side, its back, its left side; nose up and nose down."""
         upright = pi / 2 - self.tilt_rad
         roll, pitch = (
-            _held(t, values, self.hold_s, self.move_s)
+            _steps(t, values, self.hold_s, self.move_s)
             for values in ((pi / 2, pi, 3 * pi / 2, 2 * pi, 2 * pi), (0.0, 0.0, 0.0, upright, -upright))
         )
         return _turning(position, attitude, t, roll, pitch)
@@ -302,9 +304,9 @@ def _pitching(position: Array, attitude: Array, t: Array, pitch_rad: Array) -> M
     return _turning(position, attitude, t, np.zeros(len(t)), pitch_rad)
 
 
-def _held(t: Array, values: Sequence[float], hold_s: float, move_s: float) -> Array:
+def _steps(t: Array, values: Sequence[float], hold_s: float, move_s: float) -> Array:
     """Zero, each of the values held, and zero again, with move_s between them; (n,)."""
     begin = np.arange(len(values)) * (move_s + hold_s) + move_s
     times = np.column_stack([begin, begin + hold_s]).ravel()
-    held = np.repeat(values, 2)
-    return np.asarray(np.interp(t, np.r_[0.0, times, times[-1] + move_s], np.r_[0.0, held, 0.0]))
+    levels = np.repeat(values, 2)
+    return np.asarray(np.interp(t, np.r_[0.0, times, times[-1] + move_s], np.r_[0.0, levels, 0.0]))

@@ -255,12 +255,14 @@ class _FlightSimulation:
         V = segment.speed_over_stall * self.trimmer.V_stall
         trim = self._trim_at(V, segment.height_m)
         context.height_m, context.speed_mps, context.heading_rad = segment.height_m, V, self.pose.attitude[2]
-        there = self._airborne_state(trim, np.array([0.0, 0.0, -segment.height_m]))
-        velocity = np.array(earth_from_body((there.u, there.v, there.w), (there.phi, there.theta, there.psi)))
+        airborne = self._airborne_state(trim, np.array([0.0, 0.0, -segment.height_m]))
+        velocity = np.array(
+            earth_from_body((airborne.u, airborne.v, airborne.w), (airborne.phi, airborne.theta, airborne.psi))
+        )
         # The mean speed is half the final speed; with that distance the quintic does not overshoot.
         position = self.pose.position + velocity * T / 2 * np.array([1.0, 1.0, 0.0])
         position[2] = -segment.height_m
-        attitude = np.array([there.phi, there.theta, there.psi])
+        attitude = np.array([airborne.phi, airborne.theta, airborne.psi])
         goal = EndState(position, velocity, np.zeros(3), attitude, np.zeros(3))
         n = round(T / self.dt)
         motion = move(self.pose, goal, n * self.dt, np.arange(n) * self.dt)
@@ -276,7 +278,7 @@ class _FlightSimulation:
         velocity = np.array([float(c) for c in now.ground_velocity])
         ax, ay, az = velocity_derivative((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), x.phi, x.theta, now.specific_force)
         acceleration = np.array([float(c) for c in earth_from_body((ax, ay, az), (x.phi, x.theta, x.psi))])
-        here = EndState(
+        start = EndState(
             np.array([x.north, x.east, x.down]),
             velocity,
             acceleration,
@@ -284,11 +286,11 @@ class _FlightSimulation:
             np.array([float(c) for c in (rate.phi, rate.theta, rate.psi)]),
         )
         T = segment.duration_s
-        position = here.position + velocity * T / 2
+        position = start.position + velocity * T / 2
         position[2] = 0.0
         goal = EndState.at_rest(position, np.array([0.0, 0.0, x.psi]))
         n = round(T / self.dt)
-        motion = move(here, goal, n * self.dt, np.arange(n) * self.dt)
+        motion = move(start, goal, n * self.dt, np.arange(n) * self.dt)
         share = 1 - smooth_step(np.arange(n) / n)
         self._prescribed(segment, index, motion, share, (x, commands))
         self.pose, self.airborne = goal, False
@@ -319,9 +321,9 @@ class _FlightSimulation:
 
 
 def _divergence_message(seen: Observation, t: float) -> str:
-    how = "the flight diverges" if seen.height > 0 else "the aircraft hits the ground"
+    failure = "the flight diverges" if seen.height > 0 else "the aircraft hits the ground"
     return (
-        f"{how} at {t:.2f} s: V = {seen.V:.1f} m/s, alpha = {np.rad2deg(seen.alpha):.1f} deg, "
+        f"{failure} at {t:.2f} s: V = {seen.V:.1f} m/s, alpha = {np.rad2deg(seen.alpha):.1f} deg, "
         f"height = {seen.height:.1f} m, roll {np.rad2deg(seen.phi):.0f}, pitch {np.rad2deg(seen.theta):.0f} deg, "
         f"q = {seen.q:.1f} rad/s"
     )

@@ -33,12 +33,12 @@ def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircr
     scaled = _scaled(own, model)
     taken: list[str] = []
 
-    def filled(section: str, of: Section) -> Section:
+    def filled(section: str, defaults: Section) -> Section:
         """The section of the scaled model, with what the file says."""
-        given = {f.name: getattr(getattr(own, section), f.name) for f in fields(of)}  # type: ignore[arg-type]
+        given = {f.name: getattr(getattr(own, section), f.name) for f in fields(defaults)}  # type: ignore[arg-type]
         keys = {name: f"{section}.{split_unit(name)[0]}" for name in given}
-        taken.extend(key for name, key in keys.items() if not own.has(key) and given[name] != getattr(of, name))
-        return replace(of, **{name: value for name, value in given.items() if own.has(keys[name])})  # type: ignore[type-var]
+        taken.extend(key for name, key in keys.items() if not own.has(key) and given[name] != getattr(defaults, name))
+        return replace(defaults, **{name: value for name, value in given.items() if own.has(keys[name])})  # type: ignore[type-var]
 
     aerodynamics = {**(scaled.aerodynamics or {}), **(own.aerodynamics or {})}
     surfaces: dict[str, Any] = {name: getattr(own, name) or getattr(model, name) for name in SURFACES}

@@ -46,7 +46,7 @@ Messages = TypeVar("Messages", bound=Timed)
 def with_dropouts(kinds: Sequence[Messages], seed: int) -> tuple[list[Messages], list[Dropout]]:
     """Without the messages of some gaps of up to LONGEST_DROPOUT_MS at random times, and these gaps."""
     rng = np.random.default_rng(seed)
-    first, last = (int(of(int(of(messages.time_us)) for messages in kinds)) for of in (min, max))
+    first, last = (int(extreme(int(extreme(messages.time_us)) for messages in kinds)) for extreme in (min, max))
     gaps = [
         Dropout(int(rng.integers(first, last)), int(rng.integers(100, LONGEST_DROPOUT_MS))) for _ in range(DROPOUTS)
     ]

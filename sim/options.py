@@ -104,17 +104,17 @@ def progress_bar(what: str, total_s: float | None = None) -> Iterator[Report]:
         transient=True,
     )
     task = bar.add_task(what, total=total_s)
-    begun, shown = time.monotonic(), False
+    begun, is_visible = time.monotonic(), False
 
     def report(seconds: float) -> None:
-        nonlocal shown
-        if not shown and console.is_terminal and time.monotonic() - begun > 2:
+        nonlocal is_visible
+        if not is_visible and console.is_terminal and time.monotonic() - begun > 2:
             bar.start()
-            shown = True
+            is_visible = True
         bar.update(task, completed=seconds)
 
     try:
         yield report
     finally:
-        if shown:
+        if is_visible:
             bar.stop()

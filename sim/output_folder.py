@@ -72,11 +72,11 @@ def probe_text(probe: Path | None) -> str:
 
 def check_probe(output: Path, calibration: str, probe: Path | None) -> None:
     """Raise InputError if the flight would replace a probe calibration in its folder."""
-    there = output / PROBE
-    if not there.exists() or (probe is not None and there.samefile(probe)):
+    path = output / PROBE
+    if not path.exists() or (probe is not None and path.samefile(probe)):
         return
-    if there.read_bytes() != calibration.encode():
-        raise InputError(f"{there}: is another calibration; give it with --probe, or give another folder")
+    if path.read_bytes() != calibration.encode():
+        raise InputError(f"{path}: is another calibration; give it with --probe, or give another folder")
 
 
 def write_flight(

@@ -97,9 +97,9 @@ def _sensor_topics(sensors: SensorTruth) -> list[UlogTopic]:
         ("vehicle_acceleration", lambda t: sensors.imu(t)[0]),
         ("vehicle_angular_velocity", lambda t: sensors.imu(t)[1]),
     )
-    for name, of in measurements:
+    for name, signal in measurements:
         t_s = _times(name, sensors, 0.003)
-        topics.append(_topic(name, t_s, {f"xyz[{i}]": part for i, part in enumerate(of(t_s).T)}))
+        topics.append(_topic(name, t_s, {f"xyz[{i}]": part for i, part in enumerate(signal(t_s).T)}))
     t_s = _times("vehicle_attitude", sensors, 0.003)
     roll, pitch, yaw = sensors.autopilot_attitude_rad(t_s).T
     topics.append(_topic("vehicle_attitude", t_s, _quaternion(roll, pitch, yaw)))
@@ -124,7 +124,7 @@ def _throttle_topic(flight: Flight, sensors: SensorTruth) -> UlogTopic:
 
 
 def _quaternion(roll: Array, pitch: Array, yaw: Array) -> dict[str, Array]:
-    (cr, cp, cy), (sr, sp, sy) = ([of(x / 2) for x in (roll, pitch, yaw)] for of in (np.cos, np.sin))
+    (cr, cp, cy), (sr, sp, sy) = ([function(x / 2) for x in (roll, pitch, yaw)] for function in (np.cos, np.sin))
     q = (
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
@@ -175,8 +175,8 @@ def _battery_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogT
     if "two-packs" in faults:
         return [battery(0, voltage, 0.55 * current + IDLE_A), battery(1, 0.98 * voltage, 0.45 / 0.98 * current)]
     instance = 1 if "wrong-battery-first" in faults else 0
-    both = [battery(instance, voltage, current + IDLE_A), battery(1 - instance, 0 * t_s + AVIONICS_V, 0 * t_s)]
-    return sorted(both, key=lambda battery: battery.instance)
+    batteries = [battery(instance, voltage, current + IDLE_A), battery(1 - instance, 0 * t_s + AVIONICS_V, 0 * t_s)]
+    return sorted(batteries, key=lambda battery: battery.instance)
 
 
 def _status_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTopic]:

@@ -28,10 +28,15 @@ def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
     pitots = [kind for kind in kinds if kind.name == "ARSP"][:1]
     control = [kind for kind in kinds if kind.name == "CTUN"]
     of_pitot, of_control = {"DiffPress": "DiffPress", "AirTemp": "Temp"}, {"ThO": "ThO"}
-    together = {"BARO": (pitots, of_pitot), "ARSP": (control, of_control)}  # two messages there are one here
+    joined = {"BARO": (pitots, of_pitot), "ARSP": (control, of_control)}  # two messages there are one here
     kinds = [*pitots, *(kind for kind in kinds if kind.name != "ARSP")]
-    kinds = [_with_fields(kind, *together[kind.name]) if kind.name in together else kind for kind in kinds]
-    sent = [(time_us, AUTOPILOT, message) for kind in kinds if kind.name in SENT for time_us, message in _of(kind)]
+    kinds = [_with_fields(kind, *joined[kind.name]) if kind.name in joined else kind for kind in kinds]
+    sent = [
+        (time_us, AUTOPILOT, message)
+        for kind in kinds
+        if kind.name in SENT
+        for time_us, message in _timed_messages(kind)
+    ]
     last_us = max((time_us for time_us, _, _ in sent), default=0)
     for time_us in range(min((time_us for time_us, _, _ in sent), default=0), last_us, HEARTBEAT_US):
         station, plane = mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_FIXED_WING
@@ -44,7 +49,7 @@ def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
     )
 
 
-def _of(kind: DataflashMessages) -> Iterator[tuple[int, Any]]:
+def _timed_messages(kind: DataflashMessages) -> Iterator[tuple[int, Any]]:
     names = [*kind.columns]
     for values in zip(*(column.tolist() for column in kind.columns.values()), strict=True):
         row = dict(zip(names, values, strict=True))
@@ -72,12 +77,12 @@ def _with_fields(
 ) -> DataflashMessages:
     """Messages with what another kind, if there is one, shows at their times; fields: its own, by their new name."""
     at_us, more = kind.columns["TimeUS"].astype(float), {}
-    for name, of in fields.items():
-        shown = [
-            np.interp(at_us, messages.columns["TimeUS"].astype(float), messages.columns[of].astype(float))
+    for name, column in fields.items():
+        matching = [
+            np.interp(at_us, messages.columns["TimeUS"].astype(float), messages.columns[column].astype(float))
             for messages in others
         ]
-        more[name] = shown[0] if shown else np.zeros(len(at_us))
+        more[name] = matching[0] if matching else np.zeros(len(at_us))
     return replace(kind, columns=kind.columns | more)
 
 

@@ -40,17 +40,17 @@ def _true_row(row: Row, bow: float, windmilling: float) -> Row:
     slopes = [float((y[-1] - y[-2]) / (J[-1] - J[-2])) for y in (cT, cP)]
     zero_J = row.J[-1] - row.cT[-1] / slopes[0]
     first, last = int(np.ceil(zero_J / STEP_J + 0.5)), round(FARTHEST_J / STEP_J)
-    beyond: Array = np.linspace(first * STEP_J, last * STEP_J, last - first + 1)
-    lines = [float(y[-1]) + slope * (beyond - row.J[-1]) for y, slope in zip((cT, cP), slopes, strict=True)]
+    added_J: Array = np.linspace(first * STEP_J, last * STEP_J, last - first + 1)
+    lines = [float(y[-1]) + slope * (added_J - row.J[-1]) for y, slope in zip((cT, cP), slopes, strict=True)]
     cP_at_zero = row.cP[-1] + slopes[1] * (zero_J - row.J[-1])
-    branch = _blade_element(beyond, zero_J, slopes[0], cP_at_zero)
+    branch = _blade_element(added_J, zero_J, slopes[0], cP_at_zero)
     mixed = [line + windmilling * (element - line) for line, element in zip(lines, branch, strict=True)]
     x = 2 * J / zero_J - 1
     bowed = cT * (1 + bow * (3 * x**2 - 1) / 2)
     inside = zero_J - J > 1e-6
     return Row(
         row.rpm,
-        (*J[inside].tolist(), zero_J, *beyond.tolist()),
+        (*J[inside].tolist(), zero_J, *added_J.tolist()),
         (*bowed[inside].tolist(), 0.0, *mixed[0].tolist()),
         (*cP[inside].tolist(), cP_at_zero, *mixed[1].tolist()),
     )

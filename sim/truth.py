@@ -226,8 +226,8 @@ def _at_the_end(plant: Plant, end: tuple[AircraftState, Commands] | None) -> tup
 def _steady_train(plant: Plant, V: Array, n: Array, rho: Array) -> dict[str, Array]:
     """Power train along prescribed motion: the throttle that holds the motor speed of each instant."""
     propulsion, propeller = plant.aircraft.propulsion, plant.propeller
-    held = throttle_for(propulsion, propeller, V=V, n=np.maximum(n, 1.0), rho=rho)
-    throttle = np.where(n > 1.0, np.minimum(held, 1.0), 0.0)
+    needed = throttle_for(propulsion, propeller, V=V, n=np.maximum(n, 1.0), rho=rho)
+    throttle = np.where(n > 1.0, np.minimum(needed, 1.0), 0.0)
     turning = n > 0
     train = power_train(propulsion, propeller, V=V, n=n, throttle=throttle, rho=rho)
     return {

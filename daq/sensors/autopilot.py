@@ -92,14 +92,14 @@ class AutopilotDriver:
     def read(self, now_ns: int) -> list[Sample]:
         """The latest message on each topic. `no_data`, or `corrupt` after damaged bytes, when one is overdue."""
         newest: dict[str, Message] = {}
-        heard = False
+        received = False
         rejected = self._parser.rejected
         for system, component, content in self._parser.feed(self._port.read_available()):
             sender = system, component
             if isinstance(content, Heartbeat):
                 if self._sender is None and is_autopilot(content):
                     self._sender = sender
-                heard |= sender == self._sender
+                received |= sender == self._sender
             elif sender == self._sender:
                 self._take(content, newest)
         self._damaged |= self._parser.rejected > rejected
@@ -115,7 +115,7 @@ class AutopilotDriver:
                 newest[topic] = SILENT[topic](status=Status.CORRUPT if self._damaged else Status.NO_DATA)
                 silent = True
         self._judge_rates(now_ns)
-        if heard and self._request_is_due(silent or self._slow, now_ns):
+        if received and self._request_is_due(silent or self._slow, now_ns):
             self._request_messages()
             self._requested_ns, self._judged_from_ns = now_ns, now_ns + ANSWERED_NS
             self._requests += self._slow

@@ -326,10 +326,10 @@ def with_hysteresis(x: Array, fraction: float) -> Array:
         return x
     half = fraction * float(np.ptp(x)) / 2
     y = np.empty_like(x)
-    held = x[0]
+    position = x[0]
     for i, value in enumerate(x.tolist()):
-        held = min(max(held, value - half), value + half)
-        y[i] = held
+        position = min(max(position, value - half), value + half)
+        y[i] = position
     return y
 
 
