@@ -356,8 +356,8 @@ def altered(data: bytes, number: int, is_text: bool = False) -> bytes:
             case 5:
                 out[at:at] = out[at : at + length]
             case 6:
-                there = draw.randrange(len(out) + 1)
-                out[there : there + length] = out[at : at + length]
+                target = draw.randrange(len(out) + 1)
+                out[target : target + length] = out[at : at + length]
             case 7 if draw.random() < 0.2:
                 del out[at:]
             case _:

@@ -193,10 +193,10 @@ def false_name_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record
             ]
             if configuration != "A" or not pairs:
                 continue
-            compared = [compare(pooled(ours), pooled(theirs)) for ours, theirs in pairs]
+            compared = [compare(pooled(ours), pooled(of_other)) for ours, of_other in pairs]
             error = np.array([comparison.difference_percent for comparison in compared]) - 100 * TO_SEE
             half = np.array([comparison.half_width_percent for comparison in compared])
-            pools = [pooled([ours[0], theirs[0]]) for ours, theirs in pairs]
+            pools = [pooled([ours[0], of_other[0]]) for ours, of_other in pairs]
             contradicted, named, remounted = (
                 100 * np.mean(of_all)
                 for of_all in (

@@ -186,10 +186,10 @@ def part_records(*, seconds: float = 60.0) -> list[Record]:
     class Wrapped:
         """A bus or port whose time is that of the fake parts."""
 
-        def __init__(self, thing: Any):
+        def __init__(self, transport: Any):
             for name in ("read", "write", "write_read", "read_available"):
-                if hasattr(thing, name):
-                    setattr(self, name, counted.timed(getattr(thing, name), FAKES))
+                if hasattr(transport, name):
+                    setattr(self, name, counted.timed(getattr(transport, name), FAKES))
 
     class Buses:
         def i2c(self, device: str) -> Any:

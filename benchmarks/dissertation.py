@@ -22,12 +22,12 @@ import numpy as np
 import typer
 from dissertation_flights import (
     AIRCRAFT,
+    COEFFICIENTS,
     FLIGHTS,
     NOISE_FACTORS,
-    SHOWN,
+    FlightFigures,
     FlightName,
-    Shown,
-    shown,
+    flight_figures,
     true_estimates,
 )
 from records import Record, markdown, rounded
@@ -40,7 +40,7 @@ from flightpower.flight.aircraft import load_aircraft
 OUT, DOCS = Path("out/dissertation"), Path("docs/figures")
 FACTORS, DRAWS = (0.5, 1.0, 1.5), 3
 FT_LBF_PER_S_W = 1.3558
-Flights = dict[FlightName, Shown]
+Flights = dict[FlightName, FlightFigures]
 
 
 def significance_limits(folder: Path) -> dict[str, list[tuple[float, float]]]:
@@ -56,7 +56,7 @@ def significance_limits(folder: Path) -> dict[str, list[tuple[float, float]]]:
     return {name: [(f, snr) for f, snr in points] for name, points in json.loads(kept.read_text("utf-8")).items()}
 
 
-def of_curve(flight: Shown, method: str) -> Record:
+def of_curve(flight: FlightFigures, method: str) -> Record:
     """Largest error of power over the method's speeds, in % and W, and where its 95 % interval contains the truth."""
     curve = flight.curves.get(method)
     if curve is None:
@@ -76,11 +76,11 @@ def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> di
     curves, significance = [], []
     for name, flight in flights.items():
         methods = ["piw-viw"] if name.plan == "steady-points" else ["dynamic", "two-state", "force-models"]
-        of = {"aircraft": name.aircraft, "plan": name.plan, "noise": name.noise}
-        curves += [{**of, "method": method, **of_curve(flight, method)} for method in methods]
-        significance += [{**of, "run": fit.run, "SNR of q": rounded(fit.snr, 1), "C_Lq": rounded(fit.CLq, 1),
+        setup = {"aircraft": name.aircraft, "plan": name.plan, "noise": name.noise}
+        curves += [{**setup, "method": method, **of_curve(flight, method)} for method in methods]
+        significance += [{**setup, "run": fit.run, "SNR of q": rounded(fit.snr, 1), "C_Lq": rounded(fit.CLq, 1),
                           "t": rounded(fit.t_CLq, 1)} for fit in flight.fits]  # fmt: skip
-        significance.append({**of, "run": "all runs", "t": rounded(flight.t_CLq, 1)})
+        significance.append({**setup, "run": "all runs", "t": rounded(flight.t_CLq, 1)})
     channels, estimates = [], []
     for title, aircraft in AIRCRAFT.items():
         flight = flights[FlightName(aircraft, "two-pairs")]
@@ -92,7 +92,7 @@ def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> di
                 for kind in ("standing", "acceleration", "deceleration")
             }
             channels.append({"aircraft": title, "channel": channel, **means})
-        for name in SHOWN:
+        for name in COEFFICIENTS:
             values = np.array([fit.estimates[name] for fit in flight.fits])
             mean, white, colored = values.mean(axis=0)
             estimates.append({
@@ -121,7 +121,7 @@ def analyzed(folder: Path, jobs: int = 1) -> tuple[Flights, dict[str, list[tuple
     with ProcessPoolExecutor(jobs) as pool:
         limits = pool.submit(significance_limits, folder)
         done = track(
-            pool.map(partial(shown_quietly, folder=kept), FLIGHTS),
+            pool.map(partial(figures_quietly, folder=kept), FLIGHTS),
             "flights",
             len(FLIGHTS),
             console=Console(stderr=True),
@@ -129,11 +129,11 @@ def analyzed(folder: Path, jobs: int = 1) -> tuple[Flights, dict[str, list[tuple
         return dict(zip(FLIGHTS, done, strict=True)), limits.result()
 
 
-def shown_quietly(name: FlightName, folder: Path) -> Shown:
-    """`shown` without a warning of a mean over gaps of a channel."""
+def figures_quietly(name: FlightName, folder: Path) -> FlightFigures:
+    """`flight_figures` without a warning of a mean over gaps of a channel."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        return shown(name, folder)
+        return flight_figures(name, folder)
 
 
 def main(

@@ -4,13 +4,23 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from dissertation_flights import AIRCRAFT, CASES, NOISE_FACTORS, SHOWN, Curve, FlightName, RunFit, Shown, true_estimates
+from dissertation_flights import (
+    AIRCRAFT,
+    CASES,
+    COEFFICIENTS,
+    NOISE_FACTORS,
+    Curve,
+    FlightFigures,
+    FlightName,
+    RunFit,
+    true_estimates,
+)
 from plotly.subplots import make_subplots
 
 BLUE, RED, GREEN, PURPLE, GRAY, BLACK = "#1f5fa8", "#c0392b", "#2e8b57", "#8e44ad", "#7f8c8d", "#000000"
 OUTPUTS = {"V": ("V, m/s", 1.0), "alpha": ("α, deg", 180 / np.pi), "ax": ("ax, m/s²", 1.0), "az": ("az, m/s²", 1.0)}
 SPEED, POWER, TIME = "true airspeed, m/s", "power required, W", "time since the run began, s"
-Flights = dict[FlightName, Shown]
+Flights = dict[FlightName, FlightFigures]
 
 
 def _panels(
@@ -29,11 +39,11 @@ def _panels(
 
 
 def _line(figure: Any, x: Any, y: Any, name: str, color: str, where: tuple[int, int], **style: Any) -> None:
-    shown = style.pop("legend", True) and name not in {trace.name for trace in figure.data if trace.showlegend}
+    in_legend = style.pop("legend", True) and name not in {trace.name for trace in figure.data if trace.showlegend}
     dash = style.pop("dash", "solid")
     width = style.pop("width", 2)
     figure.add_scatter(
-        x=x, y=y, name=name, line={"color": color, "width": width, "dash": dash}, showlegend=shown,
+        x=x, y=y, name=name, line={"color": color, "width": width, "dash": dash}, showlegend=in_legend,
         row=where[0], col=where[1], **style,
     )  # fmt: skip
 
@@ -48,12 +58,14 @@ def _band(figure: Any, curve: Curve, color: str, where: tuple[int, int]) -> None
     )  # fmt: skip
 
 
-def _truth(figure: Any, flight: Shown, where: tuple[int, int], until: float) -> None:
+def _truth(figure: Any, flight: FlightFigures, where: tuple[int, int], until: float) -> None:
     inside = flight.truth.V <= until
     _line(figure, flight.truth.V[inside], flight.truth.power[inside], "simulator's truth", BLACK, where, dash="dash")
 
 
-def _points(figure: Any, flight: Shown, where: tuple[int, int], factors: tuple[float, float] = (1.0, 1.0)) -> None:
+def _points(
+    figure: Any, flight: FlightFigures, where: tuple[int, int], factors: tuple[float, float] = (1.0, 1.0)
+) -> None:
     if len(flight.points):
         V, power, _, hi = flight.points.T
         figure.add_scatter(
@@ -83,7 +95,7 @@ def piw_viw(flights: Flights) -> Any:
     return figure
 
 
-def _first(flight: Shown, kind: str) -> RunFit:
+def _first(flight: FlightFigures, kind: str) -> RunFit:
     """The longest run of a kind."""
     return max((fit for fit in flight.fits if fit.run.startswith(kind)), key=lambda fit: fit.t_s[-1])
 
@@ -132,12 +144,12 @@ def _high_passed(x: np.ndarray) -> np.ndarray:
 
 def power_on_noise(flights: Flights) -> Any:
     """Fig. 7.7."""
-    shown = {"Astraeus HS": "astraeus-hs", "Nexstar": "nexstar"}
+    file_of_title = {"Astraeus HS": "astraeus-hs", "Nexstar": "nexstar"}
     figure = _panels(
-        [f"{name}, {run}" for _ in range(2) for name in shown for run in ("at rest", "acceleration")], 4, 500,
+        [f"{name}, {run}" for _ in range(2) for name in file_of_title for run in ("at rest", "acceleration")], 4, 500,
         "time, s", ["ax less its mean, m/s²", "q less its mean, rad/s"], shared_yaxes=True,
     )  # fmt: skip
-    for i, aircraft in enumerate(shown.values()):
+    for i, aircraft in enumerate(file_of_title.values()):
         flight = flights[FlightName(aircraft, "two-pairs")]
         for j, kind in enumerate(("standing", "acceleration")):
             run = next(rows for name, rows in flight.runs.items() if name.startswith(kind))
@@ -183,10 +195,10 @@ def signal_to_noise(flights: Flights, limits: dict[str, list[tuple[float, float]
 
 def estimates(flights: Flights) -> Any:
     """Fig. 7.9: estimates of each run with 95 % intervals, for white (thick) and for colored residuals (thin)."""
-    figure = _panels(list(SHOWN), 3, 560, "", vertical_spacing=0.14)
+    figure = _panels(list(COEFFICIENTS), 3, 560, "", vertical_spacing=0.14)
     for i, aircraft in enumerate(AIRCRAFT.values()):
         flight, truth = flights[FlightName(aircraft, "two-pairs")], true_estimates(aircraft)
-        for j, name in enumerate(SHOWN):
+        for j, name in enumerate(COEFFICIENTS):
             where = {"row": j // 3 + 1, "col": j % 3 + 1}
             for kind, color in (("acceleration", RED), ("deceleration", PURPLE)):
                 rows = [fit.estimates[name] for fit in flight.fits if fit.run.startswith(kind)]
@@ -256,7 +268,11 @@ def throttle(flights: Flights) -> Any:
 
 def cases(flights: Flights) -> Any:
     """Figs. 4.4 and 4.7 to 4.11: cases 1 to 3 on both Astraeus."""
-    titles = [f"{name}, {how}" for how in ("dynamic method", "two states") for name in ("Astraeus LS", "Astraeus HS")]
+    titles = [
+        f"{name}, {estimator}"
+        for estimator in ("dynamic method", "two states")
+        for name in ("Astraeus LS", "Astraeus HS")
+    ]
     figure = _panels(titles, 2, 640, SPEED, ["error of power, W"] * 2, vertical_spacing=0.12)
     for column, aircraft in enumerate(("astraeus-ls", "astraeus-hs"), start=1):
         for plan, color in zip(CASES, (BLUE, GREEN, RED, PURPLE, GRAY), strict=True):

@@ -74,7 +74,7 @@ class RunFit(NamedTuple):
     snr: float
 
 
-class Shown(NamedTuple):
+class FlightFigures(NamedTuple):
     """What the figures show of one flight.
 
     curves : by name of method, "dynamic" included     piw_viw : PIW [W] and VIW [m/s] of steady points, and the fit
@@ -122,17 +122,17 @@ def _budget(noise: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def shown(name: FlightName, folder: Path) -> Shown:
+def flight_figures(name: FlightName, folder: Path) -> FlightFigures:
     """What the figures show of a flight; from the cache, where it has been analyzed before."""
     path = flown(name, folder)
     kept = path / "shown.pickle"
     if not kept.exists():
-        flight = _shown(name, path)
+        flight = _flight_figures(name, path)
         kept.write_bytes(pickle.dumps(flight))
     return pickle.loads(kept.read_bytes())
 
 
-def _shown(name: FlightName, path: Path) -> Shown:
+def _flight_figures(name: FlightName, path: Path) -> FlightFigures:
     log = read_log(path / "log.mcap")
     analysis = analyze_runs(log, by_likelihood=True)
     aircraft, results = analysis.aircraft, analysis.results
@@ -143,7 +143,7 @@ def _shown(name: FlightName, path: Path) -> Shown:
     sigma, w = at.rho / 1.225, at.weight_N / aircraft.mass.standard_weight_N
     points = [p for method in results.methods if method.name == "piw-viw" for p in method.points]
     table = analysis.table
-    return Shown(
+    return FlightFigures(
         name,
         curves,
         Curve(truth["speed_mps"].to_numpy(), truth["power_W"].to_numpy(), np.zeros(len(truth))),
@@ -196,11 +196,11 @@ def _run_fit(analysis: Analysis, run: Maneuver, at: Condition) -> RunFit:
     )
 
 
-SHOWN = ("CL0", "CLa", "CLde", "CD0", "K", "CL_minD")
+COEFFICIENTS = ("CL0", "CLa", "CLde", "CD0", "K", "CL_minD")
 
 
 def _estimates(fit: Fit) -> dict[str, tuple[float, float, float]]:
-    """Values of SHOWN and standard errors, for white residuals as in Table 7.1 and for colored ones."""
+    """Values of COEFFICIENTS and standard errors, for white residuals as in Table 7.1 and for colored ones."""
 
     def function(p):
         CL_minD = -p.A1 / (2 * p.A2)
@@ -208,11 +208,11 @@ def _estimates(fit: Fit) -> dict[str, tuple[float, float, float]]:
 
     white = uncertainty.delta_method(uncertainty.cramer_rao(fit), function)
     colored = uncertainty.delta_method(uncertainty.morelli_klein(fit), function)
-    rows = zip(SHOWN, white.value, white.standard_error, colored.standard_error, strict=True)
+    rows = zip(COEFFICIENTS, white.value, white.standard_error, colored.standard_error, strict=True)
     return {name: (float(value), float(standard_error), float(other)) for name, value, standard_error, other in rows}
 
 
 def true_estimates(aircraft: str) -> dict[str, float]:
-    """The values of SHOWN that the simulator flies."""
+    """The values of COEFFICIENTS that the simulator flies."""
     truth = load_aircraft(aircraft).aerodynamics
-    return {name: float(truth[name]) for name in SHOWN}
+    return {name: float(truth[name]) for name in COEFFICIENTS}

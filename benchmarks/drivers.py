@@ -27,11 +27,11 @@ SETTLING_TICKS = 75  # bringing up and configuring are not what a tick costs
 class Timed:
     """Any object whose methods' CPU time is added up in `spent_ns`, in a list that all share."""
 
-    def __init__(self, thing, spent_ns: list[int]):
-        self._thing, self._spent_ns = thing, spent_ns
+    def __init__(self, target, spent_ns: list[int]):
+        self._target, self._spent_ns = target, spent_ns
 
     def __getattr__(self, name):
-        method = getattr(self._thing, name)
+        method = getattr(self._target, name)
 
         def timed(*arguments):
             start_ns = time.thread_time_ns()

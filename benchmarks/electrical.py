@@ -105,11 +105,11 @@ def one_flight(
     setup: Setup,
     *,
     autopilots: str = "px4",
-    of: str = "electrical",
+    data: str = "electrical",
     traps: bool = False,
     turning_deg: float = 0.0,
 ) -> Rows:
-    """Rows by case. of: electrical; blind: without the airspeed sensor; torn: one sample a second, half of
+    """Rows by case. data: electrical; blind: without the airspeed sensor; torn: one sample a second, half of
     them lost by the radio; rpm or motor: power required by propeller table and motor speed, or by the motor's
     constants. Several are separated by commas. traps: with each fault of real logs, or its refusal. turning_deg: by
     which the mean wind turns in the flight."""
@@ -127,7 +127,7 @@ def one_flight(
         for autopilot, fault in itertools.product(autopilots.split(","), FAULTS if traps else ["wrong-battery-first"]):
             write, read = AUTOPILOTS[autopilot]
             write(log, flight, sensors, errors, [fault])
-            for quantity in of.split(","):
+            for quantity in data.split(","):
                 title = f"{autopilot}, {fault if traps else quantity}"
                 try:
                     rows.append((title, np.stack(_errors(aircraft, flight, errors, read(log), quantity))))
@@ -156,8 +156,8 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
         a = [flight for flight, _, _ in flights[:changed]]
         comparison = compare(pool_results(a), pool_results([flight for flight, _, _ in b])).results()
         V = np.array([row.speed_mps for row in comparison.differences])
-        true = [true_power(of, flight[1], flight[2], V, comparison.test.air_density_kgpm3)
-                for of, flight in ((aircraft, flights[0]), (draggy, b[0]))]  # fmt: skip
+        true = [true_power(craft, flight[1], flight[2], V, comparison.test.air_density_kgpm3)
+                for craft, flight in ((aircraft, flights[0]), (draggy, b[0]))]  # fmt: skip
         error = np.array([row.difference_percent for row in comparison.differences]) - 100 * (true[1] / true[0] - 1)
         half = np.array([row.hi_percent - row.lo_percent for row in comparison.differences]) / 2
         rows.append((f"difference, {changed} flights each", np.stack([error, half])))
@@ -167,7 +167,7 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
     return rows
 
 
-def _pooled_flight(setup: Setup, aircraft: CompleteAircraft, n: int, of: str) -> tuple[Results, Flight, DrawnErrors]:
+def _pooled_flight(setup: Setup, aircraft: CompleteAircraft, n: int, data: str) -> tuple[Results, Flight, DrawnErrors]:
     """Flight n of a campaign: errors of the aircraft as in its first, air and zeros of its own."""
     flight_setup = setup._replace(seed=1000 * setup.seed + n)
     errors = dataclasses.replace(flight_setup.drawn, values=setup.drawn.values)
@@ -175,7 +175,7 @@ def _pooled_flight(setup: Setup, aircraft: CompleteAircraft, n: int, of: str) ->
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
         write_px4_log(log, flight, sensors, errors)
-        recording = _without(read_px4(log), of)
+        recording = _without(read_px4(log), data)
     known = FlownAircraft("A", aircraft.mass.weight_N, aircraft.geometry.wing_area_m2, aircraft.geometry.span_m)
     table = flight_table(recording, known.weight_N, known.wing_area_m2)
     estimated = Found(table, estimate(table, known.weight_N, known.wing_area_m2, known.span_m))
@@ -188,10 +188,10 @@ def columns(_: Aircraft) -> list[str]:
     return ["slowest", *[""] * (SPEEDS - 2), "fastest"]
 
 
-def _without(recording: FlightRecording, of: str) -> FlightRecording:
+def _without(recording: FlightRecording, data: str) -> FlightRecording:
     """Without the channel, or the samples, that this quantity goes without."""
-    channels = {name: channel for name, channel in recording.channels.items() if name != WITHOUT.get(of)}
-    if of == "torn":
+    channels = {name: channel for name, channel in recording.channels.items() if name != WITHOUT.get(data)}
+    if data == "torn":
         noise = channels[AIRSPEED_PRESSURE].value[:8].view(np.uint32)  # each flight loses at other times
         rng, end_s = np.random.default_rng(noise), max(float(channel.t_s[-1]) for channel in channels.values())
         kept_s, lost_s = rng.exponential(((KEPT_S,), (LOST_S,)), (2, round(end_s / KEPT_S)))
@@ -201,18 +201,18 @@ def _without(recording: FlightRecording, of: str) -> FlightRecording:
             of_pair = np.clip(np.searchsorted(starts_s, channel.t_s[sent]) - 1, 0, None)
             received = sent[channel.t_s[sent] - starts_s[of_pair] < kept_s[of_pair]]
             channels[name] = Channel(channel.t_s[received], channel.value[received])
-    return dataclasses.replace(recording, channels=channels, by_radio=of == "torn")
+    return dataclasses.replace(recording, channels=channels, by_radio=data == "torn")
 
 
 def _errors(
-    aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, recording: FlightRecording, of: str
+    aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, recording: FlightRecording, data: str
 ) -> Errors:
     weight, geometry = aircraft.mass.weight_N, aircraft.geometry
-    recording = _without(recording, of)
+    recording = _without(recording, data)
     table = flight_table(recording, weight, geometry.wing_area_m2)
     electrical = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
     at = np.linspace(0, len(electrical.V_mps) - 1, SPEEDS).round().astype(int)
-    if of in ("rpm", "motor"):
+    if data in ("rpm", "motor"):
         propeller, constants = load_propeller(aircraft.propulsion.propeller), motor_constants(aircraft.propulsion)
         drag = drag_estimate(table, electrical, geometry.span_m, ThrustSource(propeller, constants))
         assert not isinstance(drag, DragWithheld), drag

@@ -168,8 +168,8 @@ def significance(seeds: Annotated[int, typer.Option(help="Number of draws of the
     for name, run in maneuvers().items():
         for factor in (0.5, 1.0, 1.5):
             limit = significance_limit(aircraft, run, factor, seeds)
-            shown = "never" if np.isnan(limit.snr) else f"{limit.snr:.2g}" if limit.snr else "always"
-            table.add_row(name, f"x {factor:g}", shown, f"{limit.snr_in_flight:.0f}", f"{limit.t_quiet:.1f}")
+            text = "never" if np.isnan(limit.snr) else f"{limit.snr:.2g}" if limit.snr else "always"
+            table.add_row(name, f"x {factor:g}", text, f"{limit.snr_in_flight:.0f}", f"{limit.t_quiet:.1f}")
             name = ""
     CONSOLE.print(table)
 

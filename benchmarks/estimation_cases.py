@@ -47,8 +47,8 @@ def filter_() -> None:
     table = Table("filter error", "fits", "reached the optimum", "iterations: median, largest", "wanted", box=None)
     seeds = range(FIRST_SEED, FIRST_SEED + 20)
     turbulence = [_turbulence(seed, start="equation error") for seed in seeds]
-    held = (turbulence, [_turbulence(seed, start=twins.TURBULENCE_TRUTH) for seed in seeds])
-    table.add_row("turbulence, from equation error", "20", _arrived(*held), _iterations(turbulence), "15 iterations")
+    pair = (turbulence, [_turbulence(seed, start=twins.TURBULENCE_TRUTH) for seed in seeds])
+    table.add_row("turbulence, from equation error", "20", _arrived(*pair), _iterations(turbulence), "15 iterations")
     best = [_unstable(seed, start=twins.UNSTABLE_TRUTH) for seed in seeds]
     for name, fits in (
         ("unstable, from equation error", [_unstable(seed, start="equation error") for seed in seeds]),
@@ -75,8 +75,8 @@ def filter_() -> None:
             )
         by_parameter = 100 * np.mean(inside, axis=0)
         within = f"{sum(fit.iterations <= 15 for fit in fits)} of {len(fits)}"
-        shown = f"{by_parameter.min():.1f} to {by_parameter.max():.1f}"
-        table.add_row(name, "200", f"{100 * np.mean(inside):.1f}", shown, "93 to 97", _iterations(fits), within)
+        extremes = f"{by_parameter.min():.1f} to {by_parameter.max():.1f}"
+        table.add_row(name, "200", f"{100 * np.mean(inside):.1f}", extremes, "93 to 97", _iterations(fits), within)
     CONSOLE.print(table)
 
 

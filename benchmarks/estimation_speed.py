@@ -232,7 +232,7 @@ def optimizer_records() -> list[Record]:
     rows = [row("scipy least_squares", took_s, solution.x)]
     if importlib.util.find_spec("aeroid") is not None:
         aeroid = importlib.import_module("aeroid")  # no dependency of this project
-        theirs = aeroid.Model(
+        aeroid_model = aeroid.Model(
             states=list(model.states), controls=["de"], parameters=dict(start),
             dynamics=lambda t, x, u, p: np.array(model.evaluate_dynamics(x, u, [p[name] for name in truth])),
         )  # fmt: skip
@@ -241,7 +241,7 @@ def optimizer_records() -> list[Record]:
         results = []
         x0 = dict(zip(model.states, fit.values[7:].tolist(), strict=True))  # it does not estimate them
         took_s = processor_time_s(
-            lambda: results.append(aeroid.identify(theirs, data, list(truth), weights=weights, x0=x0)), 1
+            lambda: results.append(aeroid.identify(aeroid_model, data, list(truth), weights=weights, x0=x0)), 1
         )
         rows.append(row("aeroid", took_s, np.array([results[0].parameters[name] for name in truth])))
     run = timed.made_by_the_model("run", 1)

@@ -100,9 +100,9 @@ class Part(NamedTuple):
 def judged(record: Record, low: int, high: int) -> Record:
     """The record with what was asked of its coverage, and whether it is met: "open" within two counting errors."""
     covered, counting = record["coverage, %"], record["±"]
-    beyond = max(low - covered, covered - high)
-    outside = "open" if beyond < 2 * counting else "too seldom" if covered < low else "too often"
-    met = "yes" if beyond <= 0 else outside
+    excess = max(low - covered, covered - high)
+    outside = "open" if excess < 2 * counting else "too seldom" if covered < low else "too often"
+    met = "yes" if excess <= 0 else outside
     return record | {"asked": f"{low} to {high}", "met": met}
 
 
@@ -141,15 +141,15 @@ def _by_weather(methods: Sequence[Record]) -> list[Record]:
     weathers = list(dict.fromkeys(record["W20, kt"] for record in methods))
     cells = {(record["method"], record["W20, kt"]): record for record in methods}
 
-    def of(method: str, get: Callable[[Record], Any]) -> list[Any]:
+    def values_of(method: str, get: Callable[[Record], Any]) -> list[Any]:
         return [get(cells[method, kt]) if (method, kt) in cells else None for kt in weathers]
 
     return [
         {
             "method": method,
-            f"coverage at {' / '.join(weathers)} kt, %": of(method, lambda record: record["coverage, %"]),
-            "error": of(method, lambda record: record["error"][len(record["error"]) // 2]),
-            "half width": of(
+            f"coverage at {' / '.join(weathers)} kt, %": values_of(method, lambda record: record["coverage, %"]),
+            "error": values_of(method, lambda record: record["error"][len(record["error"]) // 2]),
+            "half width": values_of(
                 method, lambda record: record["half width"] and record["half width"][len(record["half width"]) // 2]
             ),
         }
@@ -241,7 +241,7 @@ def flown_by_others(run: Run) -> Tables:
 
 def autopilots(run: Run) -> Tables:
     """Electrical power from logs of an autopilot, and pools of such flights."""
-    options = {"of": "electrical" if run.quick else "electrical,blind,torn,rpm"}
+    options = {"data": "electrical" if run.quick else "electrical,blind,torn,rpm"}
     logs, pools = [], []
     for kt in run.weather_kt:
         todo = [Setup("nexstar", "study", "ordinary-flight", kt, SEED + i) for i in range(run.n)]
@@ -527,14 +527,14 @@ def _table(tables: Tables, name: str) -> str:
 
 def _with_counting_error(record: Record) -> Record:
     """The counting error behind what it belongs to, instead of in a column of its own."""
-    shown, before = dict(record), ""
+    joined, before = dict(record), ""
     for name, value in record.items():
         if name == "±":
-            del shown[name]
+            del joined[name]
             if value is not None:
-                shown[before] = f"{text(record[before])} ± {text(value)}"
+                joined[before] = f"{text(record[before])} ± {text(value)}"
         before = name
-    return shown
+    return joined
 
 
 def without(records: Sequence[Record], *names: str) -> list[Record]:

@@ -50,7 +50,7 @@ def of_flight(path: Path) -> OfFlight:
     table = flight_table(recording, WEIGHT_N, AREA_M2)
     electrical = estimate(table, WEIGHT_N, AREA_M2, SPAN_M)
     power, sigma = (
-        np.interp(SPEEDS_MPS, electrical.V_mps, of) for of in (electrical.power_W, electrical.standard_error_W)
+        np.interp(SPEEDS_MPS, electrical.V_mps, values) for values in (electrical.power_W, electrical.standard_error_W)
     )
     parameters, _ = typed_in(flight_values(electrical, UNKNOWN_SPEED, recording.parameters))
     (ratio,) = (parameter for parameter in parameters if parameter.name == "ARSPD_RATIO")

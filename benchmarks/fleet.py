@@ -103,14 +103,14 @@ def size_records(flights: Sequence[int], airframes_: int, seed: int) -> list[Rec
             start = time.process_time()
             results = fleet_results(airframes(dataset, 1.0, []), [])
             page = render_fleet(results)
-            shown = time.process_time() - start
+            show_s = time.process_time() - start
             disk = sum(path.stat().st_size for path in Path(folder).rglob("*.parquet"))
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        growth = np.log(shown / before[1]) / np.log(total / before[0]) if before else np.nan
-        before = (total, shown)
+        growth = np.log(show_s / before[1]) / np.log(total / before[0]) if before else np.nan
+        before = (total, show_s)
         records.append({
             "flights": total, "airframes": airframes_, "added, s": rounded(added, 1),
-            "one more, s": rounded(one_more, 2), "shown, s": rounded(shown, 1),
+            "one more, s": rounded(one_more, 2), "shown, s": rounded(show_s, 1),
             "exponent of it": rounded(growth, 2), "bytes a flight": rounded(disk / total),
             "page, MB": rounded(len(page) / 1e6, 1), "memory, MB": rounded(memory),
         })  # fmt: skip

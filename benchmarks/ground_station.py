@@ -55,7 +55,7 @@ def record_flight(folder: Path, port: int, seconds: float) -> None:
     link.close()
 
 
-def heard(mavproxy: str, folder: Path, port: int) -> list[tuple[float, str]]:
+def received_lines(mavproxy: str, folder: Path, port: int) -> list[tuple[float, str]]:
     """What MAVProxy prints, with the time since its start [s]."""
     command = [mavproxy, f"--master=udpin:127.0.0.1:{port}", "--non-interactive", f"--state-basedir={folder}"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder)
@@ -75,7 +75,7 @@ def main(
         daemon = threading.Thread(target=record_flight, args=(folder, port, LATE_S + LISTENED_S + 2.0))
         daemon.start()
         time.sleep(LATE_S)
-        lines = heard(mavproxy, folder, port)
+        lines = received_lines(mavproxy, folder, port)
         daemon.join()
     for at_s, line in lines:
         print(f"{at_s:6.2f}  {line}")

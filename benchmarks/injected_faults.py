@@ -82,21 +82,27 @@ def at(function: Callable[[Any], Any], axis: int | None = None) -> Callable[[flo
     return lambda t_s: float(np.asarray(function(np.array([t_s])))[(0,) if axis is None else (0, axis)])
 
 
-def of(topic: str, name: str, true: Callable[[float], float], age_s: float, noise: float) -> Check:
+def reading_check(topic: str, name: str, true: Callable[[float], float], age_s: float, noise: float) -> Check:
     return Check(topic, lambda message: getattr(message, name), true, age_s, noise)
 
 
 CHECKS = (
-    *(of("/imu", f"specific_force_{axis}_mps2", at(FORCE, i), 0.031, 0.1) for i, axis in enumerate("xyz")),
-    *(of("/imu", f"angular_rate_{axis}_radps", at(RATE, i), 0.03, 0.01) for i, axis in enumerate("xyz")),
-    *(of("/mag", f"field_{axis}_T", at(FIELD, i), 0.005, 1e-6) for i, axis in enumerate("xyz")),
-    of("/baro", "pressure_Pa", at(STATIC_PA), 0.0, 5.0),
-    of("/static", "pressure_Pa", at(STATIC_PA), 0.0, 5.0),
-    *(of(f"/probe/{w}", "differential_pressure_Pa", at(DIFFERENCE), 0.0, 3.0) for w in ("alpha", "beta", "airspeed")),
-    of("/gps", "velocity_north_mps", at(NORTH), 0.1, 0.2),
-    of("/gps", "latitude_deg", lambda t_s: 47 + 15 * t_s / MERIDIAN_M, 0.1, 3.0 / MERIDIAN_M),
-    of("/rpm", "motor_speed_revps", at(REVS), 0.02, 2.0),
-    *(of("/attitude", f"{name}_rad", at(ATTITUDE, i), 0.02, 0.01) for i, name in enumerate(("roll", "pitch"))),
+    *(reading_check("/imu", f"specific_force_{axis}_mps2", at(FORCE, i), 0.031, 0.1) for i, axis in enumerate("xyz")),
+    *(reading_check("/imu", f"angular_rate_{axis}_radps", at(RATE, i), 0.03, 0.01) for i, axis in enumerate("xyz")),
+    *(reading_check("/mag", f"field_{axis}_T", at(FIELD, i), 0.005, 1e-6) for i, axis in enumerate("xyz")),
+    reading_check("/baro", "pressure_Pa", at(STATIC_PA), 0.0, 5.0),
+    reading_check("/static", "pressure_Pa", at(STATIC_PA), 0.0, 5.0),
+    *(
+        reading_check(f"/probe/{w}", "differential_pressure_Pa", at(DIFFERENCE), 0.0, 3.0)
+        for w in ("alpha", "beta", "airspeed")
+    ),
+    reading_check("/gps", "velocity_north_mps", at(NORTH), 0.1, 0.2),
+    reading_check("/gps", "latitude_deg", lambda t_s: 47 + 15 * t_s / MERIDIAN_M, 0.1, 3.0 / MERIDIAN_M),
+    reading_check("/rpm", "motor_speed_revps", at(REVS), 0.02, 2.0),
+    *(
+        reading_check("/attitude", f"{name}_rad", at(ATTITUDE, i), 0.02, 0.01)
+        for i, name in enumerate(("roll", "pitch"))
+    ),
     Check("/controls", lambda message: message.pulse_us and message.pulse_us[1], at(PULSE), 0.02, 5.0),
 )
 DRAWN = np.random.default_rng(11)

@@ -104,19 +104,19 @@ class Opened:
     """One bus or port of `Replies`."""
 
     def __init__(self, replies: Replies, device: str, part: Any):
-        self._of, self._device, self._part = replies, device, part
+        self._replies, self._device, self._part = replies, device, part
 
     def read(self, address: int, count: int) -> bytes:
-        return self._of.reply(self._part, (self._device, "read", address, count))
+        return self._replies.reply(self._part, (self._device, "read", address, count))
 
     def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        return self._of.reply(self._part, (self._device, "write_read", address, data, count))
+        return self._replies.reply(self._part, (self._device, "write_read", address, data, count))
 
     def read_available(self) -> bytes:
-        return self._of.reply(self._part, (self._device, "read_available"))
+        return self._replies.reply(self._part, (self._device, "read_available"))
 
     def write(self, *arguments: Any) -> None:
-        self._of.reply(self._part, (self._device, "write", *arguments))
+        self._replies.reply(self._part, (self._device, "write", *arguments))
 
     def close(self) -> None:
         pass

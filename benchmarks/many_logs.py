@@ -295,11 +295,11 @@ def hundred(folder: Path, whole: Path, count: int = 100) -> None:
         "--dump-dom",
         page.resolve().as_uri(),
     )
-    shown = subprocess.run(words, check=True, capture_output=True, text=True).stdout
+    printed = subprocess.run(words, check=True, capture_output=True, text=True).stdout
     elapsed, used = time.monotonic() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
     busy = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime
     console.print(
-        f"opened with {shown.count('main-svg')} layers of figures in {elapsed:.1f} s, {busy:.1f} s of processor time,"
+        f"opened with {printed.count('main-svg')} layers of figures in {elapsed:.1f} s, {busy:.1f} s of processor time,"
         f" the start of Chromium included; load of the machine {os.getloadavg()[0]:.1f}"
     )
 

@@ -53,9 +53,9 @@ def main(
             served.terminate()
 
 
-def take(browser: Browser, page: Path | str, shown: tuple[int, int, int], output: Path, drawn: str = "true") -> None:
-    """The first screen of a page, when it is drawn. shown: pixels left out above; width and height of the picture."""
-    above, width, height = shown
+def take(browser: Browser, page: Path | str, window: tuple[int, int, int], output: Path, drawn: str = "true") -> None:
+    """The first screen of a page, when it is drawn. window: pixels left out above; width and height of the picture."""
+    above, width, height = window
     browser.show(page, width, height=above + height)
     browser.wait_for(drawn)
     browser.value_of(DRAWN)

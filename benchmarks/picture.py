@@ -37,8 +37,8 @@ def drawn(results: Results, truth: pd.DataFrame) -> Any:
     band.update(name="95 % interval", showlegend=True)
     for number, trace in enumerate(trace for trace in curves if trace.line.dash == "dash"):
         trace.update(name="not flown", showlegend=number == 0)
-    shown = [float(V) for trace in curves for V in trace.x]
-    truth = truth[truth["speed_mps"].between(min(shown), max(shown))]
+    speeds = [float(V) for trace in curves for V in trace.x]
+    truth = truth[truth["speed_mps"].between(min(speeds), max(speeds))]
     figure.add_scatter(
         x=truth["speed_mps"], y=truth["power_W"], mode="lines", name="truth (simulator)",
         line={"color": ORANGE, "width": 3, "dash": "dot"},

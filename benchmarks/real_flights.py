@@ -147,11 +147,11 @@ def electrical_row(flight: Electrical, folder: Path, scratch: Path) -> Record:
         V = np.array([*LEVEL_WINDOWS]) / (1 + electrical.airspeed.scale)
         reference = np.array([*LEVEL_WINDOWS.values()])
     else:
-        shown, watts = np.array([*level_windows(table, electrical)]).T
-        edges = np.quantile(shown, np.linspace(0, 1, 5))
-        of = [(shown >= low) & (shown <= high) for low, high in pairwise(edges)]
-        V = np.array([shown[window].mean() for window in of])
-        reference = np.array([watts[window].mean() for window in of])
+        airspeed_mps, watts = np.array([*level_windows(table, electrical)]).T
+        edges = np.quantile(airspeed_mps, np.linspace(0, 1, 5))
+        windows = [(airspeed_mps >= low) & (airspeed_mps <= high) for low, high in pairwise(edges)]
+        V = np.array([airspeed_mps[window].mean() for window in windows])
+        reference = np.array([watts[window].mean() for window in windows])
     reached = (V >= electrical.V_mps[0]) & (V <= electrical.V_mps[-1])
     V, reference = V[reached], reference[reached]
     power, sigma = (

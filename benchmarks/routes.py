@@ -170,7 +170,7 @@ def one_mission(seed: int, aircraft: str, world: str, curve: int = 1, wind_sd_mp
     )
     ground = ambient(simulated, 0.0)
     battery = Battery(3600 * (craft.propulsion.battery_energy_Wh or 74.0), reserve=0.2)
-    how = Flight(
+    assumed = Flight(
         forecast,
         battery,
         Air(float(ground.pressure), float(ground.temperature)),
@@ -178,7 +178,7 @@ def one_mission(seed: int, aircraft: str, world: str, curve: int = 1, wind_sd_mp
         stall_mps=stall_mps(craft),
     )
     leg_m = 60.0 * float(np.sqrt(2 * at.weight_N / (at.rho * at.wing_area_m2)))
-    route = Route(sources, mission_of(rng, leg_m), how, rng)
+    route = Route(sources, mission_of(rng, leg_m), assumed, rng)
     plan, time_s = plan_of(route, true, simulated, 1 + GPS.scale_sigma * rng.standard_normal())
     flight = fly(craft, plan, seed=seed, deviations=setup.drawn.deviations)
     truth = flight.truth

@@ -120,8 +120,8 @@ def main(
             for verdict in verdicts.verdicts:
                 superseded = last_word(verdict.kind, verdict.start_s, verdict.end_s, verdicts.verdicts) is not verdict
                 wrongly_good += verdict.good and verdict not in reported and not superseded
-            both = [last_word(r.kind, r.start_s, r.end_s, verdicts.verdicts) for r in rejected]
-            lost += sum(word is not None and not word.good for word in both)
+            of_rejected = [last_word(r.kind, r.start_s, r.end_s, verdicts.verdicts) for r in rejected]
+            lost += sum(word is not None and not word.good for word in of_rejected)
             if show:
                 print(kt, seed, *verdicts.texts, sep="\n  ")
                 for run, word in zip(accepted, words, strict=True):

@@ -3,7 +3,7 @@
     python benchmarks/study.py estimators --turbulence-kt 3 --flights 200
     python benchmarks/study.py estimators --aircraft light-1kg --plan accel-decel --seed 1000 --flights 16 --jobs 1
     python benchmarks/study.py methods --errors bench --with alpha_offset_rad=0.02
-    python benchmarks/study.py autopilot-logs --turbulence-kt 0 --turbulence-kt 8 --with of=electrical,rpm
+    python benchmarks/study.py autopilot-logs --turbulence-kt 0 --turbulence-kt 8 --with data=electrical,rpm
 
 Each flight is one seed; those below 1000 are for development, figures of the documentation come from others. `--with`
 gives an option of the case: the arguments of its `one_flight` are documented there.

@@ -67,10 +67,10 @@ class Sensors:
     def middle_s(self) -> float:
         return self.duration_s / 2
 
-    def lagged(self, of: Callable[[Array], Array], t_s: Array, time_constant_s: float) -> Array:
+    def lagged(self, signal: Callable[[Array], Array], t_s: Array, time_constant_s: float) -> Array:
         """A quantity behind a first-order lag."""
         grid = np.arange(0.0, self.duration_s + FINE_S, FINE_S)
-        return np.interp(t_s, grid, first_order_lag(of(grid), FINE_S, time_constant_s))
+        return np.interp(t_s, grid, first_order_lag(signal(grid), FINE_S, time_constant_s))
 
 
 def turned(vectors: Array, axis: int, angle_rad: Array) -> Array:
@@ -190,10 +190,10 @@ class StickyTransducer(Pressures):
             return self.truth.differential_pressure_Pa(which, t_s)
         grid = np.arange(0.0, self.duration_s, 10 * FINE_S)
         quiet, stuck = self.truth._pneumatic(which, grid), []
-        held = float(quiet[0])
+        position = float(quiet[0])
         for x in quiet.tolist():
-            held = min(max(held, x - 20), x + 20)
-            stuck.append(held)
+            position = min(max(position, x - 20), x + 20)
+            stuck.append(position)
         return self.truth.differential_pressure_Pa(which, t_s) + np.interp(t_s, grid, np.array(stuck) - quiet)
 
 

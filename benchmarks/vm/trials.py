@@ -274,8 +274,8 @@ def package(folder: Path, disk: Path) -> list[Row]:
         listed = "dpkg -L flightpower | while read -r path; do [ -d $path ] || echo $path; done"
         step("files listed", f"{listed} > files && wc -l < files", r"\d{3}")
         step("purge", "sudo dpkg --purge flightpower", "Purging configuration files")
-        gone = "/usr/lib/flightpower /etc/flightpower /etc/systemd/system/flightpower-daq.service.d /opt/flightpower"
-        step("nothing is left", f"for path in $(cat files) {gone}; do [ ! -e $path ] || exit 1; done")
+        folders = "/usr/lib/flightpower /etc/flightpower /etc/systemd/system/flightpower-daq.service.d /opt/flightpower"
+        step("nothing is left", f"for path in $(cat files) {folders}; do [ ! -e $path ] || exit 1; done")
         step("no service is left", "! systemctl cat flightpower-daq flightpower-status")
         machine.switch_off()
     logs = logs_on(folder, disk)
