@@ -152,8 +152,8 @@ def optimum_speed(
     draws = np.random.default_rng(seed).multivariate_normal(polar.A, polar.covariance, 4000, method="eigh")
     CL = np.array([lift_of(A) for A in draws])
     speed = speed_at(np.where(CL > 0, CL, np.nan), condition)
-    beyond = np.max(speed, initial=0.0, where=np.isfinite(speed))
-    speed = np.where(np.isfinite(speed), speed, np.where(draws[:, 0] > 0, 0.0, beyond))
+    fastest = np.max(speed, initial=0.0, where=np.isfinite(speed))
+    speed = np.where(np.isfinite(speed), speed, np.where(draws[:, 0] > 0, 0.0, fastest))
     lo, hi = np.percentile(speed, [2.5, 97.5])
     return SpeedWithInterval(float(speed_at(lift_of(polar.A), condition)), float(lo), float(hi))
 
@@ -178,11 +178,11 @@ class Cost(Enum):
     ENERGY_PER_METER = auto()  # the best range
 
 
-def ratios(of: Condition, at: Condition, load_factor: Array | float = 1.0) -> tuple[Array, Array]:
+def ratios(reference: Condition, at: Condition, load_factor: Array | float = 1.0) -> tuple[Array, Array]:
     """Speed and power, without that of the idling aircraft, over those at another condition and the same C_L (VIW and
     PIW, 2.3 and 2.5): drag coefficient and efficiency are then the same. load_factor : there"""
-    heavier = at.weight_N * load_factor / of.weight_N
-    thinner = of.rho / at.rho * (of.wing_area_m2 / at.wing_area_m2)
+    heavier = at.weight_N * load_factor / reference.weight_N
+    thinner = reference.rho / at.rho * (reference.wing_area_m2 / at.wing_area_m2)
     return np.asarray(np.sqrt(heavier * thinner)), np.asarray(heavier**1.5 * np.sqrt(thinner))
 
 
@@ -325,11 +325,13 @@ def power_points(
     V_mps: Array, power_W: Array, half_width_W: Array, extrapolated: Sequence[bool] | NDArray[np.bool_] | None = None
 ) -> list[PowerPoint]:
     """Points of a curve (n,); what is not known is left out. The interval of a power does not reach below zero."""
-    beyond = [False] * len(V_mps) if extrapolated is None else list(extrapolated)
+    is_extrapolated = [False] * len(V_mps) if extrapolated is None else list(extrapolated)
     return [
         PowerPoint(
             speed_mps=v, power_W=p, power_lo_W=max(p - h, min(p, 0.0)), power_hi_W=p + h, extrapolated=bool(outside)
         )
-        for v, p, h, outside in zip(V_mps.tolist(), power_W.tolist(), half_width_W.tolist(), beyond, strict=True)
+        for v, p, h, outside in zip(
+            V_mps.tolist(), power_W.tolist(), half_width_W.tolist(), is_extrapolated, strict=True
+        )
         if np.isfinite(p + h)
     ]

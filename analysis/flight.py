@@ -228,7 +228,7 @@ def flight_path(flight: Measured) -> FlightPath:
     stated = flight.aircraft.has("uncertainty.updraft")
     by_day = None if stated else updraft_by_day(trajectory, sun_over(flight.fix))
     if by_day is not None and by_day.contradicted:
-        conflict = conflict._replace(beyond={**conflict.beyond, "updraft": by_day.z})
+        conflict = conflict._replace(z={**conflict.z, "updraft": by_day.z})
         notes.append(by_day.note)
     if conflict.conflicting:
         flight.progress("reconstructing the trajectory with larger sensor errors")

@@ -137,8 +137,8 @@ def _left_out_rms(X: Array, y: Array, fold: NDArray[np.int64]) -> float:
     residual = y - Q @ (Q.T @ y)
     total = 0.0
     for k in range(fold.max() + 1):
-        mine = Q[fold == k]
-        left_out = np.linalg.solve(np.eye(len(mine)) - mine @ mine.T, residual[fold == k])
+        Q_fold = Q[fold == k]
+        left_out = np.linalg.solve(np.eye(len(Q_fold)) - Q_fold @ Q_fold.T, residual[fold == k])
         total += float(left_out @ left_out)
     return float(np.sqrt(total / len(y)))
 

@@ -60,10 +60,10 @@ def readings(log: Log) -> pd.DataFrame:
         columns[name] = series[~series.index.duplicated()]
     at_ns = np.asarray(columns["airspeed"].index, dtype=np.int64)
     step_ns = int(np.median(np.diff(at_ns))) if len(at_ns) > 1 else 1
-    together = {
+    table = {
         name: series.reindex(at_ns, method="nearest", tolerance=step_ns).to_numpy() for name, series in columns.items()
     }
-    return pd.DataFrame(together, index=pd.Index((at_ns - at_ns[0]) / 1e9, name="t_s"))
+    return pd.DataFrame(table, index=pd.Index((at_ns - at_ns[0]) / 1e9, name="t_s"))
 
 
 def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
@@ -172,7 +172,7 @@ class TransducerCalibration(msgspec.Struct, frozen=True, kw_only=True):
 
     def pressure_Pa(self, column: str, reading: Reading) -> Reading:
         """The pressure at which the transducer of a column has this reading [Pa]."""
-        line = next(self.line(name) for name, of in COLUMN_OF.items() if of == column)
+        line = next(self.line(name) for name, its_column in COLUMN_OF.items() if its_column == column)
         return (reading - line.offset_Pa) / line.slope
 
 
@@ -251,8 +251,8 @@ def _with_change(air: pd.DataFrame, channel: str, change_Pa: Array) -> pd.DataFr
 
 def play(x: Array, width: float) -> Array:
     """The play operator over x (n,): its output follows half the width behind."""
-    y, held = np.empty_like(x), float(x[0])
+    y, position = np.empty_like(x), float(x[0])
     for i, value in enumerate(x.tolist()):
-        held = min(max(held, value - width / 2), value + width / 2)
-        y[i] = held
+        position = min(max(position, value - width / 2), value + width / 2)
+        y[i] = position
     return y

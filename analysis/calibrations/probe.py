@@ -116,8 +116,8 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
     groups = _speed_groups(tunnel.speed_mps)
     at_speeds = []
     for group in range(groups.max() + 1):
-        mine = small & (groups == group)
-        x, y = angle_rad[mine], residual_rad[mine]
+        in_group = small & (groups == group)
+        x, y = angle_rad[in_group], residual_rad[in_group]
         if len(x) < STATISTICS.fewest_readings or np.ptp(x) == 0:
             continue
         x_mean = x - x.mean()
@@ -125,7 +125,7 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
         left = y - y.mean() - slope * x_mean
         error = float(np.sqrt(left @ left / (len(x) - 2) / (x_mean @ x_mean)))
         offset = float(y.mean() - slope * x.mean())
-        at_speeds.append(SlopeAtSpeed(float(tunnel.speed_mps[mine].mean()), len(x), offset, slope, error))
+        at_speeds.append(SlopeAtSpeed(float(tunnel.speed_mps[in_group].mean()), len(x), offset, slope, error))
     if len(at_speeds) < 2:
         return SpeedDependence(at_speeds, 0.0, 0.0)
     slopes, errors = np.array([f.slope for f in at_speeds]), np.array([f.slope_error for f in at_speeds])
@@ -133,8 +133,8 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
     chi_squared = float(np.sum(((slopes - mean) / errors) ** 2))
     if chi_squared < special.chdtri(len(at_speeds) - 1, STATISTICS.false_alarm_rate):
         return SpeedDependence(at_speeds, chi_squared, 0.0)
-    beyond = max(float(np.var(slopes, ddof=1) - np.mean(errors**2)), 0.0)
-    return SpeedDependence(at_speeds, chi_squared, float(np.sqrt(beyond)))
+    excess_variance = max(float(np.var(slopes, ddof=1) - np.mean(errors**2)), 0.0)
+    return SpeedDependence(at_speeds, chi_squared, float(np.sqrt(excess_variance)))
 
 
 def _speed_groups(speed_mps: Array) -> NDArray[np.int64]:
@@ -395,11 +395,11 @@ def residual_maps(tunnel: TunnelData, residuals: tuple[Array, Array, Array]) -> 
         edges = np.linspace(-end, end, len(LEVELS) + 1)
         level = np.clip(np.searchsorted(edges, residual) - 1, 0, len(LEVELS) - 1)
         for k, (color, lo, hi) in enumerate(zip(LEVELS, edges, edges[1:], strict=False)):
-            here = level == k
+            at_level = level == k
             figure.add(
                 Points(
-                    x=(np.degrees(tunnel.alpha_rad) + aside)[here], y=np.degrees(tunnel.beta_rad)[here], size=5,
-                    color=color, z=residual[here], value=f"{{z:+.2f}} {axis.unit}", name=f"{lo:+.2g} to {hi:+.2g}",
+                    x=(np.degrees(tunnel.alpha_rad) + aside)[at_level], y=np.degrees(tunnel.beta_rad)[at_level], size=5,
+                    color=color, z=residual[at_level], value=f"{{z:+.2f}} {axis.unit}", name=f"{lo:+.2g} to {hi:+.2g}",
                 )
             )  # fmt: skip
         figures.append(figure)

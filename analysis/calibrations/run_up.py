@@ -81,12 +81,12 @@ def held_speeds(table: pd.DataFrame, source: str) -> list[HeldSpeed]:
     for first, last in steady_stretches(revps, allowed, settling):
         rows = slice(first + settling, last + 1 - settling)
         if (last - first) * step_s >= GROUND.held_s[0]:
-            held = float(revps[rows].mean())
-            speeds.append(HeldSpeed(rows, float(t_s[rows].mean()), held, table.iloc[rows].mean()))
-    turning = [held for held in speeds if held.revps > 0]
+            held_speed = float(revps[rows].mean())
+            speeds.append(HeldSpeed(rows, float(t_s[rows].mean()), held_speed, table.iloc[rows].mean()))
+    turning = [held_speed for held_speed in speeds if held_speed.revps > 0]
     if len(speeds) < 2 or speeds[0].revps > 0 or speeds[-1].revps > 0:
         raise InputError(f"{source}: begin and end with the motor stopped for ten seconds")
-    distinct = np.diff(np.sort([held.revps for held in turning])) > allowed
+    distinct = np.diff(np.sort([held_speed.revps for held_speed in turning])) > allowed
     if len(turning) == 0 or distinct.sum() + 1 < STAND_LIMITS.fewest_speeds:
         raise InputError(
             f"{source}: {distinct.sum() + 1 if turning else 0} motor speeds were held for {GROUND.held_s[0]:g} s; hold"
@@ -95,54 +95,54 @@ def held_speeds(table: pd.DataFrame, source: str) -> list[HeldSpeed]:
     return speeds
 
 
-def vibration_offset(table: pd.DataFrame, held: list[HeldSpeed]) -> VibrationOffset:
+def vibration_offset(table: pd.DataFrame, speeds: list[HeldSpeed]) -> VibrationOffset:
     """Offset of the accelerometer in proportion to the square of the motor's speed."""
-    force = np.array([[speed.mean[name] for name in FORCES] for speed in held])
-    without_lean = force - _by_lean(table, held, force[0])
-    time_s = np.array([speed.time_s for speed in held])
-    square = np.array([(speed.revps / VIBRATION_REVPS) ** 2 for speed in held])
-    X = np.column_stack([np.ones(len(held)), (time_s - time_s.mean()) / np.ptp(time_s), square])
+    force = np.array([[speed.mean[name] for name in FORCES] for speed in speeds])
+    without_lean = force - _by_lean(table, speeds, force[0])
+    time_s = np.array([speed.time_s for speed in speeds])
+    square = np.array([(speed.revps / VIBRATION_REVPS) ** 2 for speed in speeds])
+    X = np.column_stack([np.ones(len(speeds)), (time_s - time_s.mean()) / np.ptp(time_s), square])
     by_axis = [student_fit(X, of_axis) for of_axis in without_lean.T]
     return VibrationOffset(*(np.array([values[2] for values in column]) for column in zip(*by_axis, strict=True)))
 
 
-def _by_lean(table: pd.DataFrame, held: list[HeldSpeed], at_rest: Array) -> Array:
+def _by_lean(table: pd.DataFrame, speeds: list[HeldSpeed], at_rest: Array) -> Array:
     """Change of the specific force (k, 3) in the held stretches since the first, by how the aircraft leans."""
     x, y, z = at_rest
     pitch, roll = np.arctan2(x, np.hypot(y, z)), np.arctan2(-y, -z)
     step_s = float(table.index[1] - table.index[0])
     rates, t_s = table[list(RATES)].fillna(0.0).to_numpy(), table.index.to_numpy()
-    times = [speed.time_s for speed in held]
-    zeros = np.column_stack([np.interp(t_s, times, [speed.mean[name] for speed in held]) for name in RATES])
-    turned = np.zeros((len(held), 3))
-    for i, (before, after) in enumerate(pairwise(held), start=1):
+    times = [speed.time_s for speed in speeds]
+    zeros = np.column_stack([np.interp(t_s, times, [speed.mean[name] for speed in speeds]) for name in RATES])
+    turned = np.zeros((len(speeds), 3))
+    for i, (before, after) in enumerate(pairwise(speeds), start=1):
         between = slice(before.rows.stop, after.rows.start)
         turned[i] = turned[i - 1] + (rates - zeros)[between].sum(axis=0) * step_s
     # Small turns: of roll by p, of pitch by the part of q and r about the level lateral axis.
     leaned_roll = roll + turned[:, 0]
     leaned_pitch = pitch + turned[:, 1] * np.cos(roll) - turned[:, 2] * np.sin(roll)
     down = (0.0, 0.0, -GRAVITY_MPS2)
-    leaned = np.column_stack(body_from_earth(down, (leaned_roll, leaned_pitch, np.zeros(len(held)))))
+    leaned = np.column_stack(body_from_earth(down, (leaned_roll, leaned_pitch, np.zeros(len(speeds)))))
     return np.asarray(leaned - leaned[0])
 
 
-def speed_over_constant(held: list[HeldSpeed], propulsion: Propulsion) -> float | None:
+def speed_over_constant(speeds: list[HeldSpeed], propulsion: Propulsion) -> float | None:
     """Motor speed at full throttle over kV (V - I R). None where it was not held, or something was not measured."""
     kv, resistance = propulsion.motor_kv_rpm_per_volt, propulsion.motor_resistance_ohm
     if kv is None or resistance is None:
         return None
     ratios = [
         60 * speed.revps / (kv * (speed.mean["battery_V"] - speed.mean["battery_A"] * resistance))
-        for speed in held
+        for speed in speeds
         if speed.mean["throttle"] >= 1 - STAND_LIMITS.same_speed
     ]
     known = [float(ratio) for ratio in ratios if np.isfinite(ratio)]
     return float(np.median(known)) if known else None
 
 
-def battery(held: list[HeldSpeed]) -> Battery | None:
+def battery(speeds: list[HeldSpeed]) -> Battery | None:
     """The battery, from voltage and current of the held stretches; None if these were not measured."""
-    volts, amperes = (np.array([speed.mean[name] for speed in held]) for name in ("battery_V", "battery_A"))
+    volts, amperes = (np.array([speed.mean[name] for speed in speeds]) for name in ("battery_V", "battery_A"))
     known = np.isfinite(volts) & np.isfinite(amperes)
     if known.sum() < STATISTICS.fewest_readings:
         return None
@@ -151,28 +151,28 @@ def battery(held: list[HeldSpeed]) -> Battery | None:
     return Battery(*(float(value) for pair in zip(*student_fit(X, volts), strict=True) for value in pair))
 
 
-def thrust_readings(held: list[HeldSpeed], thrust_N: list[float | None], source: str) -> StandReadings:
+def thrust_readings(speeds: list[HeldSpeed], thrust_N: list[float | None], source: str) -> StandReadings:
     """Thrust as read from a scale at each speed that was held, None where it was not read; as readings on a stand.
 
     Raises InputError if there is not one for each.
     """
-    turning = [speed for speed in held if speed.revps > 0]
+    turning = [speed for speed in speeds if speed.revps > 0]
     if len(turning) != len(thrust_N):
         raise InputError(
-            f"{source}: {len(thrust_N)} readings of thrust for {len(turning)} motor speeds: {in_words(held)}; give one"
-            " for each, in order, and - for one not read"
+            f"{source}: {len(thrust_N)} readings of thrust for {len(turning)} motor speeds: {in_words(speeds)}; give"
+            " one for each, in order, and - for one not read"
         )
     read = [(speed, thrust) for speed, thrust in zip(turning, thrust_N, strict=True) if thrust is not None]
-    first = held[0].mean  # the tray warms up: its first temperature is that of the air
+    first = speeds[0].mean  # the tray warms up: its first temperature is that of the air
     rho = float(density(first["static_Pa"], first["static_temperature_K"]))
     return StandReadings(
         np.array([speed.revps for speed, _ in read]), np.array([thrust for _, thrust in read]), np.full(len(read), rho)
     )
 
 
-def in_words(held: list[HeldSpeed]) -> str:
+def in_words(speeds: list[HeldSpeed]) -> str:
     """The speeds that were held, to be matched with the thrusts written down."""
-    turning = [speed for speed in held if speed.revps > 0]
+    turning = [speed for speed in speeds if speed.revps > 0]
     return ", ".join(
         f"{number}: {60 * speed.revps:.0f} rpm at {speed.time_s:.0f} s" for number, speed in enumerate(turning, 1)
     )
@@ -232,10 +232,10 @@ def run_up(
     read = thrusts_N(thrust)
     recorded = read_log(log)
     aircraft, table = aircraft_of(recorded), synchronize(recorded).table
-    held = held_speeds(table, str(log))
-    offset, fitted = vibration_offset(table, held), battery(held)
-    ratio = speed_over_constant(held, aircraft.propulsion)
-    lines = [f"motor speeds held: {in_words(held)}", *summary(offset, fitted, ratio)]
+    speeds = held_speeds(table, str(log))
+    offset, fitted = vibration_offset(table, speeds), battery(speeds)
+    ratio = speed_over_constant(speeds, aircraft.propulsion)
+    lines = [f"motor speeds held: {in_words(speeds)}", *summary(offset, fitted, ratio)]
     warnings, stand, unsupported = [], None, ""
     if ratio is None:
         warnings.append(UNCHECKED)
@@ -243,7 +243,7 @@ def run_up(
         unsupported = wrong_speed(ratio, aircraft)
     if read:
         propeller = propeller_of(recorded, aircraft)
-        readings = thrust_readings(held, read, str(log))
+        readings = thrust_readings(speeds, read, str(log))
         stand, not_known = calibrate(readings, propeller, scale_error / 100, log.name)
         lines += thrust_summary(stand)
         warnings += doubts(stand, readings, propeller, aircraft)

@@ -184,9 +184,9 @@ def pressures_Pa(text: str) -> list[float]:
 
 def _unit_Pa(unit: str, text: str) -> float:
     water_kgpm3 = 998.2  # at 20 degC
-    for of, factor in (("Pa", 1.0), ("m", water_kgpm3 * GRAVITY_MPS2)):
+    for base_unit, factor in (("Pa", 1.0), ("m", water_kgpm3 * GRAVITY_MPS2)):
         try:
-            return factor * to_si(f"1 {unit}", of, "")
+            return factor * to_si(f"1 {unit}", base_unit, "")
         except InputError:
             continue
     raise InputError(f"--pressures {text!r}: {unit!r} is no unit of pressure or length; give a list such as {EXAMPLE}")

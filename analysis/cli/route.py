@@ -203,9 +203,9 @@ def route(
     speed = _asked_speed(options.speed)
     flown = _mission(mission, options)
     read = read_route_input(results)
-    how = _flight(read, wind, speed, options)
-    result = predict(read, flown, how)
-    for question in _questions(read, how, options):
+    assumed = _flight(read, wind, speed, options)
+    result = predict(read, flown, assumed)
+    for question in _questions(read, assumed, options):
         print(f"note: {question}", file=sys.stderr)
     if json:
         import msgspec

@@ -104,18 +104,18 @@ class ArrayFunction:
 
 
 def _instruction(function: ca.Function, k: int) -> _Instruction:
-    operation, to, of = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
+    operation, to, inputs = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
     if operation == ca.OP_OUTPUT:
-        return _Instruction(_Kind.OUTPUT, None, to[0], of[0], to[1])
+        return _Instruction(_Kind.OUTPUT, None, to[0], inputs[0], to[1])
     if operation == ca.OP_INPUT:
-        return _Instruction(_Kind.INPUT, None, to[0], of[0], of[1])
+        return _Instruction(_Kind.INPUT, None, to[0], inputs[0], inputs[1])
     if operation == ca.OP_CONST:
         return _Instruction(_Kind.CONSTANT, function.instruction_constant(k), to[0], 0, 0)
     if operation not in OPERATIONS:
         raise InputError(f"function {function.name()}: CasADi's operation {operation} has no counterpart in NumPy")
-    if len(of) == 1:
-        return _Instruction(_Kind.UNARY, OPERATIONS[operation], to[0], of[0], 0)
-    return _Instruction(_Kind.BINARY, OPERATIONS[operation], to[0], of[0], of[1])
+    if len(inputs) == 1:
+        return _Instruction(_Kind.UNARY, OPERATIONS[operation], to[0], inputs[0], 0)
+    return _Instruction(_Kind.BINARY, OPERATIONS[operation], to[0], inputs[0], inputs[1])
 
 
 def check_symbols(model: str, function: ca.Function) -> None:

@@ -123,7 +123,7 @@ def fit_filter_error(
                 smaller, smaller.evaluate(theta), options.max_iterations, step_tolerance=FILTER_ERROR.step_tolerance
             )
             ratio = math.nan if stop.failed else max(0.0, 2 * (without.cost - optimum.point.cost))
-            intensities[key.of] = intensities[key.of]._replace(p_value=math.erfc(math.sqrt(ratio / 2)) / 2)
+            intensities[key.name] = intensities[key.name]._replace(p_value=math.erfc(math.sqrt(ratio / 2)) / 2)
     verdict = _verdict(fit, intensities, optimum.negligible)
     return replace(fit, verdict=verdict, process_noise=intensities)
 
@@ -168,19 +168,21 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             dropped = [*doubtful[:1], *(key for key in likelihood.negligible(point) if key != doubtful[0])]
         if not dropped or stop.failed:
             return _Optimum(likelihood, point, iterations, stop, negligible)
-        held = {key: float(point.theta[likelihood.index(key)]) for key in dropped}
-        zero = held | {key: -math.inf for key in dropped if key.kind is UnknownKind.PROCESS_NOISE}
+        fixed = {key: float(point.theta[likelihood.index(key)]) for key in dropped}
+        zero = fixed | {key: -math.inf for key in dropped if key.kind is UnknownKind.PROCESS_NOISE}
         smaller, without = _holding(likelihood, zero, point)
         if not without.cost <= point.cost + FILTER_ERROR.zero_cost:
-            zero = held
-            smaller, without = _holding(likelihood, held, point)
+            zero = fixed
+            smaller, without = _holding(likelihood, fixed, point)
         # The filter may need the least noise of one state. Which one makes the data likeliest is seen after a step.
-        gone = {key: value for key, value in (negligible | zero).items() if key.kind is UnknownKind.PROCESS_NOISE}
-        if any(value > -math.inf for value in gone.values()) and len(gone) > 1:
+        without_noise = {
+            key: value for key, value in (negligible | zero).items() if key.kind is UnknownKind.PROCESS_NOISE
+        }
+        if any(value > -math.inf for value in without_noise.values()) and len(without_noise) > 1:
             ends = [(zero, smaller, _after_a_step(smaller, without))]
-            for key in gone:
-                only = dict.fromkeys(gone, -math.inf) | {key: lowest[key]}
-                if only != gone:
+            for key in without_noise:
+                only = dict.fromkeys(without_noise, -math.inf) | {key: lowest[key]}
+                if only != without_noise:
                     other, start = _holding(likelihood, only, point)
                     ends.append((zero | only, other, _after_a_step(other, start)))
             zero, smaller, without = min(ends, key=lambda end: end[2].cost)
@@ -253,7 +255,7 @@ def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[Un
     """The verdict of the fit, with noise that could be left out."""
     if fit.verdict.status is FitStatus.NOT_CONVERGED:
         return fit.verdict
-    quiet = [key.of for key in negligible if key.kind is UnknownKind.MEASUREMENT_NOISE]
+    quiet = [key.name for key in negligible if key.kind is UnknownKind.MEASUREMENT_NOISE]
     stabilizing = [state for state in intensities if negligible.get(intensity_key(state), -math.inf) > -math.inf]
     level = TESTS.false_alarms
     insignificant = [state for state, intensity in intensities.items() if intensity.p_value >= level]
@@ -264,6 +266,6 @@ def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[Un
         (Finding.PROCESS_NOISE_NOT_SIGNIFICANT, insignificant, "process noise of {} is not significant"),
     )  # fmt: skip
     verdict = fit.verdict.with_remarks(
-        *(Remark(finding, text.format(", ".join(of))) for finding, of, text in remarks if of)
+        *(Remark(finding, text.format(", ".join(names))) for finding, names, text in remarks if names)
     )
     return verdict._replace(hints=innovation_hints(fit))

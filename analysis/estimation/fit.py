@@ -292,7 +292,7 @@ class Fit:
         residuals = np.concatenate([fit.residuals for fit in self.segment_fits])
         wider = [None] * len(self.names) if corrected is None else np.sqrt(np.diag(corrected)).tolist()
         unit_of = {q.name: q.unit for q in self.model.parameters}
-        units = {key: unit_of[key.of] for key in self.keys if key.kind is UnknownKind.PARAMETER}
+        units = {key: unit_of[key.name] for key in self.keys if key.kind is UnknownKind.PARAMETER}
         return FitSummary(
             model=self.model.name,
             status=self.verdict.status.value,

@@ -35,10 +35,10 @@ class InnovationsLikelihood:
     def index(self, key: UnknownKey) -> int:
         return self.problem.keys.index(key)
 
-    def holding(self, held: Mapping[UnknownKey, float], theta: Array) -> tuple["InnovationsLikelihood", Array]:
+    def holding(self, values: Mapping[UnknownKey, float], theta: Array) -> tuple["InnovationsLikelihood", Array]:
         """The likelihood with these ln w and ln v fixed, and theta without them."""
-        keep = np.array([key not in held for key in self.problem.keys])
-        return replace(self, problem=self.problem.without(keep), fixed=self.fixed | dict(held)), theta[keep]
+        keep = np.array([key not in values for key in self.problem.keys])
+        return replace(self, problem=self.problem.without(keep), fixed=self.fixed | dict(values)), theta[keep]
 
     def negligible(self, point: Evaluation) -> list[UnknownKey]:
         """Noises that hardly change the variances of the innovations, and at which the likelihood falls.

@@ -54,7 +54,7 @@ class UnknownKey(NamedTuple):
     """
 
     kind: UnknownKind
-    of: str
+    name: str
     segment: str | None = None
 
     @property
@@ -68,7 +68,7 @@ class UnknownKey(NamedTuple):
             UnknownKind.PROCESS_NOISE: "ln w({})",
             UnknownKind.MEASUREMENT_NOISE: "ln v({})",
         }
-        return forms[self.kind].format(self.of) + (f"[{self.segment}]" if self.segment is not None else "")
+        return forms[self.kind].format(self.name) + (f"[{self.segment}]" if self.segment is not None else "")
 
 
 ModelFunction = Callable[[NamedValues, NamedValues, NamedValues], Sequence[Any]]
@@ -208,12 +208,12 @@ class Model:
         if self.states and self.dynamics is None:
             raise InputError(f"model {self.name}: it has states but no dynamics function; give dynamics")
 
-    def _as_tuple(self, kind: str, of: type) -> tuple[Any, ...]:
+    def _as_tuple(self, kind: str, item_type: type) -> tuple[Any, ...]:
         """The names or parameters as a tuple; lists are accepted."""
         given = getattr(self, kind)
-        if isinstance(given, (list, tuple)) and all(isinstance(item, of) for item in given):
+        if isinstance(given, (list, tuple)) and all(isinstance(item, item_type) for item in given):
             return tuple(given)
-        what = "Parameter objects" if of is Parameter else "names"
+        what = "Parameter objects" if item_type is Parameter else "names"
         raise InputError(
             f"model {self.name}: {kind} must be a tuple of {what}, with a comma if it is one; is {given!r}"
         )

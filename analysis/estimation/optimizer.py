@@ -114,10 +114,10 @@ def maximize(
     for iteration in range(1, max_iterations + 1):
         H = point.information + problem.prior_matrix
         # An unknown at a bound stays there in this step if the gradient points out of the bounds.
-        held = ((point.theta <= problem.lower) & (point.gradient < 0)) | (
+        at_bound = ((point.theta <= problem.lower) & (point.gradient < 0)) | (
             (point.theta >= problem.upper) & (point.gradient > 0)
         )
-        moving = np.flatnonzero(~held)
+        moving = np.flatnonzero(~at_bound)
         if not len(moving):
             return point, iteration, Stop.OPTIMUM
         eigen = _step_matrix(likelihood, point, correction, moving, length < SEARCH.near * np.sqrt(values))

@@ -58,17 +58,17 @@ class Sums:
 
 def responses_in_blocks(simulator: "Simulator", records: Iterable[Record]) -> Iterator[Iterable[Response]]:
     """The blocks of each record's response; short records are computed together."""
-    together: list[Record] = []
+    block: list[Record] = []
     for record in records:
-        if together and sum(len(short.U) for short in together) + len(record.U) > BLOCK:
-            yield from ([response] for response in simulator.run_all(together))
-            together = []
+        if block and sum(len(short.U) for short in block) + len(record.U) > BLOCK:
+            yield from ([response] for response in simulator.run_all(block))
+            block = []
         if len(record.U) > BLOCK:
             yield simulator.run_in_blocks(*record, BLOCK)
         else:
-            together.append(record)
-    if together:
-        yield from ([response] for response in simulator.run_all(together))
+            block.append(record)
+    if block:
+        yield from ([response] for response in simulator.run_all(block))
 
 
 def summed(blocks: Iterable[Response], Z: Array, kept: NDArray[np.intp]) -> Sums | None:

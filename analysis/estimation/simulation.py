@@ -187,12 +187,13 @@ def linear_recursion(A: Array, B: Array, initial: Array, lengths: list[int], *, 
     samples = np.array(firsts)[:, None] + np.arange(block)
     used = samples < np.array(ends)[:, None]
     samples = np.minimum(samples, n - 1)  # a record's last block is filled up with samples that are not used
-    both = np.zeros((block + 1, len(firsts), s, s + m))  # the factor of the block's first S, and what is added to it
-    both[0, :, range(s), range(s)] = 1.0
+    # The factor of the block's first S, and what is added to it.
+    products = np.zeros((block + 1, len(firsts), s, s + m))
+    products[0, :, range(s), range(s)] = 1.0
     for k in range(block):
-        np.matmul(A[samples[:, k]], both[k], out=both[k + 1])
-        both[k + 1, :, :, s:] += B[samples[:, k]]
-    factor, added = both[..., :s], both[..., s:]
+        np.matmul(A[samples[:, k]], products[k], out=products[k + 1])
+        products[k + 1, :, :, s:] += B[samples[:, k]]
+    factor, added = products[..., :s], products[..., s:]
     start = np.empty((len(firsts), s, m))
     records = iter(initial)
     for i, begins in enumerate(first_of_record):
@@ -246,7 +247,7 @@ def build_simulator(
         raise not_differentiable(model.name, error) from None
     x_next, y = ca.cse(x_next), ca.cse(y)  # before their derivatives are built: a third fewer instructions
     arguments = [x, ca.vertcat(given0, given1, delays_s), p, h]
-    jacobians = [ca.jacobian(of, by) for of in (x_next, y) for by in (x, p_free)]
+    jacobians = [ca.jacobian(output, by) for output in (x_next, y) for by in (x, p_free)]
     next_state = ca.Function("next_state", arguments, [x_next])
     derivatives = ca.Function("derivatives", arguments, ca.cse([y, *jacobians]))
     for function in (next_state, derivatives):

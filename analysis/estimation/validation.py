@@ -61,19 +61,21 @@ def predict(fit: Fit, segment: Segment) -> Prediction:
     own = [q.name for q in fit.model.parameters if q.free and not q.shared]
     if own:
         raise InputError(f"segment {segment.name}: {own[0]} has a value in each segment only (shared=False); fix it")
-    held = fit.model.changed(
+    fixed_model = fit.model.changed(
         **{q.name: {"start": fit.parameters[q.name].value, "free": False} for q in fit.model.parameters}
     )
-    if set(held.states) <= set(segment.x0):
-        p = np.array([q.start for q in held.parameters])
-        simulator = build_simulator(held, (), fit.integrator, fit.inputs)
-        y = simulator.run(initial_state_of(held, segment), inputs_of(held, segment), p, segment.step_s).y
+    if set(fixed_model.states) <= set(segment.x0):
+        p = np.array([q.start for q in fixed_model.parameters])
+        simulator = build_simulator(fixed_model, (), fit.integrator, fit.inputs)
+        y = simulator.run(initial_state_of(fixed_model, segment), inputs_of(fixed_model, segment), p, segment.step_s).y
     else:
         noise = MeasurementNoise(covariance=fit.noise_covariance)
         options = FitOptions(integrator=fit.integrator, inputs=fit.inputs)
-        y = fit_output_error(held, segment, noise=noise, options=options).responses[segment.name].y
-    z = measurements_of(held, segment)
-    return Prediction(segment, y, z - y, {name: agreement(z[:, i], y[:, i]) for i, name in enumerate(held.outputs)})
+        y = fit_output_error(fixed_model, segment, noise=noise, options=options).responses[segment.name].y
+    z = measurements_of(fixed_model, segment)
+    return Prediction(
+        segment, y, z - y, {name: agreement(z[:, i], y[:, i]) for i, name in enumerate(fixed_model.outputs)}
+    )
 
 
 def agreement(measured: Array, predicted: Array) -> Agreement:

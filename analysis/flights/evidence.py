@@ -92,7 +92,7 @@ def cause_text(cause: LikelyCause | None) -> str:
             " (surface, gear, flaps)?"
         )
     kind = _KINDS[cause.parameter]
-    factor, unit = kind.shown
+    factor, unit = kind.display_unit
     return (
         f"the {kind.title} differs by {factor * cause.difference:+.2g} {unit}, {cause.standard_deviations:.1f} standard"
         f" deviations: {_CAUSES[cause.parameter]}"

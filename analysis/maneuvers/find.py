@@ -58,8 +58,8 @@ def _rejection(data: pd.DataFrame, V: Array, load: Array) -> Rejection | None:
     share = float(np.ptp(V) / np.mean(V))
     if share > STEADY_POINT.largest_speed_change:
         return Rejection(Unsuitable.SPEED_DRIFTED, share, STEADY_POINT.largest_speed_change)
-    if (rms := float(np.nanstd(load))) > LOADS.beyond.roller_coaster:
-        return Rejection(Unsuitable.LOAD_VARIED, rms, LOADS.beyond.roller_coaster)
+    if (rms := float(np.nanstd(load))) > LOADS.deviation.roller_coaster:
+        return Rejection(Unsuitable.LOAD_VARIED, rms, LOADS.deviation.roller_coaster)
     n = data["n_revps"]
     if not n.notna().any() or n.mean() < 1:
         return Rejection(Unsuitable.MOTOR_STOPPED)

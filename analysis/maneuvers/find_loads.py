@@ -30,7 +30,7 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
     for kind, where, loads_enough, rejection_of in (
         (
             ROLLER_COASTER,
-            flying & (np.abs(n - 1) > LOADS.beyond.lasting) & (np.abs(motion.bank) < LEVEL_RUN.largest_bank_rad),
+            flying & (np.abs(n - 1) > LOADS.deviation.lasting) & (np.abs(motion.bank) < LEVEL_RUN.largest_bank_rad),
             _pulled_and_pushed,
             _roller_coaster_rejection,
         ),
@@ -57,11 +57,11 @@ def _gentle_porpoises(
     """Porpoises in which the load factor stays between pushed and pulled. level: in flight with wings level."""
     t = table.index.to_numpy()
     rejected = []
-    gentle, (_, fewest_swings) = LOADS.beyond.gentle, LOADS.swings
+    gentle, (_, fewest_swings) = LOADS.deviation.gentle, LOADS.swings
     for rows in stretches(level):
         side = np.where(n[rows] > 1 + gentle, 1, np.where(n[rows] < 1 - gentle, -1, 0))
-        beyond = np.flatnonzero(side)
-        swings = t[rows][beyond[1:][np.diff(side[beyond]) != 0]]
+        loaded = np.flatnonzero(side)
+        swings = t[rows][loaded[1:][np.diff(side[loaded]) != 0]]
         between = np.diff(swings)
         usual = pd.Series(between).rolling(fewest_swings, center=True, min_periods=1).median().to_numpy()
         shortest_s, longest_s = LOADS.swing_s
@@ -99,7 +99,7 @@ def _roller_coaster_rejection(data: pd.DataFrame, motion: SmoothedMotion, rows: 
 
 
 def _wound_up(n: Array) -> bool:
-    return bool(np.any(n > 1 + LOADS.beyond.wind_up_turn))
+    return bool(np.any(n > 1 + LOADS.deviation.wind_up_turn))
 
 
 def _wind_up_turn_rejection(data: pd.DataFrame, motion: SmoothedMotion, rows: slice, n: Array) -> Rejection | None:

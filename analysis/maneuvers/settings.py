@@ -44,7 +44,7 @@ class LoadSettings(Settings):
     load_smoothing_s: float = setting(
         0.4, "s", "of the load factor, and of the height at either end of a maneuver; short against a swing"
     )
-    beyond: LoadLevels = setting(
+    deviation: LoadLevels = setting(
         LoadLevels(gentle=0.05, lasting=0.15, roller_coaster=0.25, wind_up_turn=0.4),
         "1",
         "of the load factor from 1: a gentle porpoise exceeds the first to either side; a maneuver lasts while the"
@@ -66,12 +66,12 @@ class LoadSettings(Settings):
     @property
     def pulled(self) -> float:
         """Load factor that a roller coaster exceeds."""
-        return 1 + self.beyond.roller_coaster
+        return 1 + self.deviation.roller_coaster
 
     @property
     def pushed(self) -> float:
         """Load factor below which a roller coaster goes."""
-        return 1 - self.beyond.roller_coaster
+        return 1 - self.deviation.roller_coaster
 
 
 @dataclass(frozen=True)

@@ -104,9 +104,9 @@ def _compare(
     worst = int(np.argmax(excess))
     if excess[worst] <= 1:
         return None
-    here = V[worst : worst + 1]
+    V_worst = V[worst : worst + 1]
     shares = {
-        cause: float(_power(here, _cause_effect(second, cause) - _cause_effect(first, cause), condition)[0])
+        cause: float(_power(V_worst, _cause_effect(second, cause) - _cause_effect(first, cause), condition)[0])
         for cause in CAUSES
         if cause in first.cause_effects or cause in second.cause_effects
     }
@@ -115,7 +115,7 @@ def _compare(
     cause = _cause(second.name, difference, allowed, shares, errors)
     if cause is None:
         return None
-    speed, power = float(here[0]), float(_power(here, first.A, condition)[0])
+    speed, power = float(V_worst[0]), float(_power(V_worst, first.A, condition)[0])
     at = Difference(speed, power, difference, cause, shares.get(cause), shares[Cause.UNEXPLAINED])
     return DisagreementResult(
         methods=(first.name, second.name),

@@ -208,10 +208,12 @@ def estimate_polar(
     if not (fit.verdict.ok and trajectory.converged):
         ended = "converged" if trajectory.converged else "not converged"
         warnings.append(f"The estimation did not converge. Drag polar: {fit.verdict.text}; trajectory: {ended}.")
-    beyond = float(np.mean([np.isnan(segment_fit.segment.z["drag"]).mean() for segment_fit in fit.segment_fits]))
-    if beyond > STATISTICS.unmentioned_share:
+    share_left_out = float(
+        np.mean([np.isnan(segment_fit.segment.z["drag"]).mean() for segment_fit in fit.segment_fits])
+    )
+    if share_left_out > STATISTICS.unmentioned_share:
         warnings.append(
-            f"During {100 * beyond:.0f} % of the time of the runs gusts raised the angle of attack"
+            f"During {100 * share_left_out:.0f} % of the time of the runs gusts raised the angle of attack"
             " beyond that of level flight, towards the stall, where drag exceeds the parabolic polar. These moments"
             " were left out."
         )

@@ -60,9 +60,9 @@ def thrust_beyond_prior(model: Model, values: Mapping[str, float]) -> dict[str, 
     values : of the parameters of the model
     """
     sigma = {q.name: q.prior_sigma for q in model.parameters if q.name in THRUST_TITLES}
-    beyond = {name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > NORMAL_95 * s}
+    estimated = {name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > NORMAL_95 * s}
     measured = {m.name: m.deviation(values) for m in model.prior_measurements}
-    return beyond | {name: z for name, z in measured.items() if abs(z) > NORMAL_95}
+    return estimated | {name: z for name, z in measured.items() if abs(z) > NORMAL_95}
 
 
 def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
@@ -70,22 +70,22 @@ def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
 
     The estimate is repeated with the thrust of the table, as if something else than the propeller were wrong.
     """
-    beyond = thrust_beyond_prior(fit.model, dict(zip(fit.names, fit.values, strict=True)))
-    if not beyond:
+    rejected = thrust_beyond_prior(fit.model, dict(zip(fit.names, fit.values, strict=True)))
+    if not rejected:
         return []
-    held = tuple(
+    fixed = tuple(
         replace(q, prior_sigma=EVIDENCE.negligible * q.prior_sigma) if q.name in THRUST_TITLES and q.prior_sigma else q
         for q in fit.model.parameters
     )
-    repeated = fit_output_error(replace(fit.model, parameters=held, prior_measurements=()), _segments(fit))
-    named = "; ".join(f"{THRUST_TITLES[name]}: {z:+.1f} standard deviations" for name, z in beyond.items())
+    repeated = fit_output_error(replace(fit.model, parameters=fixed, prior_measurements=()), _segments(fit))
+    named = "; ".join(f"{THRUST_TITLES[name]}: {z:+.1f} standard deviations" for name, z in rejected.items())
     return [
         RejectedAssumption(
             Assumption.THRUST_TABLE,
             repeated.values - fit.values,
             f"The propeller's thrust differs from its table by more than assumed ({named}). The interval is wider by"
             " what that changes. Check the weight, the propeller, its table, and the number of pole pairs"
-            f"{', and repeat the measurement on the stand' if STAND in beyond else ''}.",
+            f"{', and repeat the measurement on the stand' if STAND in rejected else ''}.",
         )
     ]
 

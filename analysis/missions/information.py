@@ -89,7 +89,7 @@ def information(results: Sequence[Results]) -> Array | None:
             )
         for error in flight_results.path.sensor_errors:
             if error.name in INSTALLATION:
-                i, factor = SENSOR_ERRORS.index(error.name), SENSOR_ERROR_KINDS[error.name].shown[0]
+                i, factor = SENSOR_ERRORS.index(error.name), SENSOR_ERROR_KINDS[error.name].display_unit[0]
                 gained = (factor / error.standard_error) ** 2 - (factor / error.assumed_sigma) ** 2
                 total[i, i] += max(gained, 0.0)
     return total if results else None

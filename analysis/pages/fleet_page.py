@@ -93,11 +93,11 @@ def flights_csv(fleet: FleetResults) -> str:
     shares = ("drag_percent", "drag_half_width_percent", "thrust_percent", "thrust_half_width_percent")
     rows: list[Sequence[str]] = [("airframe", "mounted", "log", "start_utc", *shares, "report")]
     for airframe in fleet.airframes:
-        shown: dict[tuple[str, float | None], FlightShareResult] = {
+        share_of_flight: dict[tuple[str, float | None], FlightShareResult] = {
             (share.log, share.start_unix_s): share for share in airframe.history
         }
         for log in airframe.logs:
-            share = shown.get((log.log, log.start_unix_s))
+            share = share_of_flight.get((log.log, log.start_unix_s))
             values = ["" if share is None else f"{getattr(share, name):.3f}" for name in shares]
             began = None if log.start_unix_s is None else datetime.fromtimestamp(log.start_unix_s, UTC)
             start = "" if began is None else began.strftime("%Y-%m-%d %H:%M:%S")
@@ -212,12 +212,12 @@ def history_figure(airframe: AirframeResult) -> Figure:
 
 def _dates(days: Array) -> Axis:
     """Evenly spaced dates, short ones, so that they do not meet on a phone; the year is in the title if it is one."""
-    shown = np.unique(np.linspace(np.ceil(days[0]), max(np.floor(days[-1]), np.ceil(days[0])), 5).round())
-    dates = [datetime.fromtimestamp(day * DAY_S, UTC) for day in shown.tolist()]
+    days_marked = np.unique(np.linspace(np.ceil(days[0]), max(np.floor(days[-1]), np.ceil(days[0])), 5).round())
+    dates = [datetime.fromtimestamp(day * DAY_S, UTC) for day in days_marked.tolist()]
     years = sorted({date.year for date in dates})
     texts = [f"{date.day} {date:%b}" if len(years) == 1 else f"{date:%b %Y}" for date in dates]
     title = f"date, UTC, {years[0]}" if len(years) == 1 else "date, UTC"
-    return Axis(title, ticks=dict(zip(shown.tolist(), texts, strict=True)))
+    return Axis(title, ticks=dict(zip(days_marked.tolist(), texts, strict=True)))
 
 
 def _level(changes: Sequence[ChangeResult], name: str, last_day: float) -> tuple[Array, Array]:

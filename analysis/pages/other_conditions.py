@@ -175,9 +175,9 @@ def _node(model: PerformanceModel, condition: Condition) -> Json:
     full = full_throttle_performance(model, condition, GRID.speeds) if _throttle(model) else None
     sustained = np.ones(GRID.speeds, dtype=bool)
     if full is not None:
-        held = ~(np.interp(flight.V, full.V, full.climb.value) < 0)
-        if (held & np.isfinite(flight.battery.value)).any():
-            sustained = held
+        level = ~(np.interp(flight.V, full.V, full.climb.value) < 0)
+        if (level & np.isfinite(flight.battery.value)).any():
+            sustained = level
     node: Json = {
         "efficiency": _short(flight.required.value / flight.battery.value, 5),
         "battery_error": _short(flight.battery.standard_error / flight.battery.value, 3),

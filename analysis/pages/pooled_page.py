@@ -402,14 +402,14 @@ def _numbers(values: Sequence[float | None]) -> Array:
 
 
 def _parameters(rows: Sequence[SharedParameter]) -> HtmlTable:
-    shown = []
+    cells = []
     for row in rows:
         in_deg = row.unit == "rad"
         value, error = (float(np.degrees(number)) if in_deg else number for number in (row.value, row.standard_error))
         decimals = max(0, 1 - int(np.floor(np.log10(error)))) if error > 0 else 6
         unit = "deg" if in_deg else row.unit
-        shown.append((meaning(row.name), f"{value:+.{decimals}f}", f"{error:.{decimals}f}", unit))
-    return HtmlTable(("quantity", "estimate", "standard error", "unit"), shown, numbers=True)
+        cells.append((meaning(row.name), f"{value:+.{decimals}f}", f"{error:.{decimals}f}", unit))
+    return HtmlTable(("quantity", "estimate", "standard error", "unit"), cells, numbers=True)
 
 
 def column(rows: Sequence[Struct], name: str) -> Array:

@@ -370,7 +370,7 @@ def flight_values(
         CD = drag_power(V, 1.0, 1.0, polar_of(p), given) / (qS * V)
         return np.asarray(np.linalg.lstsq(np.stack([np.ones_like(CL), CL**2], axis=1), CD, rcond=None)[0])
 
-    (sink,), (CD0, B) = (_intervals(source.quantity(of)) for of in (sinking, two_term_polar))
+    (sink,), (CD0, B) = (_intervals(source.quantity(quantity)) for quantity in (sinking, two_term_polar))
 
     def drag_power_W(p: NamedValues, given: FlightConditions) -> Array:
         return drag_power(np.array([cruise]), 1.0, 0.0, QuarticPolar.of(p), given)

@@ -97,11 +97,11 @@ def _last_crossings(x: Array, y: Array) -> Array:
     difference of y over the slope there. NaN where the estimate itself does not cross.
     """
     crossings = np.array([_last_crossing(x, values) for values in y])
-    here = crossings[0]
-    if np.isfinite(here):
-        i = min(int(np.searchsorted(x, here)), len(x) - 1)
+    crossing = crossings[0]
+    if np.isfinite(crossing):
+        i = min(int(np.searchsorted(x, crossing)), len(x) - 1)
         slope = (y[0, i] - y[0, i - 1]) / (x[i] - x[i - 1])
-        nearby = here - np.array([np.interp(here, x, values) for values in y]) / slope
+        nearby = crossing - np.array([np.interp(crossing, x, values) for values in y]) / slope
         crossings = np.where(np.isfinite(crossings), crossings, nearby)
     return crossings
 

@@ -63,19 +63,19 @@ def analyze(
         raise InputError(f"{source.path}: --mass and --weight: one quantity in two units; give one of them")
     from flightpower.analysis.records.flight import Kind
 
-    way = way_of(source, options)
-    if way.without_drag:
-        refuse_drag_options(source.path, way.without_drag, **options.for_drag())
+    method = way_of(source, options)
+    if method.without_drag:
+        refuse_drag_options(source.path, method.without_drag, **options.for_drag())
     if not isinstance(source, Log):
         from flightpower.analysis.pipeline.whole_flight import analyze_recording
 
         return analyze_recording(source, options, progress, command_line=command_line)
-    if is_table(source.path) and not way.without_drag:
+    if is_table(source.path) and not method.without_drag:
         from flightpower.analysis.sources.table import refuse_without_method
 
         refuse_without_method(source)
-    if way.kind is Kind.ELECTRICAL:
-        return _by_energy(source, options, progress, command_line, way.reason)
+    if method.kind is Kind.ELECTRICAL:
+        return _by_energy(source, options, progress, command_line, method.reason)
     if options.leave_out is not None:
         raise InputError(
             f"{source.path}: --leave-out: has no effect, since the curve is by runs; leave runs out with --runs FILE"

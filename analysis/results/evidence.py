@@ -220,9 +220,9 @@ def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     )
 
 
-def _off_the_table(subject: str, of: tuple[float, float, str], text: str) -> Evidence:
-    """The evidence against the thrust of a table. of: figure beyond its limit, and their unit"""
-    figure, limit, unit = of
+def _off_the_table(subject: str, extreme: tuple[float, float, str], text: str) -> Evidence:
+    """The evidence against the thrust of a table. extreme: figure beyond its limit, and their unit"""
+    figure, limit, unit = extreme
     return Evidence(
         kind=EvidenceKind.THRUST_TABLE,
         level=_level(figure, limit),
@@ -415,17 +415,17 @@ def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
         return
     usual, T = POWER_TRAIN.efficiency, TRUST
     error = math.hypot(math.log(eta.hi / eta.lo) / (2 * NORMAL_95), usual.sigma * (1 - usual.mean))
-    beyond = -float(special.ndtri(T.false_alarm_rate))  # on each side: too little current, and too much
+    z_limit = -float(special.ndtri(T.false_alarm_rate))  # on each side: too little current, and too much
 
     def at(sigmas: float) -> float:
         return usual.mean * math.exp(sigmas * error)
 
-    least = max(at(-beyond), min(T.least_power_train, at(-NORMAL_95)))
-    most = min(at(beyond), max(T.best_propeller, at(NORMAL_95)))
+    least = max(at(-z_limit), min(T.least_power_train, at(-NORMAL_95)))
+    most = min(at(z_limit), max(T.best_propeller, at(NORMAL_95)))
     if least <= eta.value <= most:
         return
     impossible = eta.value > T.best_propeller and eta.lo > T.best_power_train
-    certain = impossible or not at(-T.beyond_doubt * beyond) <= eta.value <= at(T.beyond_doubt * beyond)
+    certain = impossible or not at(-T.beyond_doubt * z_limit) <= eta.value <= at(T.beyond_doubt * z_limit)
     yield Evidence(
         kind=EvidenceKind.THRUST_EFFICIENCY,
         level=Trust.NOT_TO_BE_TRUSTED if certain else Trust.DOUBTFUL,
@@ -567,11 +567,11 @@ def _runs(results: Results) -> Iterator[Evidence]:
     limit = noise_limit(len(compared))
     if worst is None or abs(worst.z) <= limit:
         return
-    beyond = sum(abs(runs_against_other.z) > limit for runs_against_other in compared)
+    deviating = sum(abs(runs_against_other.z) > limit for runs_against_other in compared)
     yield Evidence(
         kind=EvidenceKind.RUN_AGAINST_OTHERS,
         level=_level(worst.z, limit),
-        part=PartOfResult.CURVE if beyond > 1 else PartOfResult.AT_SPEED,
+        part=PartOfResult.CURVE if deviating > 1 else PartOfResult.AT_SPEED,
         subject=worst.run,
         figure=worst.z,
         unit="standard errors",
@@ -580,7 +580,7 @@ def _runs(results: Results) -> Iterator[Evidence]:
         text=(
             f"The {worst.run} gives {100 * (worst.power_W / worst.others_W - 1):+.0f} % of power against the others of"
             f" its kind at {worst.speed_mps:.1f} m/s, {abs(worst.z):.1f} standard errors (limit {limit:.1f};"
-            f" {beyond} of {len(compared)} runs are beyond it). Check that run for gear or flaps, a thermal, or lost"
+            f" {deviating} of {len(compared)} runs are beyond it). Check that run for gear or flaps, a thermal, or lost"
             " pulses; leave it out of runs.toml if it had one."
         ),
     )

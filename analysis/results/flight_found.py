@@ -36,7 +36,7 @@ def path_result(trajectory: Trajectory, agreement: Consistency, conflict: PriorC
         residuals=trajectory.residuals,
         checks=consistency_checks(agreement),
         sensor_errors=sensor_error_estimates(trajectory),
-        prior_conflicts=dict(conflict.beyond) if conflict else {},
+        prior_conflicts=dict(conflict.z) if conflict else {},
         joint_conflict=JointConflict(errors=jointly.errors, probability=jointly.probability)
         if jointly and jointly.errors
         else None,

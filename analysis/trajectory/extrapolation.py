@@ -20,7 +20,7 @@ def extrapolated(
     line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * (newest + np.arange(float(window)))]))
     predicted = np.zeros((2, len(values)))
     for rows in stretches(flying):
-        known = _held(values[rows])
+        known = _hold_ends(values[rows])
         past = np.concatenate([np.full(window + newest - 1, known[0]), known])  # constant before the stretch
         past = past[: window + len(known) - 1]
         for each, weights in zip(predicted, line, strict=True):
@@ -28,7 +28,7 @@ def extrapolated(
     return predicted[0], predicted[1]
 
 
-def _held(values: Array) -> Array:
+def _hold_ends(values: Array) -> Array:
     """Values (n,) with the last one before it in place of each NaN; the first one there is at the beginning."""
     known = ~np.isnan(values)
     if known.all() or not known.any():

@@ -39,9 +39,9 @@ class ObservedGust(NamedTuple):
     noise_mps: float
 
 
-def vertex(below: float, here: float, above: float) -> float:
+def vertex(below: float, middle: float, above: float) -> float:
     """Vertex of the parabola through three values at -1, 0, 1."""
-    return (below - above) / (2 * (below - 2 * here + above))
+    return (below - above) / (2 * (below - 2 * middle + above))
 
 
 def intensity_of(octaves: float, middle_mps: float, observed: Sequence[ObservedGust], step_s: float) -> float:
@@ -61,15 +61,15 @@ def intensity_of(octaves: float, middle_mps: float, observed: Sequence[ObservedG
             model = np.multiply.outer(middle_mps**2 * 4.0 ** np.arange(-1, 2), process_spectrum(gust, theta, step_s))
             spectra.append((model + noise_mps**2, block_mean_spectrum(gust, theta, step_s), noise_mps**2))
 
-    def beyond(true_octaves: float) -> float:
+    def excess(true_octaves: float) -> float:
         variance = (middle_mps * 2**true_octaves) ** 2
         return octaves - vertex(
             *sum(np.sum(np.log(f) + (variance * means + noise) / f, axis=1) for f, means, noise in spectra)
         )
 
-    if not spectra or beyond(-farthest_octaves) < 0 or beyond(farthest_octaves) > 0:
+    if not spectra or excess(-farthest_octaves) < 0 or excess(farthest_octaves) > 0:
         return float(middle_mps * 2**octaves)
-    return float(middle_mps * 2 ** brentq(beyond, -farthest_octaves, farthest_octaves, xtol=1e-4))
+    return float(middle_mps * 2 ** brentq(excess, -farthest_octaves, farthest_octaves, xtol=1e-4))
 
 
 def process_spectrum(gust: GaussMarkov | SecondOrderGust, theta: Array, step_s: float) -> Array:
@@ -187,13 +187,13 @@ def slow_power_ratios(axes: Sequence[AxisSpectrum], prior_length: float) -> Arra
     axes : `gust_spectra` in the band of slow gusts. prior_length: scale length over the assumed one, returned for a
     flight too short to show another. The intensity of an axis with too few frequencies is as assumed.
     """
-    shown = [len(axis.omega) >= GUSTS.fewest_frequencies for axis in axes]
-    if not any(shown):
+    is_known = [len(axis.omega) >= GUSTS.fewest_frequencies for axis in axes]
+    if not any(is_known):
         return np.full(len(axes), prior_length)
     posterior = _length_posterior(axes, prior_length)
     intensity = np.ones((len(axes), len(LENGTHS)))
     for i, axis in enumerate(axes):
-        if shown[i]:
+        if is_known[i]:
             intensity[i] = np.sum(axis.power / _spectra(axis), axis=1) / (len(axis.omega) - 1)
     return np.asarray((intensity * LENGTHS) @ posterior)
 

@@ -40,8 +40,8 @@ class SensorErrorKind(NamedTuple):
     unit: str
 
     @property
-    def shown(self) -> tuple[float, str]:
-        """Factor and unit in which it is shown."""
+    def display_unit(self) -> tuple[float, str]:
+        """Factor and unit in which reports give it."""
         match self.unit:
             case "":
                 return 100.0, "%"
@@ -168,7 +168,7 @@ def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
     for name, kind in SENSOR_ERROR_KINDS.items():
         if name in left_out:
             continue
-        title, (factor, unit) = kind.title, kind.shown
+        title, (factor, unit) = kind.title, kind.display_unit
         sigma, prior = trajectory.standard_error(name), trajectory.prior_standard_error(name)
         determined = sigma < STATISTICS.determined_share * prior
         reasons = () if determined else missing(name, flight)
@@ -292,15 +292,15 @@ class JointConflict(NamedTuple):
 class PriorConflict(NamedTuple):
     """factor : (m,) on the prior standard deviations, order of SENSOR_ERRORS; 1 where there is no conflict
 
-    beyond : by sensor error, the estimate less the prior's mean in the standard deviations that it has if the prior is
+    z : by sensor error, the estimate less the prior's mean in the standard deviations that it has if the prior is
         right, where that is large
-    together : factor by which all of them are larger than their priors; 1 where there is no conflict
+    common_factor : factor by which all of them are larger than their priors; 1 where there is no conflict
     jointly : what two errors, or all, say together
     """
 
     factor: Array
-    beyond: dict[str, float]
-    together: float
+    z: dict[str, float]
+    common_factor: float
     jointly: JointConflict = JointConflict({}, 1.0)
 
     @property
@@ -319,15 +319,17 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
     known = 1 - 1 / (1 + j) > PRIOR_CHECK.informed[0]
     variance, x_squared = 1 / j[known], ((directions.T @ y)[known] * (1 + 1 / j[known])) ** 2
     size, z = _worst_first(y, covariance)
-    beyond = {SENSOR_ERRORS[i]: z[i] for i in sorted(z)}
-    together = 1.0
-    if beyond or np.sum(x_squared / (1 + variance)) > special.chdtri(max(known.sum(), 1), STATISTICS.false_alarm_rate):
+    conflicting = {SENSOR_ERRORS[i]: z[i] for i in sorted(z)}
+    common_factor = 1.0
+    if conflicting or np.sum(x_squared / (1 + variance)) > special.chdtri(
+        max(known.sum(), 1), STATISTICS.false_alarm_rate
+    ):
         factors = np.linspace(1.0, 6.0, 501)
         total = factors[:, None] ** 2 + variance
-        together = float(factors[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
-    factor = np.maximum(together, size)
+        common_factor = float(factors[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
+    factor = np.maximum(common_factor, size)
     factor[SENSOR_ERRORS.index("updraft")] = 1.0  # of the air: its prior says nothing about the installation's
-    return PriorConflict(factor, beyond, together, joint_conflict(y, covariance))
+    return PriorConflict(factor, conflicting, common_factor, joint_conflict(y, covariance))
 
 
 def joint_conflict(y: Array, covariance: Array) -> JointConflict:
@@ -353,8 +355,8 @@ def joint_conflict(y: Array, covariance: Array) -> JointConflict:
     first, second, r = first[apart], second[apart], r[apart]
     squared = (z[first] ** 2 - 2 * r * z[first] * z[second] + z[second] ** 2) / (1 - r**2)
     eigenvalue, directions = np.linalg.eigh(correlation)
-    shown = eigenvalue > PRIOR_CHECK.informed[0]
-    of_all = special.chdtrc(shown.sum(), np.sum((directions.T @ z)[shown] ** 2 / eigenvalue[shown]))
+    informed = eigenvalue > PRIOR_CHECK.informed[0]
+    of_all = special.chdtrc(informed.sum(), np.sum((directions.T @ z)[informed] ** 2 / eigenvalue[informed]))
     worst = int(np.argmax(squared)) if len(squared) else 0
     of_pair = len(squared) * special.chdtrc(2, squared[worst]) if len(squared) else 1.0
     members = range(len(known)) if of_all < of_pair else (int(first[worst]), int(second[worst]))
@@ -391,10 +393,10 @@ def _worst_first(y: Array, covariance: Array) -> tuple[Array, dict[int, float]]:
         z, sizes = _each_against_prior(y, np.diag(covariance))
         z[[*contradicted]] = 0.0
         enough = 1 - np.diag(covariance) > PRIOR_CHECK.informed[1]
-        beyond = np.abs(z) > np.where(enough, EVIDENCE.contradiction, rare)
-        if not beyond.any():
+        contradicts = np.abs(z) > np.where(enough, EVIDENCE.contradiction, rare)
+        if not contradicts.any():
             break
-        worst = int(np.argmax(np.where(beyond, np.abs(z), 0.0)))
+        worst = int(np.argmax(np.where(contradicts, np.abs(z), 0.0)))
         contradicted[worst], size[worst] = float(z[worst]), sizes[worst]
         information[worst, worst] -= 1 - 1 / sizes[worst] ** 2
         covariance = np.linalg.inv(information)
@@ -424,11 +426,11 @@ def conflict_notes(conflict: PriorConflict, trajectory: Trajectory) -> list[str]
     named = [
         f"the {kind.title} is {value:+.1f} standard deviations"
         f" ({factor * trajectory.prior_standard_error(name):.2g} {unit})"
-        for name, value in conflict.beyond.items()
+        for name, value in conflict.z.items()
         for kind in [SENSOR_ERROR_KINDS[name]]
-        for factor, unit in [kind.shown]
+        for factor, unit in [kind.display_unit]
     ]
-    what = "; ".join(named) or f"by a factor of {conflict.together:.1f} in all"
+    what = "; ".join(named) or f"by a factor of {conflict.common_factor:.1f} in all"
     return [
         f"The sensor errors are larger than assumed before the flight: {what}. The estimate was repeated with larger"
         " standard deviations, and the interval is wider. Check probe, tubes, tray, and the files that describe them."
@@ -442,17 +444,17 @@ def misfit(trajectory: Trajectory) -> dict[str, float]:
 
 def misfit_in_words(trajectory: Trajectory) -> str:
     """Which residuals are larger than noise and gusts allow, in brackets after a space; empty where none are."""
-    beyond = misfit(trajectory)
-    named = "; ".join(f"{MISFIT[name]} by {rms:.0f}" for name, rms in beyond.items())
+    misfits = misfit(trajectory)
+    named = "; ".join(f"{MISFIT[name]} by {rms:.0f}" for name, rms in misfits.items())
     return f" (residuals too large: {named})" if named else ""
 
 
 def with_misfit(trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
     """The trajectory, less certain where residuals are larger than noise and gusts allow, and a warning of it."""
-    beyond = misfit(trajectory)
-    if not beyond:
+    misfits = misfit(trajectory)
+    if not misfits:
         return trajectory, []
-    worst = max(beyond.values())
+    worst = max(misfits.values())
     wider = replace(
         trajectory,
         covariance=trajectory.covariance * worst**2,
@@ -460,7 +462,7 @@ def with_misfit(trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
         draws=trajectory.draws * worst,
         states_given_errors=StatesGivenErrors(trajectory.states_given_errors.factor / worst),
     )
-    named = "; ".join(f"{MISFIT[name]} by {rms:.1f}" for name, rms in beyond.items())
+    named = "; ".join(f"{MISFIT[name]} by {rms:.1f}" for name, rms in misfits.items())
     return wider, [
         f"Residuals of the flight path are larger than noise and gusts allow: {named}. The interval has been widened by"
         " that factor. Check the sensor, its line and its calibration."

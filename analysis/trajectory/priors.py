@@ -41,8 +41,10 @@ def noise_at_rest(
     noise = {}
     for name, bench in BENCH_SIGMA.items():
         variance = np.array([table[name].iloc[rows].var() for rows in rest])
-        shown = variance[variance > np.finfo(float).eps]  # rounding of a constant is less, and NaN is not more
-        noise[name] = float(max(np.sqrt(shown.mean()), SENSORS.least_noise_share * bench)) if len(shown) else bench
+        measured = variance[variance > np.finfo(float).eps]  # rounding of a constant is less, and NaN is not more
+        noise[name] = (
+            float(max(np.sqrt(measured.mean()), SENSORS.least_noise_share * bench)) if len(measured) else bench
+        )
         step = resolution.get(name, 0.0)
         if step > noise[name]:
             noise[name] = math.hypot(noise[name], error_of_a_step(step))

@@ -110,8 +110,8 @@ class TrajectoryProblem:
         have to follow end nowhere. Where it is more than a small share of the flight, the data contradict each other.
         """
         largest_rad = SENSORS.missing[0] * self.blocks.step_s
-        beyond = (np.abs(angle_residual_rad) > largest_rad).any(axis=1)
-        lost = self.lost | (np.convolve(beyond, np.ones(3), mode="same") > 0)  # and a step before and after
+        too_large = (np.abs(angle_residual_rad) > largest_rad).any(axis=1)
+        lost = self.lost | (np.convolve(too_large, np.ones(3), mode="same") > 0)  # and a step before and after
         if lost.mean() < STATISTICS.unmentioned_share:
             self.lost = lost
 

@@ -53,9 +53,11 @@ def projected_on_past(
     regressor x have z'x = z'z, and the covariance that the smoother computes is the true one (estimators.md).
     Without the noise z'x was -0.3 z'z in calm air for the lag of the angle of attack.
     """
-    both = flying[1:] & flying[:-1]
+    two_in_flight = flying[1:] & flying[:-1]
     returned = _moving_average(decay, increment_over_noise)
-    w_current, w_past = (_whitened(values, decay, returned, both)[1:][both] for values in (current, past))
+    w_current, w_past = (
+        _whitened(values, decay, returned, two_in_flight)[1:][two_in_flight] for values in (current, past)
+    )
     return np.where(flying[:, None], past @ np.linalg.lstsq(w_past, w_current, rcond=None)[0], 0.0)
 
 
@@ -69,12 +71,12 @@ def _moving_average(decay: Array, increment_over_noise: Array | float) -> Array:
     return np.asarray(2 / (ratio + np.sqrt(ratio**2 - 4)))
 
 
-def _whitened(values: Array, decay: Array, returned: Array, both: BoolArray) -> Array:
+def _whitened(values: Array, decay: Array, returned: Array, two_in_flight: BoolArray) -> Array:
     """Innovations (n, k): w_i = v_i - decay v_i-1 + returned w_i-1 where both fly, 0 elsewhere."""
     increments = np.zeros_like(values)
-    increments[1:][both] = values[1:][both] - decay[both, None] * values[:-1][both]
+    increments[1:][two_in_flight] = values[1:][two_in_flight] - decay[two_in_flight, None] * values[:-1][two_in_flight]
     band = np.ones((2, len(values)))
-    band[1, :-1] = -np.where(both, returned, 0.0)
+    band[1, :-1] = -np.where(two_in_flight, returned, 0.0)
     return np.asarray(linalg.solve_banded((1, 0), band, increments))
 
 

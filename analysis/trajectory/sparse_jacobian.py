@@ -88,9 +88,9 @@ class SparseJacobian:
         for k, (i, j) in enumerate(self.places):
             of_residual.setdefault(i, []).append((k, j))
         pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
-        for together in of_residual.values():
-            for a, first in together:
-                for b, second in together:
+        for columns in of_residual.values():
+            for a, first in columns:
+                for b, second in columns:
                     if first < below_first and second < below_second:
                         pairs.setdefault((first, second), []).append((a, b))
         return pairs

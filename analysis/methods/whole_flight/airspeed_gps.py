@@ -182,7 +182,9 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
         return np.asarray(air_n**2 + air_e**2 + down**2)
 
     seen, start = true_airspeed(pressure, rho, 0.0, 0.0), np.array([0.0, 0.0, np.mean(north), np.mean(east), 0.0, 0.0])
-    (x, covariance), (other, other_covariance) = (_solved(of, priors, start, apart_s) for of in (by_pitot, by_gps))
+    (x, covariance), (other, other_covariance) = (
+        _solved(equations, priors, start, apart_s) for equations in (by_pitot, by_gps)
+    )
     # The truth is between both regressions (R. Frisch, 1934), evenly; no flight says less than its prior.
     values, half = unpack(names, (x + other) / 2), pack(AIRSPEED, unpack(names, (x - other) / 2))
     before = np.diag(1 / prior_sigma**2)

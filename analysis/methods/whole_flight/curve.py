@@ -269,7 +269,7 @@ def _fitted(
 
 def _prior(balance: EnergyBalance, span_m: float) -> Prior:
     p = PRIOR
-    drag, lift = (of(span_m, balance.conditions.wing_area_m2) for of in (drag_prior, lift_prior))
+    drag, lift = (prior(span_m, balance.conditions.wing_area_m2) for prior in (drag_prior, lift_prior))
     idle = (p.idle_drag.mean, p.idle_drag.sigma)
     if balance.conditions.power_law is None:
         logit = float(np.log(p.efficiency.mean / (1 - p.efficiency.mean)))

@@ -137,6 +137,6 @@ def drag_estimate(
         _, shaft_W = propeller.thrust_and_power(V, revps, given.rho)
         return np.asarray(shaft_W)
 
-    power, shaft_power = (parameters.quantity(of) for of in (required, shaft))
+    power, shaft_power = (parameters.quantity(quantity) for quantity in (required, shaft))
     curve = Curve(kind=Kind.POWER_REQUIRED, condition=electrical.curve.condition, V_mps=V, power_W=power)
     return DragEstimate(curve, parameters, shaft_power, efficiency, measured)

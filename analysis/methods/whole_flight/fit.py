@@ -74,9 +74,9 @@ def samples_of(flight: FlightTable, scale: float, zero_Pa: float, wind: Array | 
     load_factor = table["load_factor"].fillna(1.0).to_numpy()
     height, power = table["height_m"].to_numpy(), table["power_W"].to_numpy()
     revps = table[recording.MOTOR].to_numpy()
-    both = table[["force_x_mps2", "load_factor"]].notna().all(axis=1).to_numpy()
+    is_measured = table[["force_x_mps2", "load_factor"]].notna().all(axis=1).to_numpy()
     force_x = without_gaps(table["force_x_mps2"].to_numpy())
-    has_force = float(np.mean(both[flight.flown])) > FLIGHT.measured_share
+    has_force = float(np.mean(is_measured[flight.flown])) > FLIGHT.measured_share
     return Samples(
         table.index.to_numpy(),
         V,
@@ -121,11 +121,11 @@ def most_probable_fit(
     unlikely_shares = [(np.log(np.array(SHARES) / of_share.mean) / of_share.sigma) ** 2]
     horizontal: Array | None = None
 
-    def first(both: Array) -> Array:
-        return both[:n]
+    def first(stacked: Array) -> Array:
+        return stacked[:n]
 
-    def second(both: Array) -> Array:
-        return both[n:]
+    def second(stacked: Array) -> Array:
+        return stacked[n:]
 
     def of_gusts(part: Callable[[Array], Array], size_mps: float, time_s: float) -> Array | float:
         """What horizontal gusts do to a part of the residuals; nothing to a measured airspeed's."""
@@ -159,7 +159,7 @@ def most_probable_fit(
         )
         if with_force:
             # Its residual hides an error of the angle under motion of the air, the sum of both under that of the form.
-            shown = (
+            signals = (
                 (residual[n:], air + of_gusts(second, gust_mps, gust_s) + white),
                 (
                     first(residual) + second(residual),
@@ -167,7 +167,7 @@ def most_probable_fit(
                 ),
             )
             equal = [0.0] * len(WINDOWS.times_s)
-            angle_rad, angle_s = max(_size_and_time(*signal, angles, ANGLES_RAD, equal) for signal in shown)
+            angle_rad, angle_s = max(_size_and_time(*signal, angles, ANGLES_RAD, equal) for signal in signals)
     information = jacobian.T @ jacobian
     covariance = np.asarray(np.linalg.inv(information), dtype=float)
     by_residual = solve_triangular(factor, jacobian[: len(residual)], lower=True, trans="T", check_finite=False)
@@ -244,23 +244,25 @@ class Estimate(NamedTuple):
         """The values by name."""
         return unpack(self.names, self.values)
 
-    def gradient(self, of: Quantity) -> Array:
+    def gradient(self, quantity: Quantity) -> Array:
         """Derivative (m, n) of a quantity by the parameters."""
         rows = []
         for i, sigma in enumerate(np.sqrt(np.diag(self.covariance))):
             step = np.zeros(len(self.values))
             step[i] = STEP * sigma
-            above, below = (of(unpack(self.names, self.values + change), self.conditions) for change in (step, -step))
+            above, below = (
+                quantity(unpack(self.names, self.values + change), self.conditions) for change in (step, -step)
+            )
             rows.append(np.nan_to_num((above - below) / (2 * step[i])))
         return np.array(rows)
 
-    def quantity(self, of: Quantity, gradient: Array | None = None) -> Uncertain:
+    def quantity(self, function: Quantity, gradient: Array | None = None) -> Uncertain:
         """A quantity with its errors; those that the whole flight shares by their source. gradient: of it, if known"""
-        gradient = self.gradient(of) if gradient is None else gradient
+        gradient = self.gradient(function) if gradient is None else gradient
         p = self.named()
-        value = of(p, self.conditions)
+        value = function(p, self.conditions)
         shared: dict[str, Array] = {
-            source: np.nan_to_num(of(p, error.conditions) - value) + error.change @ gradient
+            source: np.nan_to_num(function(p, error.conditions) - value) + error.change @ gradient
             for source, error in self.shared.items()
         }
         return Uncertain(value, gradient.T @ self.covariance @ gradient, shared)

@@ -410,8 +410,8 @@ def _ground_height(height: Array, standing: BoolArray) -> Array | None:
 def _touches_ground(moving: BoolArray, row: int, direction: int) -> bool:
     """Whether within a few seconds beyond a row the aircraft was on the ground, or the log ends there in flight."""
     reach = round(2 * WINDOWS.length_s / FLIGHT.step_s)
-    beyond = moving[row : row + reach] if direction > 0 else moving[max(0, row - reach) : row]
-    return bool(len(beyond)) and not bool(beyond.all())
+    neighbors = moving[row : row + reach] if direction > 0 else moving[max(0, row - reach) : row]
+    return bool(len(neighbors)) and not bool(neighbors.all())
 
 
 def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray, off: BoolArray) -> tuple[float, float]:

@@ -14,12 +14,12 @@ T = TypeVar("T")
 class _Noted(NamedValues):
     """Parameters that note which of them are read, and their values, in `noted`."""
 
-    def __init__(self, of: NamedValues):
-        self._of = of
+    def __init__(self, values: NamedValues):
+        self._source = values
         self.noted: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
-        value = self.noted[name] = self._of[name]
+        value = self.noted[name] = self._source[name]
         return value
 
 
@@ -30,8 +30,8 @@ class Kept(Generic[T]):
     stays while each of the parameters that were read is moved once.
     """
 
-    def __init__(self, of: Callable[[NamedValues], T]):
-        self._of = of
+    def __init__(self, function: Callable[[NamedValues], T]):
+        self._function = function
         self._known: list[tuple[dict[str, Any], T]] = []
 
     def __call__(self, p: NamedValues) -> T:
@@ -39,6 +39,6 @@ class Kept(Generic[T]):
             if all(p[name] == last for name, last in noted.items()):  # p[name] also counts as read by a caller
                 return value
         seen = _Noted(p)
-        value = self._of(seen)
+        value = self._function(seen)
         self._known = [(seen.noted, value), *self._known[: len(seen.noted) + 1]]
         return value

@@ -82,7 +82,7 @@ def pack(names: Sequence[str], values: NamedValues | Mapping[str, float]) -> Arr
     return np.array([values[name] for name in names], dtype=float)
 
 
-def block(names: Sequence[str], covariance: NDArray[np.floating[Any]], of: Sequence[str]) -> Array:
-    """The covariance (k, k) of some, `of` (k,), of the parameters with these names (m,)."""
-    at = [names.index(name) for name in of]
+def block(names: Sequence[str], covariance: NDArray[np.floating[Any]], chosen: Sequence[str]) -> Array:
+    """The covariance (k, k) of some, `chosen` (k,), of the parameters with these names (m,)."""
+    at = [names.index(name) for name in chosen]
     return np.asarray(covariance[np.ix_(at, at)], dtype=float)

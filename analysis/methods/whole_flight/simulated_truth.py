@@ -44,8 +44,8 @@ class SimulatedTruth:
 
 def signed_percent(share: float) -> str:
     """ "+0.3 %", and "0.0 %" of what rounds to zero."""
-    shown = round(100 * share, 1)
-    return f"{shown:+.1f} %" if shown else "0.0 %"
+    percent = round(100 * share, 1)
+    return f"{percent:+.1f} %" if percent else "0.0 %"
 
 
 def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEstimate) -> SimulatedTruth | None:

@@ -102,18 +102,18 @@ def consistency(agreement: Consistency, overlaid: int = 600) -> Figure:
 def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str, Array]) -> list[Figure]:
     """One run: measurement and fitted model, and their difference beside them."""
     height_px = 130 * len(measured) + 60
-    both = Figure(len(measured), height_px=height_px, x=Axis(f"time, s ({run})", most_ticks=5))
+    fit = Figure(len(measured), height_px=height_px, x=Axis(f"time, s ({run})", most_ticks=5))
     differences = Figure(len(measured), height_px=height_px, x=Axis("time", "s", most_ticks=5))
     for panel, quantity in enumerate(measured, start=1):
         model = modeled[quantity]
         difference = measured[quantity] - model
-        both.add(Points(x=t_s, y=measured[quantity], panel=panel, color=GRAY, size=6, name="measured", run=run))
-        both.add(Line(x=t_s, y=model, panel=panel, color=ORANGE, width=3, name="model"))
-        both.ys[panel - 1] = Axis(quantity, most_ticks=5)
+        fit.add(Points(x=t_s, y=measured[quantity], panel=panel, color=GRAY, size=6, name="measured", run=run))
+        fit.add(Line(x=t_s, y=model, panel=panel, color=ORANGE, width=3, name="model"))
+        fit.ys[panel - 1] = Axis(quantity, most_ticks=5)
         differences.add(Points(x=t_s, y=difference, panel=panel, color=GRAY, size=6, run=run))
         differences.zero_lines.add(panel)
         differences.ys[panel - 1] = Axis("difference", most_ticks=5)
-    return [both, differences]
+    return [fit, differences]
 
 
 def residuals_of_drag(fits: Sequence[RunFit], kinds: Mapping[str, str], averaged_s: float = 1.0) -> Figure:

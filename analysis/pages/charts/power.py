@@ -183,9 +183,9 @@ def every_method(results: Results, shown_first: int = 2) -> Figure:
             figure.add(_interval_bars(method, color, (i - 0.5) / len(drawn)))
         if method.points:
             figure.add(measured_points(method, color, title))
-    shown = {capitalized_title(method) for method in drawn[:shown_first]}
+    visible = {capitalized_title(method) for method in drawn[:shown_first]}
     for mark in figure.marks:
-        mark.hidden = mark.name not in shown
+        mark.hidden = mark.name not in visible
     figure.y = Axis("power required", "W", limits=(0, 1.3 * float(np.max(hi))))
     return figure
 
@@ -245,11 +245,11 @@ def _against_mass(use: PerformanceResult, values: list[Interval], y: Axis, digit
     pairs = list(zip(use.loadings, values, strict=True))
     densities = sorted({round(case.air_density_kgpm3, 5) for case in use.loadings}, reverse=True)
     for i, rho in enumerate(densities):
-        here = sorted((p for p in pairs if round(p[0].air_density_kgpm3, 5) == rho), key=lambda p: p[0].weight_N)
+        at_density = sorted((p for p in pairs if round(p[0].air_density_kgpm3, 5) == rho), key=lambda p: p[0].weight_N)
         as_flown = rho == round(use.loadings[0].air_density_kgpm3, 5)
-        name = f"density altitude {here[0][0].density_altitude_m:.0f} m{' (as flown)' if as_flown else ''}"
-        mass = np.array([case.weight_N / GRAVITY_MPS2 for case, _ in here])
-        value, lo, hi = np.array([(v.value, v.lo, v.hi) for _, v in here]).T
+        name = f"density altitude {at_density[0][0].density_altitude_m:.0f} m{' (as flown)' if as_flown else ''}"
+        mass = np.array([case.weight_N / GRAVITY_MPS2 for case, _ in at_density])
+        value, lo, hi = np.array([(v.value, v.lo, v.hi) for _, v in at_density]).T
         color = PALETTE[i % len(PALETTE)]
         if as_flown:
             figure.add(band(mass, (lo, hi), color, 0.2, name=name))
@@ -280,7 +280,7 @@ def efficiency(use: PerformanceResult) -> Figure:
         figure.add(band(V, (lo, hi), color, 0.18, name=title))
         figure.add(*curve_lines(curve, title, color, width=4, value="{y:.0f} %"))
         if measured:
-            x, y = (np.array([getattr(p, of) for p in measured]) for of in ("speed_mps", name))
+            x, y = (np.array([getattr(p, field) for p in measured]) for field in ("speed_mps", name))
             figure.add(Points(x=x, y=100 * y, size=8, hollow=True, color=color, name=title, value=""))
     figure.y = Axis("efficiency", "%", limits=(0, 105))
     return figure

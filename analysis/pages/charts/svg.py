@@ -266,16 +266,18 @@ def _drawn(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
             yield f'<path{about} d="{path(X, Y)}" {look}/>'
         case Points():
             for color in dict.fromkeys(mark.colors or [mark.color]):
-                here = np.array([name == color for name in mark.colors]) if mark.colors else np.ones(len(X), dtype=bool)
-                yield from _dots(mark, color, (X, Y), here, y)
+                is_color = (
+                    np.array([name == color for name in mark.colors]) if mark.colors else np.ones(len(X), dtype=bool)
+                )
+                yield from _dots(mark, color, (X, Y), is_color, y)
             yield from _error_bars(mark, x, y)
 
 
-def _dots(mark: Points, color: str, at: tuple[Array, Array], here: Array, y: Scale) -> Iterator[str]:
+def _dots(mark: Points, color: str, at: tuple[Array, Array], chosen: Array, y: Scale) -> Iterator[str]:
     """Points of one color: strokes without length, round; those with another outline are placed apart."""
-    X, Y = (values[here] for values in at)
+    X, Y = (values[chosen] for values in at)
     d = path(X, Y, dots=True)
-    part = Points(**{**vars(mark), "z": None if mark.z is None else np.ravel(mark.z)[here]})
+    part = Points(**{**vars(mark), "z": None if mark.z is None else np.ravel(mark.z)[chosen]})
     about, look = _about(part, y), f'class="dots" stroke="{_ink(color)}"'
     if mark.hidden:
         about, look = about.replace(' class="off"', ""), look.replace("dots", "dots off")

@@ -72,10 +72,10 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
 def _by_thrust_table(nominal: Array, f: pd.DataFrame, aircraft: Aircraft) -> Array:
     """Variances (n, 3) of thrust, C_L and C_D by the errors of the propeller table."""
     alpha, thrust_N = nominal[:, 0], nominal[:, QUANTITIES.index("thrust_N")]
-    (scale, both), (_, slope) = thrust_prior(aircraft).second_moment
+    (scale, covariance), (_, slope) = thrust_prior(aircraft).second_moment
     from_reference = f["J"].to_numpy() - J_REFERENCE
     beyond_N = f["thrust_beyond_over_m_mps2"].to_numpy() * aircraft.mass_kg / np.cos(alpha)
-    variance_N2 = thrust_N**2 * (scale + 2 * both * from_reference + slope * from_reference**2) + beyond_N**2
+    variance_N2 = thrust_N**2 * (scale + 2 * covariance * from_reference + slope * from_reference**2) + beyond_N**2
     qS_N = f["qS_over_m_mps2"].to_numpy() * aircraft.mass_kg
     return np.stack(
         [variance_N2, variance_N2 * (np.sin(alpha) / qS_N) ** 2, variance_N2 * (np.cos(alpha) / qS_N) ** 2], axis=1

@@ -102,18 +102,18 @@ def certificate(results: Results) -> HtmlTable | None:
 
 
 def _whiteness(results: Results) -> str:
-    beyond = total = 0
+    significant = total = 0
     for run in results.run_residuals:
         bound = NORMAL_95 / math.sqrt(max(run.points, 1))
         lags = run.autocorrelation[1:]
         total += len(lags)
-        beyond += sum(abs(value) > bound for value in lags)
+        significant += sum(abs(value) > bound for value in lags)
     if not total:
         return ""
-    share = beyond / total
+    share = significant / total
     verdict = (
         "Yes"
-        if special.bdtrc(beyond - 1, total, 0.05) > EVIDENCE.rare_false_alarms
+        if special.bdtrc(significant - 1, total, 0.05) > EVIDENCE.rare_false_alarms
         else "Not only: the residuals are colored, which the standard errors allow for"
     )
     return (

@@ -53,9 +53,9 @@ def summary_section(results: Results) -> SummarySection:
 def _card(answer: HeadlineAnswer) -> AnswerCard:
     if answer.speed_mps is None:
         return AnswerCard(answer.question, "", answer.remark, "", answer.note)
-    shown = f"{answer.speed_mps:.1f}"
-    other_units = f"{3.6 * float(shown):.0f} km/h · {float(shown) / FOOT_M:.0f} ft/s"
-    return AnswerCard(answer.question, shown, answer.remark, other_units, answer.note)
+    speed = f"{answer.speed_mps:.1f}"
+    other_units = f"{3.6 * float(speed):.0f} km/h · {float(speed) / FOOT_M:.0f} ft/s"
+    return AnswerCard(answer.question, speed, answer.remark, other_units, answer.note)
 
 
 class NamedPoint(NamedTuple):

@@ -110,5 +110,5 @@ def test_a_narrow_prior_hides_no_conflict() -> None:
     narrow = Uncertainty(accelerometer_vibration_mps2=NARROW_MPS2)
     trajectory = reconstruct(wrong, [slice(0, 0)], SensorPriors(stated=stated_sigma(narrow)))
     conflict, i = prior_conflict(trajectory), SENSOR_ERRORS.index("ax_vibration")
-    assert abs(conflict.beyond["ax_vibration"]) > 3
+    assert abs(conflict.z["ax_vibration"]) > 3
     assert conflict.factor[i] * NARROW_MPS2 == pytest.approx(VIBRATION_MPS2, rel=0.5)

@@ -208,7 +208,7 @@ def test_each_error_is_shown_in_its_unit():
         "Pa": 1.0,
     }
     for kind in observability.SENSOR_ERROR_KINDS.values():
-        factor, unit = kind.shown
+        factor, unit = kind.display_unit
         assert factor == pytest.approx(in_unit[unit]), kind.title
 
 

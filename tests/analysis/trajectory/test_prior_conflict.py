@@ -41,9 +41,9 @@ def test_one_error_beyond_its_prior_is_named_and_gets_a_wider_one() -> None:
     trajectory = estimated(errors)
     conflict = prior_conflict(trajectory)
     message = 1 - 0.3**2  # the estimate's variance over the prior's, if the prior is right
-    assert conflict.beyond == {"alpha_scale": pytest.approx(-4.0 / np.sqrt(message))}
+    assert conflict.z == {"alpha_scale": pytest.approx(-4.0 / np.sqrt(message))}
     assert conflict.factor[SENSOR_ERRORS.index("alpha_scale")] == pytest.approx(4.0 / message, rel=0.02)
-    assert conflict.together < 1.5 and np.sort(conflict.factor)[:-1] == pytest.approx(conflict.together), (
+    assert conflict.common_factor < 1.5 and np.sort(conflict.factor)[:-1] == pytest.approx(conflict.common_factor), (
         "others keep theirs"
     )
     (note,) = conflict_notes(conflict, trajectory)
@@ -53,7 +53,7 @@ def test_one_error_beyond_its_prior_is_named_and_gets_a_wider_one() -> None:
 def test_errors_all_twice_their_priors_are_a_conflict_by_that_factor() -> None:
     """But for the updraft: its prior is of the air, not of the installation."""
     conflict = prior_conflict(estimated(np.resize([2.0, -2.0], len(PRIOR)), known_to=0.05))
-    assert conflict.beyond == {}
+    assert conflict.z == {}
     of_air = np.array(SENSOR_ERRORS) == "updraft"
     assert conflict.factor == pytest.approx(np.where(of_air, 1.0, 2.0), rel=0.02)
 
@@ -64,7 +64,7 @@ def test_errors_that_the_data_half_determine_tell_their_own_size() -> None:
     count = len(PRIOR)
     for y in (1.6, 2.2):
         conflict = prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7))
-        assert conflict.together == pytest.approx(np.sqrt((y * (1 + 1 / j)) ** 2 - 1 / j), abs=0.006)
+        assert conflict.common_factor == pytest.approx(np.sqrt((y * (1 + 1 / j)) ** 2 - 1 / j), abs=0.006)
     # The sum of squares over its variance is a chi square: one flight in a hundred is beyond its limit by chance.
     at_the_limit = np.sqrt(special.chdtri(count, 0.01) / count * (1 + 1 / j)) / (1 + 1 / j)
     for share, conflict in ((0.99, False), (1.01, True)):
@@ -81,7 +81,7 @@ def test_an_error_is_judged_by_what_its_estimate_varies_if_the_prior_is_right(ex
         errors = np.zeros(len(PRIOR))
         errors[i] = -true * expected  # the estimate is drawn to the prior's mean of zero
         conflict = prior_conflict(estimated(errors, known_to=np.sqrt(1 - expected)))
-        assert conflict.beyond == ({"alpha_per_g": pytest.approx(-33.0 * np.sqrt(expected))} if result else {})
+        assert conflict.z == ({"alpha_per_g": pytest.approx(-33.0 * np.sqrt(expected))} if result else {})
         assert conflict.factor[i] == (
             pytest.approx(np.sqrt(true**2 - (1 - expected) / expected), rel=0.01) if result else 1.0
         )
@@ -106,7 +106,7 @@ def test_an_error_that_took_a_part_of_the_worst_one_s_is_no_conflict() -> None:
     assert alone[wrong] > alone[drawn] > 5, "by themselves both contradict"
     trajectory = replace(estimated(y), covariance=P * np.outer(PRIOR, PRIOR))
     conflict = prior_conflict(trajectory)
-    assert set(conflict.beyond) == {"alpha_per_g"}
+    assert set(conflict.z) == {"alpha_per_g"}
     assert conflict.factor[wrong] == pytest.approx(30, rel=0.1)
 
 

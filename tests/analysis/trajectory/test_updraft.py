@@ -139,7 +139,7 @@ def test_a_flight_at_several_speeds_shows_a_steady_updraft(in_rising_air):
     """It acts on the angle of attack as 1/V: otherwise than an offset and a slope."""
     result = reconstructed(in_rising_air, 1.0)
     assert abs(result.value("updraft") - RISING_MPS) < 3 * result.standard_error("updraft") < 0.15
-    assert "updraft" in prior_conflict(reconstructed(in_rising_air, 0.02)).beyond
+    assert "updraft" in prior_conflict(reconstructed(in_rising_air, 0.02)).z
 
 
 def test_by_day_air_that_rose_is_not_taken_for_an_offset_of_the_angle_of_attack(in_rising_air):
