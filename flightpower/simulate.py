@@ -67,7 +67,8 @@ def fly(
         typer.Option(metavar="NAME", help="Error budget: bench (the default), none, study, harsh, or a file."),
     ] = None,
     world: Annotated[
-        str | None, typer.Option(metavar="NAME", help="World that the analysis does not assume: see `sim worlds`.")
+        str | None,
+        typer.Option(metavar="NAME", help="World that violates the assumptions of the analysis: see `sim worlds`."),
     ] = None,
     seed: SeedOption = 0,
     like: LikeOption = None,
@@ -97,7 +98,7 @@ def fly(
         typer.Option(
             "--as",
             metavar="NAME",
-            help="px4, ardupilot or ardupilot-telemetry (.tlog): write the log as it would, not the daemon's.",
+            help="px4, ardupilot or ardupilot-telemetry (.tlog): write that autopilot's log instead of the daemon's.",
         ),
     ] = None,
     log_faults: Annotated[
@@ -108,7 +109,7 @@ def fly(
     ] = "",
     replace: ReplaceOption = False,
 ) -> None:
-    """Fly a plan, write the truth, and record the flight by the daemon through the fake sensors.
+    """Fly a plan, write the truth, and record the flight with the daemon, through fake sensors.
 
     \b
     Examples:
@@ -385,6 +386,32 @@ def plot(
     drawn = figure(table, metadata)
     write_file(output, drawn.to_html(include_plotlyjs=True))
     print(f"{output}: {len(table)} samples", file=sys.stderr)
+
+
+# Errors that have a value for each axis or sensor; the budget's value of the same name is their size.
+BY_AXIS = (
+    "accel_bias", "accel_scale", "gyro_bias", "gyro_scale", "hard_iron", "soft_iron", "zero", "zero_drift", "absolute",
+)  # fmt: skip
+
+
+@app.command()
+def errors(
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="truth.parquet of a simulated flight, or its folder.")],
+) -> None:
+    """Print the true errors of a simulated flight, in SI units, to compare a calibration with.
+
+    \b
+    Example:
+      sim errors out/turned
+    """
+    from flightpower.sim.truth import read_truth
+
+    _, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
+    drawn = metadata["errors"]
+    by_axis = {name: drawn[name] for name in BY_AXIS}
+    alone = {name: value for name, value in drawn["values"].items() if value and not name.startswith(BY_AXIS)}
+    for name, value in {**alone, **by_axis}.items():
+        print(f"{name} = {value}")
 
 
 def main() -> None:

@@ -1,17 +1,19 @@
 """The commands as a person types them: what they write, and one clear line with exit code 2 when they cannot."""
 
+import json
 import sys
 from datetime import UTC, datetime
 from importlib import resources
 
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
 from flightpower.analysis.sources.daemon import first_ns, fix_of_log
 from flightpower.flight.aircraft import aircraft_text
 from flightpower.flight.log_reader import read_log
 from flightpower.sim.truth import read_truth
-from flightpower.simulate import main
+from flightpower.simulate import app, main
 
 SHORT = """
 title = "stand, hop, stand"
@@ -175,3 +177,13 @@ def test_a_world_flies_and_its_log_has_the_table_that_the_analysis_gets(sim, tmp
     assert code == 2 and "--world" in message
     code, message = sim("fly", "--plan", "short.toml", "--world", "atlantis", "-o", "again")
     assert code == 2 and "short-table" in message
+
+
+def test_the_true_errors_are_printed_by_axis_and_those_of_size_zero_are_not(sim, tmp_path):
+    assert sim("fly", "--plan", "short.toml", "--no-hardware", "--seed", "3", "-o", "out")[0] == 0
+    done = CliRunner().invoke(app, ["errors", str(tmp_path / "out")])
+    printed = dict(line.split(" = ") for line in done.stdout.splitlines())
+    drawn = read_truth(tmp_path / "out" / "truth.parquet")[1]["errors"]
+    assert json.loads(printed["hard_iron"]) == drawn["hard_iron"] and len(drawn["hard_iron"]) == 3
+    assert float(printed["V_scale"]) == drawn["values"]["V_scale"] and "hard_iron_T" not in printed
+    assert drawn["values"]["updraft_mps"] == 0 and "updraft_mps" not in printed
