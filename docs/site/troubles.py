@@ -96,7 +96,7 @@ EVIDENCE: Mapping[EvidenceKind, Trouble] = {
     ),
     EvidenceKind.SENSOR_ERRORS_TOGETHER: Trouble(
         "Several sensors are off, none beyond its own limit.",
-        "One cause may move them: rising or sinking air, or an instrument that is mounted wrong.",
+        "They may have one cause: rising or sinking air, or an instrument that is mounted wrong.",
     ),
     EvidenceKind.RUN_AGAINST_OTHERS: Trouble(
         "One run differs from the others.",
