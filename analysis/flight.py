@@ -55,7 +55,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Recorded:
-    """A log that can be decoded, and what it holds beside its measurements.
+    """A log that can be decoded, and what it holds besides its measurements.
 
     replacements : given in place of parts of the log
     contents : aircraft, propeller, calibrations, with the replacements
@@ -132,7 +132,7 @@ class Reconstructed(Flown):
 
     @property
     def prior_factor(self) -> ArrayLike:
-        """On the prior standard deviations of the sensor errors, larger than one where the flight denied them."""
+        """On the prior standard deviations of the sensor errors, larger than one where the flight contradicted them."""
         return self.prior_conflict.factor
 
 
@@ -220,7 +220,7 @@ def flight_path(flight: Measured) -> FlightPath:
     if not trajectory.converged:
         cause = f"the trajectory did not converge{misfit_in_words(trajectory)}"
         if not any(trajectory.block_means.measured(name) for name in ("gps_north_mps", "beta_rad")):
-            cause += "; without velocity over the ground or sideslip it cannot tell bank from the yaw gyro's bias"
+            cause += "; without velocity over the ground or sideslip it cannot separate bank from the yaw gyro's bias"
         del trajectory  # as large as the one that takes its place
         return _as_measured(flight, cause)
     conflict = prior_conflict(trajectory)

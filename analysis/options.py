@@ -87,7 +87,9 @@ def parse_stretches(text: str, name: str) -> tuple[tuple[float, float], ...]:
         except ValueError:
             start_s, end_s = 1.0, 0.0
         if not start_s < end_s:
-            raise InputError(f'{name}: {part.strip()[:40]!r} is no stretch of time; write "120 to 180 s, 300 to 320 s"')
+            raise InputError(
+                f'{name}: {part.strip()[:40]!r} is not a stretch of time; write "120 to 180 s, 300 to 320 s"'
+            )
         stretches.append((start_s, end_s))
     return tuple(sorted(stretches))
 
@@ -115,7 +117,7 @@ class LogOptions:
     probe: ProbeOption = None
     zero: Annotated[
         Path | None,
-        typer.Option("--zero", metavar="FILE", help="Still-air zero of `daq zero` to use instead of the log's."),
+        typer.Option("--zero", metavar="FILE", help="Still-air zero from `daq zero` to use instead of the log's."),
     ] = None
     weight_N: Annotated[
         float | None,
@@ -151,7 +153,7 @@ class LogOptions:
         typer.Option(
             "--thrust-stand",
             metavar="FILE",
-            help="Thrust at rest, of `calibrate thrust`, to use instead of the aircraft file's.",
+            help="Thrust at rest from `calibrate thrust` to use instead of the aircraft file's.",
         ),
     ] = None
 
@@ -216,8 +218,8 @@ class Options(LogOptions):
         bool,
         typer.Option(
             "--likelihood",
-            help="Also apply the two maximum-likelihood methods of the source (docs/understand/methods.md); of"
-            " a flight of 20 minutes it takes half a minute.",
+            help="Also apply the two maximum-likelihood methods of the source (docs/understand/methods.md);"
+            " for a flight of 20 minutes this takes half a minute.",
         ),
     ] = False
     battery_Wh: Annotated[

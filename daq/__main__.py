@@ -65,7 +65,7 @@ def run(
         typer.Option(metavar="FILE", help="Write the state once a second to this file in /run, for `daq status`."),
     ] = None,
 ) -> None:
-    """Record until SIGTERM or Ctrl-C, which finish the log. SIGHUP starts a new log.
+    """Record until SIGTERM or Ctrl-C, which close the log. SIGHUP starts a new log.
 
     A sensor that fails is logged as failed and restarted twice a second; the others are not affected. Events are
     written to stderr and into the log.
@@ -177,7 +177,7 @@ def zero(
     config: TrayOption,
     seconds: Annotated[float, _seconds_option(4, "How long to measure [s].")] = 10.0,
 ) -> None:
-    """Take the still-air zero of pressure differences and gyroscopes, to be attached to every later log.
+    """Measure the zeros of pressure differences and gyroscopes in still air, to be attached to every later log.
 
     Cover the probe, leave the aircraft at rest with the motor off, everything switched on for some minutes. If the
     readings are not steady, the exit code is 1 and an existing zero is kept.
@@ -267,7 +267,7 @@ def check(
 
 
 @app.command()
-def info(log: Annotated[Path, typer.Argument(metavar="LOG", help="A log; may be unfinished.")]) -> None:
+def info(log: Annotated[Path, typer.Argument(metavar="LOG", help="A log, finished or not.")]) -> None:
     """Summarize a log: topics, rates, failed readings and attachments.
 
     \b
@@ -296,7 +296,7 @@ def list_(
     ),
     every: Annotated[bool, typer.Option("--all", help=f"All logs, not the latest {SHOWN_LOGS}.")] = False,
 ) -> None:
-    """List the latest logs of a folder: begin, length, size, and whether each is complete.
+    """List the latest logs of a folder: start, length, size, and whether each is complete.
 
     Times are those of the satellites, UTC. A ? marks the system clock, which is wrong where there is no network.
 
@@ -328,9 +328,9 @@ def status(
     file: Annotated[Path, typer.Option(metavar="FILE", help="The file of `daq run --status`.")] = SERVICE_STATUS,
     listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where to serve it.")] = "127.0.0.1:8080",
 ) -> None:
-    """Serve a page for the phone: recording, sensors, events, logs, last zero and check. It can only be read.
+    """Serve a page for the phone: recording, sensors, events, logs, last zero and check. The page is read-only.
 
-    The address is printed. Everybody who reaches it can read the page. Needs the extra `status` of the package.
+    The address is printed; anyone who can reach it can read the page. Needs the extra `status` of the package.
 
     \b
     Examples:

@@ -58,7 +58,7 @@ class Recovery:
 
 
 class BackgroundRecovery(Recovery):
-    """Recovery beside the recording: a thread that waits for processes."""
+    """Recovery during the recording: a thread that waits for processes."""
 
     def __init__(self, paths: Iterable[Path]):
         super().__init__(paths)
@@ -139,7 +139,7 @@ class BackgroundRecovery(Recovery):
 def yield_to_others() -> None:
     """Use the disk only when nothing else does, and a tenth of a processor that others want.
 
-    Not SCHED_IDLE: beside two busy programs its share of 0.3 % completes a log in a quarter of a minute.
+    Not SCHED_IDLE: with two busy programs its share of 0.3 % completes a log in a quarter of a minute.
     """
     with suppress(PermissionError):  # a sandbox that forbids it must not leave the logs unfinished
         os.nice(NICE)

@@ -73,7 +73,7 @@ class SensorRecording:
         return _RecordedBuses(buses, self)
 
     def driver_factory(self, make: Callable[[], Sensor]) -> Callable[[], Sensor]:
-        """This driver factory, which also records when a driver is made and read."""
+        """The driver factory, with a record of when each driver is made and read."""
 
         def make_recorded() -> Sensor:
             self.note({"do": "make"})

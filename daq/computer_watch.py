@@ -12,7 +12,7 @@ from flightpower.daq.process_setup import use_every_processor
 from flightpower.flight.messages import Event
 
 CHECK_EVERY_S = 1.0
-HELD_S = 10.0  # a dip lasts milliseconds; it is told for so long
+HELD_S = 10.0  # a dip lasts milliseconds; it is reported for so long
 CELSIUS_K = 273.15
 HOT_K = 80 + CELSIUS_K  # where the firmware begins to slow a Pi 3, 4 and 5 down (documentation of frequency management)
 # Bits of get_throttled of the firmware: at this moment. Sixteen bits higher: since power-on.
@@ -22,14 +22,14 @@ TEMPERATURE = "class/thermal/thermal_zone0/temp"  # [m°C]
 
 
 class Strain(enum.Enum):
-    """What the crew is told of."""
+    """What the crew is warned of."""
 
     SUPPLY = enum.auto()
     HEAT = enum.auto()
 
 
 class Computer(NamedTuple):
-    """The state of the computer; None where it does not tell."""
+    """The state of the computer; None where it is not known."""
 
     supply_low: bool | None = None
     slowed: bool | None = None  # by heat, or by the supply

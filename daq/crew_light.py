@@ -37,7 +37,7 @@ def light_of(status: RecordingStatus | None, age_s: float) -> Light:
 
 
 class CrewLight:
-    """Lamp and button, in a thread. on_press: called from it. A chip that fails costs the light, and is told."""
+    """Lamp and button, in a thread. on_press: called from it. A chip that fails costs the light, and is reported."""
 
     def __init__(self, config: LightConfig, *, on_press: Callable[[], None]):
         self._config, self._on_press = config, on_press

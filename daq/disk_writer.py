@@ -312,5 +312,5 @@ class DiskWriter:
             return None if os.path.samestat(ours, Path(self.path or "").stat()) else Gone.MOVED
         except (FileNotFoundError, NotADirectoryError):
             return Gone.MOVED
-        except OSError:  # a card that does not tell: the next write does
+        except OSError:  # a card that does not report it: the next write does
             return None

@@ -40,7 +40,7 @@ class LinuxI2C:
     """/dev/i2c-N through smbus2, with a timeout for each transfer (rounded up to 10 ms). For one thread at a time.
 
     smbus2 has no timeout, no lock, and no check of how many messages were transferred; they are added here. The same
-    transfers are repeated every tick. smbus2 would make their structures anew each time, which takes longer than the
+    transfers are repeated every tick. smbus2 would make their structures each time, which takes longer than the
     transfer, so prepared ones are kept.
     """
 
@@ -92,7 +92,7 @@ def _prepare(address: int, data: bytes, count: int) -> Transfer:
 class LinuxSerial:
     """A serial line opened by pyserial, in raw mode, non-blocking.
 
-    Read without pyserial, which asks first whether there is something to read. With VMIN = 1 the kernel's answer tells
+    Read without pyserial, which asks first whether there is something to read. With VMIN = 1 the kernel's answer shows
     an empty line (EAGAIN) from an unplugged adapter (end of file).
     """
 

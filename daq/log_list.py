@@ -48,7 +48,7 @@ def list_logs(directory: Path, latest: int | None = None) -> list[ListedLog]:
 
 
 def listed(path: Path) -> ListedLog:
-    """One log. Whatever is wrong with it is said in its state."""
+    """One log. Whatever is wrong with it is named in its state."""
     size = 0
     try:
         size = path.stat().st_size

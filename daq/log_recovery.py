@@ -42,7 +42,7 @@ class RecoveredLog(NamedTuple):
 
 
 def unfinished_logs(paths: Iterable[Path]) -> Iterator[Path]:
-    """Those of `paths` that are not complete, or cannot be read."""
+    """The logs among `paths` that are not complete, or cannot be read."""
     for path in paths:
         try:
             with path.open("rb") as stream:

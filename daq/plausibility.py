@@ -1,7 +1,7 @@
 """Whether readings that are each in order can be true together: one can lie while its status is `ok`.
 
-The sampling thread keeps the latest readings, and compares them once a second. What is wrong for some seconds is told
-(event, state, ground station, page) and so marked in the log; no reading is changed.
+The sampling thread keeps the latest readings, and compares them once a second. What is wrong for some seconds is
+reported (event, state, ground station, page) and so marked in the log; no reading is changed.
 """
 
 import math
@@ -58,7 +58,7 @@ STEADY_OVER, STEADY_MPS = 5, 1.0  # comparisons within which airspeed changes by
 LEAST_AIRSPEED_MPS, LARGEST_BANK_RAD = 8.0, math.radians(25.0)  # where angle of attack follows from attitude
 MAX_SECOND_DIFFERENCE_MPS = 3.0  # of speed by two sensors: places on the aircraft, turns, position errors
 COMPARE_EVERY_NS, MAX_AGE_NS = 1_000_000_000, 2_000_000_000
-WRONG_FOR_NS = 5_000_000_000  # before it is told; and right for as long, before it is plausible again
+WRONG_FOR_NS = 5_000_000_000  # before it is reported; and right for as long, before it is plausible again
 
 
 class Values(msgspec.Struct, frozen=True, kw_only=True):
@@ -84,7 +84,7 @@ class Plausibility:
         self._alpha_differences: deque[float] = deque(maxlen=MEAN_OF_COMPARISONS)
         self._latest: dict[str, tuple[int, object]] = {}
         self._due_ns = 0
-        self._changed_ns: dict[Comparison, int] = {}  # since when it has not been as it was last told
+        self._changed_ns: dict[Comparison, int] = {}  # since when it has not been as it was last reported
         self._notified: dict[Comparison, str] = {}
 
     @property
@@ -133,7 +133,7 @@ class Plausibility:
         )
 
     def _compared(self, now_ns: int) -> dict[Comparison, str]:
-        """What is wrong with each; empty where nothing is, or a reading is missing, which its status tells."""
+        """What is wrong with each; empty where nothing is, or a reading is missing, which its status shows."""
         return {
             Comparison.AIRSPEED: self._airspeed_problem(now_ns),
             Comparison.ANGLE_OF_ATTACK: self._alpha_problem(now_ns),

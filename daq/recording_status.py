@@ -13,9 +13,9 @@ from flightpower.daq.terminal import print_error
 from flightpower.flight.messages import Event, State
 
 LATEST_EVENTS = 20
-NO_NEWS_S = 3.0  # a status is written once a second; an older one says nothing of now
+NO_NEWS_S = 3.0  # a status is written once a second; an older one does not show the present
 LEAST_RATE = 0.9  # of the tray's rate
-RECENT_S = 10.0  # ticks missed this long ago are told
+RECENT_S = 10.0  # ticks missed this long ago are reported
 
 
 def readable(text: str) -> str:
@@ -50,7 +50,7 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
     implausible: list[str] = []  # readings that cannot be true together
     recent_missed: int = 0  # ticks, in the last RECENT_S
     trouble: list[str] = []  # what else is wrong, such as a supply that is too low
-    supply_low: bool | None = None  # of the computer; None where it does not tell
+    supply_low: bool | None = None  # of the computer; None where it is not known
     processor_temperature_K: float | None = None
     age_s: float = 0.0  # for a reader: how long ago this was written
     values: Values = Values()

@@ -72,7 +72,7 @@ class RepeatedReadings:
         self._first = attrgetter(self._compared.fields[0])
         self._all = attrgetter(*self._compared.fields)
         self._latest: Message | None = None
-        self._latest_value: float | None = None  # its first field, which nearly always tells
+        self._latest_value: float | None = None  # its first field, which nearly always changes
         self._since_ns = 0  # when the latest values were first read
         self._changes = 0  # in flight, and the time that they lasted
         self._lasted_ns = 0

@@ -45,7 +45,7 @@ class JudgedRun(NamedTuple):
 
     @property
     def notified(self) -> bool:
-        """Whether the pilot is told. In turns no run is expected; a small change of speed was none to repeat."""
+        """Whether the pilot gets a message. In turns no run is expected; a small change of speed was none to repeat."""
         if self.rejection is None:
             return True
         enough = self.speed_change >= LEVEL_RUN.smallest_speed_change
@@ -171,7 +171,7 @@ class RunMonitor:
     def progress(self) -> Progress | None:
         """On the stretch that is being flown; None if it is none, or cannot become a run any more.
 
-        Known once speed has changed by an eighth. A second late, as smoothed speed is: what is told is rather too long.
+        Known once speed has changed by an eighth. A second late, as smoothed speed is: the time shown is too long.
         """
         leg = self._legs.going_on()
         if leg is None:

@@ -38,7 +38,7 @@ class RestCriteria(NamedTuple):
 
 # Bench noise is 0.005 rad/s, 0.06 m/s^2 (dissertation, Table 4.1); a hand on the wing gives several times that.
 # MPU-9250 zero-rate output is within 5 deg/s (PS 3.1). Zero of the transducers: MS4515DO total error 1 % of 4 inH2O,
-# SSC 2 % of 10 inH2O; a wind of 3 m/s gives 5.5 Pa, which cannot be told from an offset: cover the probe.
+# SSC 2 % of 10 inH2O; a wind of 3 m/s gives 5.5 Pa, which cannot be distinguished from an offset: cover the probe.
 COVER = "cover the probe, keep it out of the wind, and let the transducers warm up for some minutes"
 REST = "put the aircraft down and do not touch it"
 PRESSURE = RestCriteria(spread=8.0, shift=1.0, offset=50.0, unit="Pa", advice=COVER)

@@ -430,7 +430,7 @@ def main(arguments: list[str]) -> None:
 def run_news(monitor: RunMonitor, means: list[Means], *, before: Progress | None) -> tuple[RunNews, list[Event]]:
     """News for the daemon, and events for the ground station, when `means` were added. before: the last progress.
 
-    The ground station is told twice of a run that is being flown: how long to hold it, and when it is long enough.
+    The ground station gets two messages on a run that is being flown: how long to hold it, and when it is long enough.
     """
     verdicts = [
         Event(severity=severity, sensor="runs", text=text) for each in means for severity, text in monitor.texts(each)

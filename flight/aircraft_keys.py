@@ -23,7 +23,7 @@ class Key(NamedTuple):
 SIMULATOR = "simulator"
 LATER = "`sim` asks for it"
 NO_ANGLES = "the daemon logs pulse widths only; the cross-check takes the surface as fixed; `sim` asks for it"
-NO_LINE = "no lag but the 0.012 s (one standard deviation) that is assumed anyway"
+NO_LINE = "no lag except the 0.012 s (one standard deviation) that is assumed anyway"
 NO_MOTOR = "a motor that loses a fifth of its highest power is assumed, ±50 %; `sim` asks for it"
 
 # SURFACE stands for elevator, aileron and rudder, LINE for alpha, beta, airspeed and static.
@@ -41,7 +41,7 @@ KEYS: dict[str, Key] = {
     "geometry.span": Key('"1.75 m"', "Wing span b.", "From tip to tip, with a tape measure.", ALL),
     "geometry.wing_area": Key(
         '"0.46 m^2"',
-        "Wing area S, with the part inside the fuselage.",
+        "Wing area S, including the part inside the fuselage.",
         "Span times mean chord.",
         ALL,
     ),
@@ -133,7 +133,7 @@ KEYS: dict[str, Key] = {
         "Energy of the charged battery.",
         "Voltage times ampere hours.",
         "endurance, range; simulator",
-        "no endurance, range or climb unless `analyze --battery-Wh` says it; `sim` asks for it",
+        "no endurance, range or climb unless given with `analyze --battery-Wh`; `sim` asks for it",
     ),
     "propulsion.throttle_channel": Key("3", "Servo output of the throttle, from 1.", "Transmitter.", "daemon", "3"),
     "propulsion.beyond_zero_thrust": Key(
@@ -196,7 +196,7 @@ KEYS: dict[str, Key] = {
     "uncertainty.weight": Key(
         '"0.2 %"',
         "Standard deviation of the weight.",
-        "Divisions of the scale; what was changed since weighing.",
+        "Resolution of the scale; changes since weighing.",
         "analysis",
         "0.2 %: two divisions of 5 g at 4 kg; intervals contain it",
     ),
@@ -233,7 +233,8 @@ KEYS: dict[str, Key] = {
     "uncertainty.hysteresis": Key(
         '"0.2 %"',
         "Standard deviation of the hysteresis of the differential pressure transducers, of the range flown.",
-        "A pressure up and down again on the bench; the data sheet gives a limit with nonlinearity, of full scale.",
+        "Raise a pressure on the bench and lower it again; the data sheet gives a limit with nonlinearity, of full"
+        " scale.",
         "analysis",
         "0",
     ),
@@ -247,14 +248,14 @@ KEYS: dict[str, Key] = {
     "uncertainty.angle_of_attack_slope": Key(
         '"3 %"',
         "Standard deviation of the slope of the probe's angle of attack, without those of calibration and upwash.",
-        "Probes of one drawing, in other flow than the tunnel's; `calibrate transducers` replaces it.",
+        "Compare probes of one drawing, in flow that differs from the tunnel's; `calibrate transducers` replaces it.",
         "analysis",
         "3 %: 5 % at most; intervals contain what the flight does not determine",
     ),
     "uncertainty.airspeed_scale": Key(
         '"1.25 %"',
         "Standard deviation of the scale of airspeed.",
-        "Half the error of dynamic pressure, by transducer and static ports; `calibrate transducers` replaces it.",
+        "Half the error of dynamic pressure, from transducer and static ports; `calibrate transducers` replaces it.",
         "analysis",
         "1.25 %: 2 % at most; intervals contain what the flight does not determine",
     ),
@@ -290,7 +291,7 @@ KEYS: dict[str, Key] = {
     "uncertainty.boom_bending": Key(
         '"0.03 deg"',
         "Standard deviation of the angle by which the probe's boom bends under each g of load factor.",
-        "Hang the probe's own weight on the boom once more: the change of its angle.",
+        "Hang the probe's own weight on the boom once more, and read the change of its angle.",
         "analysis",
         "0.03 deg: a carbon tube of 10 mm, 0.3 m long; intervals contain what the flight does not determine",
     ),

@@ -66,7 +66,7 @@ class Format(StrEnum):
     UNKNOWN = "unknown"
 
 
-# Suffixes of logs, in lower case. What a file is, its content tells; the suffix is for lists, dialogs and folders.
+# Suffixes of logs, in lower case. The content shows what a file is; the suffix is for lists, dialogs and folders.
 SUFFIXES: Mapping[Format, str] = {
     Format.DAEMON: ".mcap", Format.ULOG: ".ulg", Format.DATAFLASH: ".bin", Format.DATAFLASH_TEXT: ".log",
     Format.TELEMETRY: ".tlog", Format.PAPARAZZI: ".data",

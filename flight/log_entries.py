@@ -74,7 +74,7 @@ class Column:
 
 
 class Entries(Sequence[LogEntry]):
-    """The entries of one topic, all of one type of message. Each access to an entry makes its message anew."""
+    """The entries of one topic, all of one type of message. Each access to an entry makes its message again."""
 
     def __init__(self, kind: type[Message]):
         self.kind = kind

@@ -236,7 +236,7 @@ class State(Message):
     missed: int = 0  # ticks since the start
     text: str = ""
     run: str = ""  # progress of the run that is being flown; empty while there is none
-    supply_low: bool | None = None  # of the computer; None where it does not tell
+    supply_low: bool | None = None  # of the computer; None where it is not known
     processor_temperature_K: float | None = None
 
 

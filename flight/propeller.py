@@ -94,7 +94,7 @@ class Propeller(PropellerModel):
     """cT(J, rpm) and cP(J, rpm), linear between the table's points.
 
     Beyond the last J of a row the last segment is extrapolated linearly, through zero thrust into windmilling. Below
-    the first J and outside the range of rpm the nearest value is used. `covers` tells whether a point is in the table.
+    the first J and outside the range of rpm the nearest value is used. `covers` says whether a point is in the table.
     """
 
     def __init__(

@@ -33,14 +33,14 @@ LEAST_RATIO = 0.05  # smaller thrust than this share is taken as this share: the
 FEWEST_TABLES = 8  # between which thrusts are compared: two elasticities and a scatter are estimated from them
 SAME_SIZE_IN = 0.05  # UIUC and APC round sizes to 0.1 in
 SIZE = re.compile(r"(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)(.*)", re.IGNORECASE)
-# 10x5E, 13x8E-3 (three blades), 4.1x4.1E-B4, 10x5(F2B), 15x11(WCAR-T6): what is in brackets says nothing of blades.
+# 10x5E, 13x8E-3 (three blades), 4.1x4.1E-B4, 10x5(F2B), 15x11(WCAR-T6): what is in brackets does not count blades.
 APC_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)((?:\([^)\n]*\)|[^\s(])*)")
 APC_BLADES = re.compile(r"-B?([2-6])$", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Table:
-    """A propeller's table with what its head says. pitch_in [in], blades : None where it is not said."""
+    """A propeller's table with what its head says. pitch_in [in], blades : None where the head does not have it."""
 
     name: str
     propeller: Propeller
@@ -263,7 +263,7 @@ def cost_of(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, 
     """What it may cost to take `base` for the query's propeller: by its size or make, and by being computed.
 
     query : with diameter and pitch      J : advance ratios of the flight; default: of a climb and level flight
-    Raises InputError when there are no tables to tell it from.
+    Raises InputError when there are no tables to estimate it from.
     """
     costs = []
     if not has_size(base, query) or not with_words([base], query):

@@ -44,7 +44,7 @@ class LevelRunSettings(Settings):
         40.0, "s", "scaled; a longer change of speed is several maneuvers, with speed held between"
     )
     smallest_speed_change: float = setting(
-        0.2, "1", "of the mean speed, times the share of noise; less tells little of how drag depends on speed"
+        0.2, "1", "of the mean speed, times the share of noise; less shows little of how drag depends on speed"
     )
     noise_mps: float = setting(
         0.15,
@@ -70,7 +70,7 @@ class LevelRunSettings(Settings):
         "1",
         "of the speed; a leg ends beyond it: a pilot holding speed stays within, gusts of W20 = 15 kt mostly do",
     )
-    turning_share_of_gain: float = setting(0.25, "1", "of the speed gained; a leg ends only beyond this, too")
+    turning_share_of_gain: float = setting(0.25, "1", "share of the speed gained beyond which a leg also ends")
     held_share: float = setting(0.05, "1", "speed is held while it is within this share of a leg's first or last speed")
     largest_gap_share: float = setting(0.02, "1", "of a run in which a needed quantity was not measured")
 

@@ -34,7 +34,7 @@ def setting(value: T, unit: str, reason: str) -> T:
 
 
 class Described(NamedTuple):
-    """A setting with what is said of it."""
+    """A setting with its unit and reason."""
 
     name: str
     value: Any

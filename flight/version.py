@@ -27,7 +27,7 @@ def version() -> str:
 
 
 def _commit(checkout: Path) -> str:
-    """The commit as in a version ("g555c46e7a.dirty"); empty where git does not tell it."""
+    """The commit as in a version ("g555c46e7a.dirty"); empty where git does not know it."""
     import subprocess
 
     command = ["git", "-C", str(checkout), "describe", "--always", "--dirty=.dirty", "--abbrev=9", "--exclude=*"]

@@ -65,10 +65,10 @@ def propellers(
       flightpower propellers 11x7.5 apc thin electric --J 0.3 0.6
       flightpower propellers 13x8 --folder UIUC-propDB -o tables
 
-    A name goes into `propeller = "…"` of the aircraft file or behind --propeller; so does a file that -o wrote.
+    A name goes into `propeller = "…"` of the aircraft file or after --propeller; so does a file that -o wrote.
 
-    Exit code 0: tables were found. 1: there is no measured table of this size; the lines say what another one may cost.
-    2: wrong input, or nothing has these words; one line on stderr says which.
+    Exit code 0: tables were found. 1: there is no measured table of this size; the lines say how far off others may be.
+    2: wrong input, or no table matches; one line on stderr says which.
     """
     query = parse_query(words or [])
     if J is not None and not 0 <= J[0] < J[1]:

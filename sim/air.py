@@ -223,7 +223,7 @@ LATERAL_ZEROS, LATERAL_POLES = (2.7478, 0.3398), (2.9958, 1.9754, 0.1539)
 def von_karman(
     states: GustStates, white: Number, *, V: Number, span_m: float, scales: Scales
 ) -> tuple[GustStates, Gust]:
-    """Rates of change of the shaping filters, and the gusts they give; arguments as of `sim.air.dryden`."""
+    """Rates of change of the shaping filters, and the gusts they give; arguments as for `sim.air.dryden`."""
     sigma_u, sigma_w, L_u, L_w = scales
     V = np.maximum(V, 5.0)
     T_u, T_w = L_u / V, L_w / V

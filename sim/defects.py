@@ -1,4 +1,4 @@
-"""Ordinary defects of an installation, of which the analysis is not told; each is exactly as its value says.
+"""Ordinary defects of an installation, which the analysis does not know of; each is exactly as its value says.
 
 Most are errors of a sensor; landing gear, fading propeller, sagging battery and steady updraft change the flight.
 World files give them in the section [defects] (docs/evidence/worlds.md).

@@ -45,7 +45,7 @@ LikeOption = Annotated[
     typer.Option(
         "--like",
         metavar="NAME",
-        help="Shipped aircraft from which every key is scaled that the aircraft file lacks; four keys are enough.",
+        help="Shipped aircraft that supplies, scaled, every key that the aircraft file lacks; four keys are enough.",
     ),
 ]
 InstallationOption = Annotated[
@@ -53,8 +53,8 @@ InstallationOption = Annotated[
     typer.Option(
         "--installation",
         metavar="NAME",
-        help="Errors of probe, mounting and propeller are drawn by this name: the same in every flight that has it. "
-        "Unless given, the name in the aircraft file.",
+        help="Flights with the same name share their errors of probe, mounting and propeller. "
+        "Default: the name in the aircraft file.",
     ),
 ]
 
@@ -83,7 +83,7 @@ SeedOption = Annotated[
     typer.Option(
         min=0,
         metavar="N",
-        help="Number that turbulence, noise and errors are drawn by. The same seed gives the same result.",
+        help="Seed for turbulence, noise and errors. The same seed gives the same result.",
     ),
 ]
 

@@ -1,4 +1,4 @@
-"""The segments of a plan. Each tells the pilot what to hold, and until when (`sim.plan_segment.PlanSegment`)."""
+"""The segments of a plan. Each instructs the pilot what to hold, and until when (`sim.plan_segment.PlanSegment`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -64,7 +64,7 @@ class World:
         return table_until(table, least_cT)
 
     def uncertainty_section(self) -> str:
-        """[uncertainty] of the aircraft file, with what differs from the defaults; empty where nothing is said."""
+        """[uncertainty] of the aircraft file, with what differs from the defaults; empty where nothing differs."""
         if self.uncertainty is None:
             return ""
         lines = ["[uncertainty]"]
@@ -121,7 +121,7 @@ def worlds() -> list[str]:
 
 
 def worlds_with_defects() -> list[str]:
-    """Names of the worlds with a defect that the analysis is not told."""
+    """Names of the worlds with a defect that the analysis does not know of."""
     return [name for name in worlds() if load_world(name).errors.defects != NO_DEFECTS]
 
 

@@ -35,6 +35,23 @@ def test_no_variable_or_parameter_is_a_participle_or_a_pronoun() -> None:
     assert names == []
 
 
+# Phrases that puzzled readers. Things are reported, shown, distinguished or named; they are not told.
+PUZZLING = re.compile(r"\b(?:(?:is|are|was|were|been) told|as it were|anew|(?:is|was) said of)\b|as of `")
+FOR_READERS = ("README.md", "SECURITY.md", "docs/*/*.md", "systemd/*.md", "firmware/*/*.md",
+               *(f"{folder}/**/*.py" for folder in ("analysis", "daq", "flight", "hw_fakes", "sim")))  # fmt: skip
+
+
+def test_no_sentence_has_a_phrase_that_puzzles() -> None:
+    lines = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for pattern in FOR_READERS
+        for path in ROOT.glob(pattern)
+        for number, line in enumerate(path.read_text("utf-8").splitlines(), start=1)
+        if PUZZLING.search(line)
+    ]
+    assert lines == []
+
+
 def nodes(pattern: re.Pattern[str]) -> Iterator[tuple[Path, ast.AST]]:
     """The path and each node of our files in which the pattern occurs."""
     for folder in FOLDERS:

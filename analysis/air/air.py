@@ -137,7 +137,7 @@ def air_data(
             )
     sideslip = out["dp_beta_Pa"].to_numpy(dtype=float)
     if np.isnan(sideslip).all():
-        notes.append("No sideslip pressure in this log: sideslip is not known; the other air data take it as zero.")
+        notes.append("No sideslip pressure in this log: sideslip is not known; the other air data assume zero.")
         out["dp_beta_Pa"] = 0.0
     start_Pa, start_K = _where_it_began(out)
     above_start_m = height_at(out["static_Pa"], ground_pressure_Pa=start_Pa, ground_temperature_K=start_K)

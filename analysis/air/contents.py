@@ -29,7 +29,7 @@ REMEDIES = {
 
 
 class LogContents(NamedTuple):
-    """What an analysis takes from a log beside its measurements.
+    """What an analysis takes from a log besides its measurements.
 
     zero : by channel, the reading in still air that `daq zero` took; None if the log has none
     notes : damage of the log, in sentences

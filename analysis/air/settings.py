@@ -125,7 +125,7 @@ class GroundCalibrationSettings(Settings):
     fewest: tuple[int, int] = setting(
         (4, 3),
         "1",
-        "pressures beside zero, and positions: a straight line through fewer hides a wrong reading",
+        "pressures besides zero, and positions: a straight line through fewer hides a wrong reading",
     )
     steady_noises: float = setting(
         5.0, "1", "times the noise: departure of smoothed readings within a plateau, if more than a zero may drift"
@@ -174,7 +174,7 @@ class ThrustStandSettings(Settings):
 
     @property
     def largest_error(self) -> float:
-        """1 sigma of the ratio: a worse stand tells no more than the table, whose error at rest is scale - slope/2."""
+        """1 sigma of the ratio: a worse stand shows no more than the table, whose error at rest is scale - slope/2."""
         stated = Uncertainty()
         return STATISTICS.determined_share * math.hypot(stated.thrust_scale_fraction, stated.thrust_slope / 2)
 

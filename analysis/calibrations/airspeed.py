@@ -72,7 +72,7 @@ def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration"
     typical_N, area_m2 = 60.0, 1.0  # their ratio recognizes flight
     flight = flight_table(read_autopilot_log(log, autopilot), typical_N, area_m2)
     if flight.first_wind_mps is not None:
-        raise InputError(f"{log}: the log lacks airspeed, whose scale could be determined")
+        raise InputError(f"{log}: the log has no airspeed to calibrate")
     errors = airspeed_errors(flight)
     if errors.wind_mps is None or errors.wind_from_deg is None:
         raise InputError(f"{log}: no GPS velocity in flight: neither scale nor wind can be determined")

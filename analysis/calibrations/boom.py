@@ -112,13 +112,13 @@ def boom(
         typer.Option(
             "--angles",
             metavar="LIST",
-            help=f"What a level on the probe showed with each, positive nose up, with its unit at the end: {ANGLES}.",
+            help=f"Reading of a level on the probe with each, positive nose up, with its unit at the end: {ANGLES}.",
         ),
     ] = "",
     carried: Annotated[
         float | None,
         Quantity("--carried", "kg", '"45 g"', above=0, most=10).as_option(
-            "Mass that bends the boom in flight: that of the probe, and a third of the boom's, from its clamp on."
+            "Mass that bends the boom in flight: the probe, plus a third of the boom beyond its clamp."
         ),
     ] = None,
     carried_error: Annotated[

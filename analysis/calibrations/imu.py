@@ -118,7 +118,7 @@ def imu(log: LogFile) -> Calibrated:
 
     A scale that is wrong by 2 % makes lift and thrust wrong by as much. The lines printed for the aircraft file correct
     for scale and offset, and say how well. Exit code 2 if a side is missing; exit code 1 and no lines if the readings
-    do not tell the scale better than the data sheet.
+    do not determine the scale better than the data sheet.
 
     To rehearse it: `sim fly --plan six-sides -o out/sides`.
 
@@ -138,7 +138,7 @@ def imu(log: LogFile) -> Calibrated:
 
 
 def not_supported(calibration: Accelerometers) -> str:
-    """Why the readings do not tell the scale; empty where they do."""
+    """Why the readings do not determine the scale; empty where they do."""
     error, assumed = float(calibration.scale_error.max()), Uncertainty.accelerometer_scale_fraction
     if error > STATISTICS.determined_share * assumed:
         return (

@@ -160,7 +160,7 @@ def thrust_readings(speeds: list[HeldSpeed], thrust_N: list[float | None], sourc
     if len(turning) != len(thrust_N):
         raise InputError(
             f"{source}: {len(thrust_N)} readings of thrust for {len(turning)} motor speeds: {in_words(speeds)}; give"
-            " one for each, in order, and - for one not read"
+            " one for each, in order, and - for a missing one"
         )
     read = [(speed, thrust) for speed, thrust in zip(turning, thrust_N, strict=True) if thrust is not None]
     first = speeds[0].mean  # the tray warms up: its first temperature is that of the air
@@ -196,7 +196,7 @@ def run_up(
             "--thrust",
             metavar="LIST",
             help="Thrust read from a scale between tail and strap at each motor speed, in order, with its unit at the"
-            f" end, and - for one not read: {EXAMPLE}.",
+            f" end, and - for a missing one: {EXAMPLE}.",
         ),
     ] = "",
     scale_error: ScaleErrorOption = 1.0,

@@ -74,7 +74,9 @@ def surface_table(holds: Sequence[HeldPulse], angles_deg: Sequence[float | None]
             groups.append([(pulse, angle)])
     _, fewest = GROUND.fewest
     if len(groups) < fewest:
-        raise InputError(f"too few positions with an angle ({len(groups)}); {fewest} at least are needed, better five")
+        raise InputError(
+            f"too few positions with an angle ({len(groups)}); {fewest} at least are needed, five are better"
+        )
     pulses = [round(float(np.mean([p for p, _ in group]))) for group in groups]
     angles = [float(np.mean([a for _, a in group])) for group in groups]
     steps = np.diff(angles)
@@ -120,7 +122,8 @@ def surfaces(
         typer.Option(
             "--angles",
             metavar="ANGLES",
-            help='Angles read from the protractor, in order, in degrees: "-22 -11 0 11 -". Give - for one not read.',
+            help='Angles read from the protractor, in order, in degrees: "-22 -11 0 11 -". Write - for a missing'
+            " reading.",
         ),
     ] = "",
     channel: Annotated[
@@ -186,5 +189,5 @@ def _angle_deg(word: str) -> float | None:
     except ValueError:
         angle = math.nan
     if not abs(angle) < 90.0:
-        raise InputError(f"--angles: {word!r} is not an angle in degrees; give - for a position not read")
+        raise InputError(f"--angles: {word!r} is not an angle in degrees; write - for a missing reading")
     return angle

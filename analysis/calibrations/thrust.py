@@ -123,7 +123,7 @@ def student_sigma(residuals: Array, parameters: int) -> float:
 
 
 def student_fit(X: Array, y: Array) -> tuple[Array, Array]:
-    """Coefficients (m,) of y (n,) on the columns of X (n, m), and their errors as of `student_sigma`."""
+    """Coefficients (m,) of y (n,) on the columns of X (n, m), and their errors as by `student_sigma`."""
     coefficients = np.asarray(np.linalg.lstsq(X, y, rcond=None)[0])
     unit = np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
     return coefficients, student_sigma(y - X @ coefficients, X.shape[1]) * unit
@@ -194,13 +194,13 @@ def thrust(
     pressure: Annotated[
         float | None,
         Quantity("--pressure", "Pa", '"1013 hPa"', above=3e4, most=1.2e5).as_option(
-            'Air pressure at the stand (not reduced to sea level), such as "1013 hPa", for a file without it.'
+            'Air pressure at the stand (not reduced to sea level), such as "1013 hPa", if the file does not have it.'
         ),
     ] = None,
     temperature: Annotated[
         float | None,
         Quantity("--temperature", "K", '"15 degC"', above=200, most=340).as_option(
-            'Air temperature at the stand, such as "15 degC", for a file without it.'
+            'Air temperature at the stand, such as "15 degC", if the file does not have it.'
         ),
     ] = None,
     scale_error: ScaleErrorOption = 1.0,  # a load cell checked with a weight 0.5 %, its arm 0.7 %, density 0.3 %

@@ -39,7 +39,7 @@ def calibrate(
         )
     levels, (fewest, _) = len(set(pressures_Pa)), GROUND.fewest
     if levels < fewest:
-        raise InputError(f"{source}: {levels} pressures beside zero are too few; hold {fewest} at least, up to 400 Pa")
+        raise InputError(f"{source}: {levels} pressures besides zero are too few; hold {fewest} at least, up to 400 Pa")
     remaining = iter(pressures_Pa)
     p = np.array([0.0 if plateau.open else next(remaining) for plateau in plateaus])
     readings = np.array([plateau.readings_Pa for plateau in plateaus])
@@ -131,8 +131,8 @@ def transducers(
     reference_error: Annotated[
         float,
         Quantity("--reference-error", "%", '"0.5%"', least=0, most=10).as_option(
-            "Error of the reference's scale, 1 sigma, in %: 0.5 of a water column at 10 to 35 °C; of a manometer"
-            " by its data sheet. Errors of single readings are found from their scatter."
+            "Error of the reference's scale, 1 sigma, in %: 0.5 for a water column at 10 to 35 °C; for a manometer"
+            " by its data sheet. The scatter of the readings gives their own errors."
         ),
     ] = 0.5,  # density of water between 10 and 35 degC -0.4 to 0.2 %, local gravity up to 0.3 %
 ) -> Calibrated:

@@ -106,7 +106,7 @@ def weight_and_balance(
             "--scale",
             metavar="READINGS",
             help="One wheel or point of suspension: its position aft of a datum, then the readings with their unit at"
-            ' the end: "0.12 m: 1.25 1.26 kg". Once for each. Without a position, the weight alone is found.',
+            ' the end: "0.12 m: 1.25 1.26 kg". Once for each. Without a position only the weight is computed.',
         ),
     ] = None,
     reading_error: Annotated[

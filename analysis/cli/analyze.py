@@ -66,8 +66,8 @@ def analyze(
             "-o",
             "--output",
             metavar="FOLDER",
-            help="Folder for the results; default: LOG without .mcap, plus .report, for an address in this folder."
-            " Needed with several logs.",
+            help="Folder for the results; default: the log's name with .report instead of its"
+            " suffix; for an address, in the current folder. Needed with several logs.",
         ),
     ] = None,
     options: Options = Options(),
@@ -99,8 +99,8 @@ def analyze(
     endurance and range on a battery, climb and highest speed at full throttle, and the effect of weight and air
     density on these.
     A log of PX4 or ArduPilot, or one without flow angles or motor speed, gives the electrical power of level flight.
-    Of several logs, each has its own folder in FOLDER, and above them are the report and the results of all flights
-    together. The same command goes on where it was interrupted, and adds logs without repeating the others.
+    With several logs, each gets its own folder in FOLDER, which also has the report and the results of all flights
+    together. After an interruption the same command continues; it adds new logs without repeating the others.
     Two such folders are compared by `analyze compare`.
 
     \b
@@ -111,12 +111,12 @@ def analyze(
       analyze log.mcap --runs log.report/runs.toml   after editing that file
       analyze log.ulg --mass 9.4 --wing-area 1.5 --span 4
       analyze flights/*.mcap -o out                  many flights as one
-      analyze s3://bucket/flights/ -o out            as many, from where they lie
+      analyze s3://bucket/flights/ -o out            the same, read from a bucket
       analyze compare old/ new/ -o difference
 
     Exit code 0: done; a doubtful result is named first. 1: done, but the result is not to be trusted, and lines on
     stderr say why; or, of several logs, some cannot be used or are not to be trusted. 2: the input cannot be used; one
-    line on stderr says why, and nothing was written but, where no maneuver gives a curve, runs.toml with candidates;
+    line on stderr says why, and nothing was written, except runs.toml with candidates where no maneuver gives a curve;
     of several logs, the folders of flights that could be analyzed stay.
     """
     stderr = Console(stderr=True, quiet=quiet)

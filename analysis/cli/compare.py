@@ -17,7 +17,7 @@ app = application()
 @app.command()
 def compare(
     a: Annotated[Path, typer.Argument(metavar="A", help="Folder that `analyze` wrote, of one flight or of several.")],
-    b: Annotated[Path, typer.Argument(metavar="B", help="The same for the other configuration.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="Folder of the other configuration.")],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -25,7 +25,7 @@ def compare(
         ),
     ] = None,
 ) -> None:
-    """How much more power B takes than A at each speed, and with what confidence.
+    """How much more power B requires than A at each speed, and with what confidence.
 
     Errors that both share, such as those of one installation of the probe, cancel in the difference.
 

@@ -33,8 +33,9 @@ def export(
             "-o",
             "--output",
             metavar="FILE",
-            help="File to write; for csv and parquet a folder of files, one a table. Of several logs: the folder for"
-            " what is written of each. Default: beside the log.",
+            help="File to write; for csv and parquet a folder, with one file per table. With several logs: the"
+            " folder for"
+            " all of them. Default: beside the log.",
         ),
     ] = None,
     options: Options = Options(),

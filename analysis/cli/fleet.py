@@ -34,7 +34,7 @@ def add(
         str, typer.Option("--to", metavar="DATASET", help="A folder, or an address such as s3://bucket/fleet.")
     ],
 ) -> None:
-    """Keep the statistics of flights, a row each. Flights already in the dataset are skipped.
+    """Add flights to the dataset of a fleet, one row per flight. Flights already in the dataset are skipped.
 
     \b
     Example:
@@ -64,7 +64,7 @@ def add(
         raise InputError(f"{folders[0]}: no flight to add; {left_out[0]}")
     for line in left_out:
         console.print(f"left out: {line}", markup=False)
-    console.print(f"{to}: {new} flights added, {known} were there already", markup=False)
+    console.print(f"{to}: {new} flights added, {known} were already there", markup=False)
 
 
 @app.command()
@@ -76,16 +76,18 @@ def show(
             "-o",
             "--output",
             metavar="FOLDER",
-            help="Folder for fleet.html, fleet.json, and flights.csv and curves.csv for spreadsheets; else print only.",
+            help="Folder for fleet.html, fleet.json, and flights.csv and curves.csv for spreadsheets; default:"
+            " print only.",
         ),
     ] = None,
     airframe: Annotated[
-        list[str] | None, typer.Option("--airframe", metavar="NAME", help="Only this one; may be repeated.")
+        list[str] | None, typer.Option("--airframe", metavar="NAME", help="Show only this airframe; may be repeated.")
     ] = None,
     false_alarms: Annotated[
         float,
         Quantity("--false-alarms", "", "1", least=0.01, most=50).as_option(
-            "That are accepted in a year of an airframe that does not change. Fewer find smaller changes later."
+            "False alarms to accept per year for an airframe that does not change. A lower rate finds small"
+            " changes later."
         ),
     ] = 1.0,
     replace: ReplaceOption = False,

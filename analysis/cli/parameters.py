@@ -27,8 +27,8 @@ def parameters(
 ) -> None:
     """Airspeeds, sink and level-flight power as a file for ArduPilot (.param), PX4 (.params) or INAV (CLI lines).
 
-    Each value stands with its interval, what it follows from, and the value in the log. No airspeed is below the stall
-    margin; sink and power are those of the cruise written. What does not follow is named. Compare each
+    The file states for each value its interval, its source, and the value in the log. No airspeed is below the stall
+    margin; sink and power belong to the cruise speed in the file. It names what cannot be derived. Compare each
     value with yours before you load it.
 
     \b

@@ -57,8 +57,7 @@ class PlanOptions:
     minutes: Annotated[
         float,
         Quantity("--minutes", "min", '"0.3 h"', above=0, most=240).as_option(
-            "From standing before to standing after the flight, two minutes on the ground included. Four hours"
-            " take half a minute to plan."
+            "Whole flight, including two minutes standing on the ground. Four hours take half a minute to plan."
         ),
     ] = 21.0
     wind_kt: Annotated[
@@ -67,7 +66,7 @@ class PlanOptions:
             "Wind at 6 m above the ground, which makes the turbulence."
         ),
     ] = 5.0
-    question: Annotated[QuestionName, typer.Option("--question", help="What is to be known as well as possible.")] = (
+    question: Annotated[QuestionName, typer.Option("--question", help="What the flight should measure best.")] = (
         QuestionName.CURVE
     )
     pilot: Annotated[PilotKind, typer.Option("--pilot", help="Who flies.")] = PilotKind.LINE_OF_SIGHT
@@ -95,13 +94,13 @@ class PlanOptions:
     load_factor: Annotated[
         float,
         Quantity("--load-factor", "", "1.7", above=1.2, most=2.0).as_option(
-            "Largest load factor while porpoising; the smallest is as far below 1."
+            "Largest load factor while porpoising; the smallest is the same amount below 1."
         ),
     ] = 2.0
     stall_mps: Annotated[
         float | None,
         Quantity("--stall", "m/s", '"20 kt"', above=0, most=100).as_option(
-            "Stall speed, wings level; default: that of a largest lift coefficient of 1.2."
+            "Stall speed, wings level; default: computed with a largest lift coefficient of 1.2."
         ),
     ] = None
     after: Annotated[
@@ -110,12 +109,12 @@ class PlanOptions:
     ] = None
     home: Annotated[
         str | None,
-        typer.Option("--home", metavar="LAT,LON", help="Middle of the legs [deg]; with it a mission is written."),
+        typer.Option("--home", metavar="LAT,LON", help="Middle of the legs [deg]; also writes a mission."),
     ] = None
     heading_deg: Annotated[
         float | None,
         Quantity("--heading", "deg", '"1.2 rad"', least=-360, most=360).as_option(
-            "Of the legs [deg]; with it the card has a map. A mission without it has them to the north."
+            "Heading of the legs [deg]; adds a map to the card. Without it a mission's legs run north."
         ),
     ] = None
     wind_from_deg: Annotated[
@@ -135,7 +134,7 @@ class PlanOptions:
             object.__setattr__(self, name, kind(value))
         if self.wind_from_deg is not None and self.heading_deg is None:
             raise InputError(
-                f"--wind-from {self.wind_from_deg:g}: without --heading of the legs it says nothing; give both"
+                f"--wind-from {self.wind_from_deg:g}: means nothing without --heading of the legs; give both"
             )
 
     @property
@@ -171,7 +170,7 @@ def plan(
     ] = SpeedUnit.KNOT,
     replace: ReplaceOption = False,
 ) -> None:
-    """What to fly next: the sequence of maneuvers that makes the interval of the answer smallest.
+    """What to fly next: the sequence of maneuvers that gives the answer its smallest interval.
 
     Writes a card to print (card.html) and one for the daemon, which ticks off the runs (card.toml), a plan for the
     simulator (plan.toml) and, with --home, a mission for an autopilot (mission.plan, mission.waypoints).

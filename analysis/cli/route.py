@@ -38,7 +38,7 @@ class StallOptions:
     stall_margin: Annotated[
         float,
         Quantity("--stall-margin", "", "1.2", least=1, most=3).as_option(
-            "No airspeed is below this many stall speeds."
+            "Least airspeed, as a multiple of the stall speed."
         ),
     ] = 1.2
 
@@ -74,10 +74,13 @@ class RouteOptions(StallOptions):
     ] = SpeedChoice.MISSION
     battery_Wh: Annotated[
         str | None,
-        typer.Option("--battery-Wh", metavar="ENERGY", help='"74 Wh" or "5000 mAh, 14.8 V"; default: of the results.'),
+        typer.Option(
+            "--battery-Wh", metavar="ENERGY", help='"74 Wh" or "5000 mAh, 14.8 V"; default: as in the results.'
+        ),
     ] = None
     usable: Annotated[
-        str | None, typer.Option("--usable", metavar="SHARE", help="Of the battery; the rest is the reserve.")
+        str | None,
+        typer.Option("--usable", metavar="SHARE", help="Usable share of the battery; the rest is the reserve."),
     ] = None
     health: Annotated[
         float,
@@ -90,7 +93,7 @@ class RouteOptions(StallOptions):
     resistance_ohm: Annotated[
         float,
         Quantity("--resistance", "ohm", '"40 mohm"', least=0, most=10).as_option(
-            "Of the battery; its loss then counts, at the voltage of --battery-Wh."
+            "Internal resistance of the battery; its loss is then included, at the voltage of --battery-Wh."
         ),
     ] = 0.0
     climb_mps: Annotated[
@@ -105,7 +108,7 @@ class RouteOptions(StallOptions):
             "--weight",
             parser=lambda text: _weight_N(text, "--weight"),
             metavar="WEIGHT",
-            help='At the start, such as "4.1 kg"; default: of the results.',
+            help='At the start, such as "4.1 kg"; default: as in the results.',
         ),
     ] = None
     dropped_N: Annotated[
@@ -114,34 +117,34 @@ class RouteOptions(StallOptions):
             "--drop",
             parser=lambda text: _weight_N(text, "--drop"),
             metavar="WEIGHT",
-            help="Payload of each release in the mission.",
+            help="Mass dropped at each release in the mission.",
         ),
     ] = None
     home: Annotated[
-        str | None, typer.Option("--home", metavar="LAT,LON", help="Home [deg]; default: of the mission.")
+        str | None, typer.Option("--home", metavar="LAT,LON", help="Home [deg]; default: as in the mission.")
     ] = None
     height_m: Annotated[
         float,
         Quantity("--height", "m", '"300 ft"', least=0, most=5000).as_option(
-            "Above home, of legs and of lines without heights.", "HEIGHT"
+            "Height above home, for legs and for lines without heights.", "HEIGHT"
         ),
     ] = 100.0
     elevation_m: Annotated[
         float | None,
         Quantity("--elevation", "m", '"1500 ft"', least=-500, most=6000).as_option(
-            "Of home above sea level; default: the air of the results.", "HEIGHT"
+            "Elevation of home above sea level; default: the air density of the results.", "HEIGHT"
         ),
     ] = None
     temperature_K: Annotated[
         float | None,
         Quantity("--temperature", "K", '"20 degC"', least=220, most=330).as_option(
-            "At home; default: of the results, or the standard one at --elevation."
+            "At home; default: as in the results, or the standard temperature at --elevation."
         ),
     ] = None
     idle_W: Annotated[
         float | None,
         Quantity("--idle-power", "W", '"8 W"', least=0, most=1000).as_option(
-            "Drawn with the motor off; default: of the results of an autopilot's log, else 0."
+            "Drawn with the motor off; default: from the results of an autopilot's log, otherwise 0."
         ),
     ] = None
     power_sd: Annotated[
@@ -263,10 +266,10 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
     request = parse_request(options.battery_Wh, options.usable)
     energy_Wh = request.battery_Wh or (results.battery and results.battery.energy_Wh)
     if not energy_Wh:
-        raise InputError('the results do not know the battery; give --battery-Wh "5000 mAh, 14.8 V"')
+        raise InputError('the results have no battery; give --battery-Wh "5000 mAh, 14.8 V"')
     voltage_V = voltage_of(options.battery_Wh or "")
     if options.resistance_ohm and voltage_V is None:
-        raise InputError('--resistance takes the voltage, too; give the battery as --battery-Wh "5000 mAh, 14.8 V"')
+        raise InputError('--resistance also requires the voltage; give the battery as --battery-Wh "5000 mAh, 14.8 V"')
     battery = Battery(
         energy_J=3600 * energy_Wh,
         reserve=1 - request.usable,
@@ -279,7 +282,7 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
     if options.elevation_m is not None:
         temperature_K, pressure_Pa = float(temperature_at(options.elevation_m)), float(pressure_at(options.elevation_m))
     if temperature_K is None or pressure_Pa is None:
-        raise InputError("the results do not know the air; analyze the logs again, or give --elevation of home")
+        raise InputError("the results have no air density; analyze the logs again, or give --elevation of home")
     weight_N = options.weight_N or results.test.weight_N
     return Flight(
         wind,
@@ -327,7 +330,7 @@ def _trusted(path: Path, results: Read) -> Read:
     from flightpower.analysis.results.evidence import sentence
 
     if results.trust is Trust.NOT_TO_BE_TRUSTED:
-        raise InputError(f"{path}: not to be trusted ({results.evidence[0].kind}); take another flight's results")
+        raise InputError(f"{path}: not to be trusted ({results.evidence[0].kind}); use another flight's results")
     for evidence in results.evidence:
         if evidence.level is Trust.DOUBTFUL:
             print(f"{evidence.level}: {sentence(evidence)}", file=sys.stderr)

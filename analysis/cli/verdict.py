@@ -1,4 +1,4 @@
-"""What contradicts results, told on the terminal: doubts before them, reasons not to trust them at the end."""
+"""What contradicts results, printed on the terminal: doubts before them, reasons not to trust them at the end."""
 
 import sys
 from collections.abc import Callable, Sequence

@@ -260,7 +260,9 @@ def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[Un
     level = TESTS.false_alarms
     insignificant = [state for state, intensity in intensities.items() if intensity.p_value >= level]
     remarks = (
-        (Finding.NEGLIGIBLE_MEASUREMENT_NOISE, quiet, "measurement noise of {} is negligible beside the process noise"),
+        (Finding.NEGLIGIBLE_MEASUREMENT_NOISE, quiet,
+            "measurement noise of {} is negligible compared with the"
+            " process noise"),
         (Finding.NEGLIGIBLE_BUT_STABILIZING, stabilizing,
          "process noise of {} is negligible, but the filter needs it: the model is unstable"),
         (Finding.PROCESS_NOISE_NOT_SIGNIFICANT, insignificant, "process noise of {} is not significant"),

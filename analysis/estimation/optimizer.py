@@ -45,7 +45,7 @@ class Evaluation(NamedTuple):
     costs: tuple[float, ...] = ()  # of the points before in the maximization
     steps: tuple[float, ...] = ()  # from each of these points to the next, in standard errors
     products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if those are not kept
-    observed: Array | None = None  # (m, m) curvature of the cost, where it costs nothing beside the information
+    observed: Array | None = None  # (m, m) curvature of the cost, where it costs nothing besides the information
 
 
 def nowhere(theta: Array) -> Evaluation:
@@ -167,7 +167,7 @@ def _secant(correction: Array, step: Array, change: Array, curvature: Array, inf
 
 
 def _convex(curvature: Array, information: Array) -> _EigenSystem | None:
-    """The eigensystem of the curvature if its smallest eigenvalue is large enough beside that of the information."""
+    """The eigensystem of the curvature, if its smallest eigenvalue is large enough against that of the information."""
     if (np.diag(curvature) > 0).all():
         of_curvature, scale = _EigenSystem.of(curvature), _scale(information)
         smallest = np.linalg.eigvalsh(information / np.outer(scale, scale))[0]  # a third of the time of `eigh`

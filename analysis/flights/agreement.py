@@ -64,7 +64,7 @@ class Test(NamedTuple):
 
     @property
     def doubtful(self) -> bool:
-        """Whether it is evidence against taking the flights together: all that is said of a pool has this level."""
+        """Whether it is evidence against taking the flights together: the verdict on a pool has this level."""
         return self.p < TRUST.false_alarm_rate
 
 
@@ -151,7 +151,7 @@ def _differences(
 
 
 class Compared(Protocol):
-    """A flight compared with others. p, p_installation : as of `Difference`; the latter None where there is none"""
+    """A flight compared with others. p, p_installation : as in `Difference`; the latter None where there is none"""
 
     @property
     def p(self) -> float: ...
@@ -243,7 +243,7 @@ def error_parts(stack: FlightStack, prior: Prior, of: Array = _OF_POLAR) -> Erro
 def least_squares(values: Array, design: Array, errors: ErrorParts) -> GeneralizedFit:
     """Generalized least squares of values (n, k) on a design (n, k, q).
 
-    The shared errors are estimated beside the q parameters, each with its variance as prior: the same as with the
+    The shared errors are estimated along with the q parameters, each with its variance as prior: the same as with the
     covariance (n k, n k) of all values (Tapley et al. 2004, sec. 4.5), but in a time that grows with n.
     """
     n, k, q = design.shape

@@ -3,7 +3,7 @@
 Each flight estimates drag and thrust, both as a share of the airframe's own. The estimate is drawn to its prior, so
 that a change of one shows in part in the other; the model of the pool says by how much (`analysis.flights.joint`).
 After each flight the best step and the best drift in both are found by generalized least squares, from any flight on.
-A change is told where the fit improves by more than it does by chance once in as many flights as are allowed for a
+A change is reported where the fit improves by more than it does by chance once in as many flights as are allowed for a
 false alarm (the generalized likelihood ratio; Basseville and Nikiforov 1993, sec. 2.4.3).
 """
 
@@ -41,7 +41,7 @@ class Series(NamedTuple):
 class Change(NamedTuple):
     """A change from one flight on, until the next change or the last flight.
 
-    since, found : numbers of the first flight that differs and of the one after which this was told
+    since, found : numbers of the first flight that differs and of the one after which this was reported
     drag, thrust : change as a share; of a drift until the last of these flights     covariance : (2, 2) of both
     """
 
@@ -87,7 +87,7 @@ class FlightShares(NamedTuple):
     """Drag and thrust of n flights, each less the mean of the flights before the first change, as shares of it.
 
     values, errors : (n, 2), errors being standard ones without those that all flights share; NaN where a flight alone
-    does not tell drag from thrust
+    does not separate drag from thrust
     """
 
     values: Array
@@ -116,7 +116,7 @@ def least_gain(flights_per_false_alarm: float) -> float:
 
 
 def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: float) -> list[Change]:
-    """All changes, in the order of the flights, as they would have been told flight by flight.
+    """All changes, in the order of the flights, as they would have been reported flight by flight.
 
     A flight that differs from those before and after it is no change: it is passed over.
 
@@ -135,7 +135,7 @@ def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: floa
 
 
 def _reported(equations: Array, times: Array, threshold: float) -> list[Change]:
-    """The changes as they are told flight by flight, estimated by all flights until the next one."""
+    """The changes as they are reported flight by flight, estimated by all flights until the next one."""
     reported: list[tuple[int, int, Shape]] = []
     start, n = 0, len(times)
     sums = _sums(equations, times)

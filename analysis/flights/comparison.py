@@ -106,7 +106,7 @@ class Comparison(OfAKind["Comparison"]):
         return self.test.differs
 
     def evidence(self, a_name: str = "", b_name: str = "") -> list[Evidence]:
-        """Against the flights of both and what they are said to share, the worst first. a_name, b_name: of the two."""
+        """Against the flights of both and what they share by the files, the worst first. a_name, b_name: of the two."""
         named = [
             msgspec.structs.replace(evidence, log="/".join(filter(None, (name, evidence.log))))
             for pool, name in ((self.a, a_name), (self.b, b_name))

@@ -67,7 +67,7 @@ class CurveDifference(NamedTuple):
 class FlightDifference(NamedTuple):
     """One flight against the pool of others.
 
-    p : of a chi square at the first, the middle and the last speed, as of `agreement.Difference`: a flight that differs
+    p : of a chi square at the first, the middle and the last speed, as in `agreement.Difference`: a flight that differs
     by one share everywhere, as by its weight, shows at all of them
     share, error : mean over the speeds
     """

@@ -99,7 +99,7 @@ class Dataset:
         names = sorted(unquote(path.rsplit("=", 1)[1]) for path in fs.glob(f"{root}/airframe=*"))
         if not names:
             raise InputError(
-                f"{self.address}: no fleet's flights there; give the folder or address behind --to of"
+                f"{self.address}: no fleet's flights there; give the folder or address after --to of"
                 " `flightpower fleet add`"
             )
         return names

@@ -129,7 +129,7 @@ def installations_text(test: Test) -> str:
 
 
 def thrust_text(test: Test) -> str:
-    """What is said of two sides of a comparison whose thrust differs though propeller and table are the same."""
+    """The note on two sides of a comparison whose thrust differs though propeller and table are the same."""
     return (
         f"Thrust over that of the propeller's table differs between A and B (p = {test.p:.2g}), though both name one"
         " propeller: its errors do not cancel, and the interval contains them. Check motor speed (pulses, poles),"
@@ -155,8 +155,8 @@ CONTRADICTIONS = {
         " names."
     ),
     Contradiction.FLIGHT: (
-        "{airframe}: {later.name} {of_owner}, too (their figures are identical): give each log to one airframe, and"
-        " analyze and add them again."
+        "{airframe}: {later.name} {of_owner}, too (their figures are identical): give each log to one airframe"
+        " only, then analyze and add them again."
     ),
 }
 
@@ -177,7 +177,7 @@ class SharedErrors(Enum):
         " tables for the field in both reports say."
     )
     NOT_THRUST = "Errors of the installation cancel; those of thrust do not, since the flights show that it differs."
-    NEITHER = "No error cancels: installations differ, and by the flights thrust differs, too."
+    NEITHER = "No error cancels: the installations differ, and the flights show that thrust also differs."
     PROPELLER = "Errors of the propeller table cancel; those of the two installations do not."
     AIRCRAFT = "Errors of current meter, airspeed, mass and thermometer cancel, since both are of one aircraft."
     NONE = "No error cancels: installations and propellers differ."

@@ -52,7 +52,7 @@ class SharedMeasurement(NamedTuple):
 class _OneFlight:
     """What any flight in a pool says.
 
-    content : its results.json, beside what enters the pool     folder : of its report, where a dataset knows it
+    content : its results.json, besides what enters the pool     folder : of its report, where a dataset knows it
     """
 
     content: Results

@@ -9,7 +9,7 @@ zeros) have been marginalized: they are in its covariance.
 
 Where nothing says that the probe stayed mounted, each flight has its own deviation from the shared errors of the
 installation, with the variance Q. The prior of the shared part is smaller by Q, so that a single flight has its own
-prior again. A flight that denies the installation it is said to have is treated as remounted: its deviation has the
+prior again. A flight that contradicts the installation stated for it is treated as remounted: its deviation has the
 variance of the prior.
 """
 
@@ -117,7 +117,10 @@ class PooledEstimate(NamedTuple):
 
 
 def remounting_variance(flight: FlightStatistics, *, remounted: bool) -> Array:
-    """Variance (M,) of a flight's own deviations: 0 where the installation has a name. anew: it denies the name."""
+    """Variance (M,) of a flight's own deviations: 0 where the installation has a name.
+
+    remounted : the flight contradicts the name
+    """
     if flight.installation and not remounted:
         return np.zeros(M)
     share = 1.0 if remounted else POOLING.remounted

@@ -134,7 +134,7 @@ class JointPool(Pool):
 
     @property
     def notes(self) -> list[str]:
-        """What the reader has to know beside the evidence."""
+        """What the reader has to know besides the evidence."""
         installations = self.installation_homogeneity
         notes = [NOT_NAMED] if len(self.flights) > 1 and not self.flights[0].installation else []
         if self.remounted and installations and not installations.doubtful:
@@ -334,7 +334,7 @@ def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:
 
 
 def pooled_polar(flights: Sequence[FlightStatistics], estimate: PooledEstimate) -> Polar:
-    """Polar of the pool; a single flight keeps its own, which the joint estimate equals but for rounding."""
+    """Polar of the pool; a single flight keeps its own, which the joint estimate equals except for rounding."""
     if len(flights) == 1:
         return flights[0].polar
     return Polar(estimate.parameters.value[:_N_POLAR], pooled_covariance(estimate.parameters.covariance))

@@ -166,7 +166,7 @@ class Pool(OfAKind["Pool"], ABC):
 
     @property
     def notes(self) -> list[str]:
-        """What the reader has to know beside the evidence."""
+        """What the reader has to know besides the evidence."""
         return []
 
     @abstractmethod

@@ -58,7 +58,7 @@ class Unsuitable(StrEnum):
 
 
 def reason_in_words(rejection: Rejection) -> str:
-    """What the reader of the results is told."""
+    """The reason in words, for the reader of the results."""
     reason, measured, limit, quantity = rejection
     percent, allowed = f"{100 * measured:.0f} %", f"{100 * limit:.0f} %"
     texts: dict[StrEnum, str] = {

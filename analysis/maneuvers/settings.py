@@ -107,7 +107,7 @@ class FlightSettings(Settings):
         "a gap in flight this long, or half as long outside the probe's calibrated range, does not end the flight",
     )
     fewest_samples: int = setting(
-        50, "1", "of a run or a steady point: ten of the estimators' blocks, two seconds; shorter ones tell nothing"
+        50, "1", "of a run or a steady point: ten of the estimators' blocks, two seconds; shorter ones show nothing"
     )
 
 

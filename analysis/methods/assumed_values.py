@@ -226,7 +226,7 @@ def with_step_of_motor_speed(
 
     Whole pulses of a time are cut off, which takes half a step on average, or rounded, which takes none; no reading
     tells which, and at even odds that is an error of all of the motor speed. What scatters about it is in the
-    residuals. values_from: as of `with_transducer_uncertainty`.
+    residuals. values_from: as for `with_transducer_uncertainty`.
     """
     turning = air["n_revps"].to_numpy(dtype=float)
     turning = turning[turning > STANDING.motor_revps]

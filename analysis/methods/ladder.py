@@ -164,7 +164,7 @@ def _by_another_method(flight: Reconstructed, methods: list[MethodEstimate], fir
     assumptions = _uncertainty_by_assumptions(flight, by.name)
     main = with_assumption_uncertainty(other, assumptions)
     reasons = "; ".join(f"{step.title}: {step.text}" for step in ladder[:-1])
-    warnings = [f"{main.warnings[0]} Not by better ones: {reasons}.", *main.warnings[1:]]
+    warnings = [f"{main.warnings[0]} Better methods gave no curve: {reasons}.", *main.warnings[1:]]
     notes = [*(assumptions.notes if assumptions else []), *warnings]
     if by.name != ENERGY.name:
         return _Curve(replace(main, warnings=warnings), flown_CL, ladder, notes, [])
@@ -208,8 +208,8 @@ def estimate_by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, Met
 
 
 def without_model_errors(table: pd.DataFrame, trajectory: Trajectory) -> pd.DataFrame:
-    """Air data without the errors that runs alone cannot tell from drag: those that grow with motor speed and load
-    factor, as the whole flight shows them. table: as of `air_data`."""
+    """Air data without the errors that runs alone cannot separate from drag: those that grow with motor speed and load
+    factor, as the whole flight shows them. table: as from `air_data`."""
     shaken = vibration(table["n_revps"].to_numpy())
     excess_load = -table["az_mps2"] / GRAVITY_MPS2 - 1
     return table.assign(

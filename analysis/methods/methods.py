@@ -96,7 +96,7 @@ class EnergyOfRuns(NamedTuple):
 def energy_of_runs(
     trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
 ) -> EnergyOfRuns:
-    """What tells whether runs agree by their energy. runs: accelerations and decelerations."""
+    """The energies that show whether runs agree. runs: accelerations and decelerations."""
     inputs, _ = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
     accelerations, decelerations = (
         estimate_with(replace(ENERGY, title=f"{kind}s", kinds=(kind,)), inputs) for kind in (ACCELERATION, DECELERATION)
@@ -143,7 +143,7 @@ def narrower(polars: tuple[Polar, tuple[float, float]], other: tuple[Polar, tupl
 
 
 def tried(name: str, title: str, reason: MethodRejection, details: str = "") -> MethodTried:
-    """A method on the ladder with its reason in words. details: what the reason does not tell."""
+    """A method on the ladder with its reason in words. details: what the reason does not contain."""
     text = f"{reason}: {details}" if reason and details else str(reason)
     return MethodTried(name=name, title=title, reason=reason, text=text)
 

@@ -1,4 +1,4 @@
-"""What the runs themselves deny: a parabolic polar, and a propeller table as good as assumed.
+"""What the runs themselves contradict: a parabolic polar, and a propeller table as good as assumed.
 
 Each assumption is tested by an estimate without it. Where the test rejects it, the change of the estimate is added to
 the interval, with a warning. A thrust that the priors of its table hardly allow need not be the propeller's: a wrong

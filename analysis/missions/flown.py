@@ -37,22 +37,22 @@ from flightpower.analysis.missions.mission import (
 from flightpower.flight.errors import InputError
 
 # What to do with an item that is not understood: two ways on, of which one is right for the mission.
-VERTICAL = "flies vertically, of which power is not known; use 22 and 21 for take-off and landing, or take it out"
+VERTICAL = "flies vertically, and its power is not known; use 22 and 21 for take-off and landing, or remove it"
 INSTEAD: dict[int, str] = {
     Command.LOITER_UNLIMITED: "circles without end; give a time (19) or a number of turns (18)",
     Command.VERTICAL_TAKE_OFF: VERTICAL,
     Command.VERTICAL_LANDING: VERTICAL,
     Command.VERTICAL_TRANSITION: VERTICAL,
     Command.CHANGE_HEIGHT: "ends at a height, not at a place; give a waypoint (16) or circles (31) at that height",
-    Command.DELAY: "waits; circle for a time (19), or take it out",
+    Command.DELAY: "waits; circle for a time (19), or remove it",
     Command.GUIDED: "leaves the mission; end it there, or give the waypoints that are flown (16)",
     Command.SET_MODE: "leaves the mission; end it there, or give the waypoints that are flown (16)",
-    Command.SET_HOME: "moves home, which heights and the return are measured from; save two missions, or take it out",
+    Command.SET_HOME: "moves home, which heights and the return are measured from; save two missions, or remove it",
     Command.PARACHUTE: "ends the flight; end the mission before it, or by a landing (21)",
 }
 ENDS = (Command.RETURN, Command.LAND)
-PLACE = "is a path of which no energy is known; replace it by waypoints (16), or take it out"
-ACTION = "is not known to take no energy; take it out where it moves nothing, else give circles (18) or a speed (178)"
+PLACE = "is a path whose energy is not known; replace it with waypoints (16), or remove it"
+ACTION = "is not understood; remove it if it moves nothing, otherwise use circles (18) or a speed (178)"
 
 
 def flown(read: ReadMission, where: str, assumed: Assumed) -> Mission:
@@ -66,7 +66,8 @@ def flown(read: ReadMission, where: str, assumed: Assumed) -> Mission:
     latitude, longitude, above_sea_m = start
     if not (abs(latitude) <= 90 and abs(longitude) <= 360 and (above_sea_m is None or math.isfinite(above_sea_m))):
         raise InputError(
-            f'{where}: home at {latitude:g}, {longitude:g}, {above_sea_m} m is no place; give --home "48.1,11.5"'
+            f"{where}: home at {latitude:g}, {longitude:g}, {above_sea_m} m is not a place on Earth; give --home"
+            ' "48.1,11.5"'
         )
     if not start.above_sea_m and assumed.elevation_m is not None:
         start = start._replace(above_sea_m=assumed.elevation_m)
@@ -190,7 +191,7 @@ class _Steps:
             height_m -= home_m
             allowed_m = ALLOWED.above_home_m if item.command == Command.LAND else ALLOWED.above_sea_m
         elif item.frame in ABOVE_TERRAIN:
-            self._note("Heights above terrain are taken as above home: the ground as flat.")
+            self._note("Heights above terrain are treated as heights above home, as over flat ground.")
         elif item.frame not in ABOVE_HOME:
             raise InputError(
                 f"{self._name(item)}: coordinate frame {item.frame} is not understood; use 3, relative to home"
@@ -253,11 +254,9 @@ def unrolled(items: Sequence[Item], where: str) -> list[Item]:
         target, times = item.params[0], item.params[1]
         jump = f"{where}: item {item.number} jumps to {kind} {target:g}"
         if target not in ends:
-            raise InputError(f"{jump}, which is not in the file; give one that is, or take the jump out")
+            raise InputError(f"{jump}, which is not in the file; give one that is, or remove the jump")
         if not 0 <= times <= 1000:
-            raise InputError(
-                f"{jump} {times:g} times, which has no end; give a number up to 1000, or take the jump out"
-            )
+            raise InputError(f"{jump} {times:g} times, which has no end; give a number up to 1000, or remove the jump")
         if left.setdefault(at, int(times)) > 0:
             left[at] -= 1
             at = ends[target]

@@ -44,7 +44,7 @@ def read_inav(root: Element, where: str) -> ReadMission:
     elements = [element for element in root.iter() if _name(element) == ITEM]
     items = [_item(element, where) for element in elements]
     if len({item.number for item in items}) < len(items):
-        raise InputError(f"{where}: has several missions of INAV; save the one that is to be flown alone")
+        raise InputError(f"{where}: has several missions of INAV; save only the one that is to be flown")
     try:
         map_view = next(
             (element for element in root.iter() if _name(element) in ("mwp", "meta") and "home-x" in element.attrib),
@@ -52,7 +52,7 @@ def read_inav(root: Element, where: str) -> ReadMission:
         )
         home = None if map_view is None else (float(map_view.get("home-y", "")), float(map_view.get("home-x", "")))
     except ValueError as error:
-        raise InputError(f"{where}: home is no latitude and longitude ({error})") from None
+        raise InputError(f"{where}: home is not a latitude and longitude ({error})") from None
     return ReadMission(items, Start(*home, None) if home and any(home) else None)
 
 

@@ -1,4 +1,4 @@
-"""What a flight will tell before it is flown: the expected covariance of the curve, from the estimator's equations.
+"""What a flight will show, before it is flown: the expected covariance of the curve, from the estimator's equations.
 
 The equations are linearized along the planned flight. The covariance of the sensor errors, the sensitivity of the
 trajectory and the random errors of the states are those of `analysis.trajectory`, at the gust intensity expected; drag
@@ -137,7 +137,7 @@ class AssumedErrors(NamedTuple):
 
 
 class Question(NamedTuple):
-    """speeds: where half widths are told [m/s]. cost: what the plan makes small [%]."""
+    """speeds: where half widths are reported [m/s]. cost: what the plan makes small [%]."""
 
     name: str
     title: str

@@ -150,7 +150,7 @@ class Start(NamedTuple):
 
 
 class ReadMission(NamedTuple):
-    """What a file says: items, home, and what is to be said of it."""
+    """What a file says: items, home, and notes on it."""
 
     items: list[Item]
     start: Start | None

@@ -18,7 +18,7 @@ def read_line(root: Element, where: str, assumed: Assumed) -> Mission:
     lines = [element for element in root.iter() if _name(element) == "LineString"]
     if len(lines) != 1:
         raise InputError(
-            f"{where}: has {len(lines)} lines (LineString); save the one that is to be flown alone, or the mission as"
+            f"{where}: has {len(lines)} lines (LineString); save only the one that is to be flown, or the mission as"
             " .plan, .waypoints, or INAV's XML"
         )
     texts = {_name(child): (child.text or "").strip() for child in lines[0]}
@@ -42,7 +42,7 @@ def read_line(root: Element, where: str, assumed: Assumed) -> Mission:
         base_m = points[0][2] - assumed.height_m
         notes.append(
             f"The line is above the sea: its first point is taken {assumed.height_m:g} m above home (--height)"
-            "; --elevation of home says better."
+            "; give --elevation of home to be exact."
         )
     places = []
     for point in points:

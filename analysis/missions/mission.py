@@ -75,9 +75,9 @@ class Assumed(NamedTuple):
 
 
 class Allowance(NamedTuple):
-    """How far below home the ground may lie [m]: of heights that are told above home, and of those above the sea.
+    """How far below home the ground may lie [m]: of heights that are stated above home, and of those above the sea.
 
-    The latter are mistaken for the former; who flies down a valley can tell them above home.
+    The latter are mistaken for the former; who flies down a valley can state them above home.
     """
 
     above_home_m: float = 300.0
@@ -100,7 +100,7 @@ def local_m(latitude_deg: float, longitude_deg: float, start: Start, where: str)
     """
     farthest_m = 500_000.0
     if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 360):
-        raise InputError(f"{where}: {latitude_deg:g}, {longitude_deg:g} is no latitude and longitude")
+        raise InputError(f"{where}: {latitude_deg:g}, {longitude_deg:g} is not a latitude and longitude")
     middle = radians((latitude_deg + start.latitude_deg) / 2)
     east = radians((longitude_deg - start.longitude_deg + 180) % 360 - 180) * cos(middle)
     north = radians(latitude_deg - start.latitude_deg)

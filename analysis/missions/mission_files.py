@@ -1,4 +1,4 @@
-"""Missions from files, told apart by content: plans, waypoints, missions of INAV, lines of maps."""
+"""Missions from files, recognized by content: plans, waypoints, missions of INAV, lines of maps."""
 
 from pathlib import Path
 from xml.etree import ElementTree

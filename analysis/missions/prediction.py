@@ -244,7 +244,7 @@ class Route:
         for step, climb_mps in zip(self.mission.steps, possible, strict=True):
             if not climb_mps > 0:
                 raise InputError(
-                    f"{step.name}: its airspeed takes more than full throttle; fly slower, or with less weight"
+                    f"{step.name}: its airspeed needs more than full throttle; fly slower, or with less weight"
                 )
         self.legs = replace(self.legs, rate_mps=np.minimum(self.legs.rate_mps, MARGINS.fastest * possible))
         self._check_circles(V)

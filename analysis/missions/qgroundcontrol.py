@@ -35,7 +35,7 @@ def read_plan(text: str, where: str) -> ReadMission:
 
 OLD_SURVEY = (
     "{where}: a survey of QGroundControl before 3.4 has no transects in the file; open it in QGroundControl and save it"
-    " again, or replace it by waypoints"
+    " again, or replace it with waypoints"
 )
 
 
@@ -79,7 +79,8 @@ def _of_vehicle(kind: Any) -> tuple[str, ...]:
         return ()
     name = Wingless(kind).name.lower().replace("_", " ")
     return (
-        f"The plan is for a wingless vehicle, {name} (vehicleType {kind}); turns of a wing take room: plan it for one.",
+        f"The plan is for a vehicle without wings, {name} (vehicleType {kind}); a fixed wing needs room to turn:"
+        " make the plan for one.",
     )
 
 
@@ -96,11 +97,9 @@ def _simple(entry: dict[str, Any], where: str) -> Iterator[dict[str, Any]]:
     elif kind == "survey":
         raise InputError(OLD_SURVEY.format(where=where))
     elif kind == "vtolLandingPattern":
-        raise InputError(
-            f"{where}: lands vertically, of which power is not known; use a fixed-wing landing, or item 21"
-        )
+        raise InputError(f"{where}: lands vertically, and its power is not known; use a fixed-wing landing, or item 21")
     else:
-        raise InputError(f"{where}: an item of kind {kind} is not understood; replace it by waypoints, or take it out")
+        raise InputError(f"{where}: an item of kind {kind} is not understood; replace it with waypoints, or remove it")
 
 
 def _landing(entry: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -26,7 +26,7 @@ def lines(result: RouteResult) -> Iterator[str]:
     )
     yield f"Probability of ending with the reserve of {100 * result.reserve:.0f} %: {percent(result.probability)}."
     yield _no_return(result.no_return, result.sure)
-    yield f"One more kilometer into the wind takes {_with_ends(result.headwind_Wh_per_km, 1, 2)} Wh."
+    yield f"One more kilometer into the wind costs {_with_ends(result.headwind_Wh_per_km, 1, 2)} Wh."
     near = min(result.directions, key=lambda direction: direction.safe_radius_m)
     far = max(result.directions, key=lambda direction: direction.safe_radius_m)
     yield (

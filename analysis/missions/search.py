@@ -53,7 +53,7 @@ from flightpower.flight.units import FOOT_M, KNOT_MPS
 class Request:
     """minutes: from standing to standing. wind_kt: W20, the wind at 20 ft. earlier: of flights before.
 
-    heading_deg : of the first leg; None where nobody said     wind_from_deg : clockwise from north; None likewise
+    heading_deg : of the first leg; None where not given     wind_from_deg : clockwise from north; None likewise
     """
 
     minutes: float
@@ -163,7 +163,7 @@ def plan_flight(
             f"{request.minutes:g} minutes are too short: standing, take-off, {SEARCH.fewest_run_pairs} pairs of runs"
             f" and landing take {_seconds_of(history) / 60:.1f}"
         )
-    # Room for as many of the others as of pairs; beside its straight part a piece has turns that take as long.
+    # Room for as many of the others as of pairs; besides its straight part a piece has turns that take as long.
     others = catalog(*kinds, left / (2 * SEARCH.fewest_run_pairs))
     candidates = [*pairs, *(piece for piece in others if piece.kind is not PieceKind.RUNS)]
     pieces = [piece for piece in candidates if not (request.pilot.autopilot and piece.kind.manual_only)]
@@ -276,7 +276,7 @@ def _seconds_of(history: TimeHistory) -> float:
 
 
 def _by_itself(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
-    """Not kept in place: what a piece tells must not depend on where it begins."""
+    """Not kept in place: what a piece shows must not depend on where it begins."""
     return _flown(sequence(pieces, aircraft, request.wind_from_leg_deg), aircraft, request)
 
 

@@ -32,7 +32,7 @@ class Path(NamedTuple):
 
 
 class TimeHistory(NamedTuple):
-    """table: as of `air_data`, PATH.step_s apart. wind: (n, 2) [m/s]. attitude, velocity: (n, 3). rest: on the ground.
+    """table: from `air_data`, PATH.step_s apart. wind: (n, 2) [m/s]. attitude, velocity: (n, 3). rest: on the ground.
     starts_s : (k + 1,) when each maneuver begins, and the end. position_m : (n, 2) north, east"""
 
     table: pd.DataFrame
@@ -64,7 +64,7 @@ def fly(
 def paths(
     plan: Sequence[Maneuver], expected: ExpectedAircraft, height_m: float, *, airborne: bool = False
 ) -> list[Path]:
-    """That of each maneuver, begun with the speed and the throttle at which the one before ends."""
+    """The time history of each maneuver, begun with the speed and the throttle at which the one before ends."""
     V, throttle = 1.6 * expected.stall_mps if airborne else 0.0, 0.5
     paths = []
     for maneuver in plan:

@@ -42,7 +42,10 @@ def _without_home(items: list[Item]) -> ReadMission:
     """Home is the first item: a waypoint, or a zero of Mission Planner. Its height is known in frame 0 alone."""
     home = items[0]
     if home.command not in (0, Command.WAYPOINT):
-        note = f"Item {home.number} (command {home.command}) is no home, which the format has first: it is flown."
+        note = (
+            f"Item {home.number} (command {home.command}) is not the home position that the format has first:"
+            " it is flown."
+        )
         return ReadMission(items, None, (note,))
     if home.latitude_deg is None or home.longitude_deg is None:
         return ReadMission(items[1:], None)

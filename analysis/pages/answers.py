@@ -63,7 +63,7 @@ def best_of_battery(results: WithCurves) -> list[HeadlineAnswer]:
     def note(speed_mps: float | None, on_battery: str) -> str:
         point = power.get(round(speed_mps or 0.0, 6))
         taken = f"{point.power_W:.0f} W ({point.power_lo_W:.0f} to {point.power_hi_W:.0f})" if point else ""
-        below = " Power may still fall below it: slower flight was too short to tell."
+        below = " Power may still decrease below this speed: too little slow flight to tell."
         return f"{taken}{on_battery}, in still air.{below if _at_slowest(speed_mps, curve) else ''}"
 
     endurance = f", {interval_text(curve.endurance_s.times(1 / 60), 'min', 0)}" if curve.endurance_s else ""
@@ -104,7 +104,7 @@ def not_slower(results: WithCurves) -> str:
     if slowest is None:
         return "Do not fly slower than this: no slower flight was measured."
     margin = stall_margin_percent(slowest)
-    stall = f"at least {margin:.0f} % above the stall" if margin else "the flight shows no margin to the stall"
+    stall = f"at least {margin:.0f} % above the stall" if margin else "its margin to the stall is not known"
     return f"Do not fly slower than {slowest.speed_mps:.1f} m/s: no slower flight was measured; {stall}."
 
 
@@ -170,7 +170,7 @@ def _full_throttle(results: WithCurves, available: AvailableResult) -> HeadlineA
         note = f"Climbs {interval_text(climb, 'm/s', 1)} at {available.best_climb_speed_mps:.0f} m/s."
     if top and available.maximum_speed_extrapolated:
         faster = top.value > results.power_required[-1].speed_mps
-        note += " Faster than was flown: an extrapolation." if faster else f" {BEYOND_TABLE}"
+        note += " Faster than any speed flown: an extrapolation." if faster else f" {BEYOND_TABLE}"
     remark = f" ({top.lo:.1f} to {top.hi:.1f})" if top else "not found"
     return HeadlineAnswer("Full throttle, level", remark, note, top.value if top else None)
 

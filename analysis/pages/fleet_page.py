@@ -80,7 +80,7 @@ def fleet_answers(fleet: FleetResults) -> list[HeadlineAnswer]:
 
 
 def _apart(curve: FleetCurveResult) -> str:
-    """Where the airframes that changed are: beside the mean, or in it, since too few others are left."""
+    """Where the airframes that changed are: outside the mean, or in it, since too few others are left."""
     if not curve.changed:
         return ""
     names = ", ".join(curve.changed)

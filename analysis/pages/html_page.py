@@ -12,7 +12,7 @@ from flightpower.analysis.pages.charts.svg import chart, chart_script, chart_sty
 
 
 class HtmlTable(NamedTuple):
-    """Text of a table; numbers: right-aligned but for the first column."""
+    """Text of a table; numbers: right-aligned except for the first column."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]

@@ -21,7 +21,7 @@ Progress = Callable[[str], None]
 
 
 class Report(NamedTuple):
-    """The results that were written, and what is to be said of them."""
+    """The results that were written, and notes on them."""
 
     results: "Results"
     print_summary: Callable[[Console], None]

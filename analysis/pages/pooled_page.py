@@ -357,7 +357,7 @@ def _trends(rows: Sequence[Trend]) -> HtmlTable:
 
 
 def _percent_or_unknown(row: Trend) -> tuple[str, str]:
-    """Change and standard error; a change that is not known to within the power itself is not told."""
+    """Change and standard error; a change that is not known to within the power itself is not shown."""
     error = row.standard_error_percent
     if error > 100:
         return "not known", "more than 100 %"

@@ -95,7 +95,8 @@ def _cells(line: str) -> list[str]:
 def check_of_aircraft(polar: PredictedPolar, aspect_ratio: float) -> None:
     """Raises InputError where the drag of a polar is below the least induced drag of the aircraft's span alone.
 
-    That of elliptic lift, C_L^2/(pi AR): the polar is of an airfoil, or of another aircraft or reference area.
+    The least is that of elliptic lift, C_L^2/(pi AR). Below it the polar is of an airfoil, or of another aircraft or
+    reference area.
     """
     lifting = polar.CL > 0
     CL, CD = polar.CL[lifting], polar.CD[lifting]

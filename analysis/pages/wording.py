@@ -19,7 +19,7 @@ VERDICT = {
 
 
 class Verdict(NamedTuple):
-    """What is said first: the heading, its class in page.css, and the evidence, or that there is none."""
+    """The first lines: the heading, its class in page.css, and the evidence, or that there is none."""
 
     heading: str
     color_class: str
@@ -30,7 +30,7 @@ OF_A_POOL = "No evidence against these flights, nor against pooling them."
 
 
 def verdict(trust: Trust, evidence: Sequence[Evidence], none: str = OF_A_POOL) -> Verdict:
-    """none: what is said where there is no evidence."""
+    """none: the text where there is no evidence."""
     heading, color_class = VERDICT[trust]
     return Verdict(heading, color_class, sentences(evidence) or [none])
 

@@ -99,7 +99,7 @@ ENTRIES = (
 )
 BASIS = {
     "cruise": "best range among the speeds flown",
-    "slowest": "the slowest of the curve; how far below the stall lies is not known",
+    "slowest": "the slowest of the curve; how far below it the stall lies is not known",
     "fastest": "the fastest of the curve",
     "sink": "drag times airspeed over weight at cruise speed",
     "airspeed_factor": "airspeed against GPS",
@@ -139,7 +139,7 @@ def _withheld(value: str, firmware: str | None = None) -> str:
         for entry in ENTRIES
         if entry.value in TOGETHER.get(value, (value,)) and firmware in (None, entry.firmware)
     ]
-    verb, takes = ("are", "they take") if len(names) > 1 else ("is", "it takes")
+    verb, takes = ("are", "they require") if len(names) > 1 else ("is", "it requires")
     return f"{' and '.join(names)} {verb} withheld: {WITHOUT[value].format(takes=takes)}" if names else ""
 
 
@@ -331,7 +331,7 @@ def flight_values(
     logged: Mapping[str, float],
     drag: DragEstimate | None = None,
 ) -> FlightValues:
-    """What an autopilot can be told of a flight. best_range: among the speeds flown; logged: its parameters.
+    """What an autopilot can use of a flight. best_range: among the speeds flown; logged: its parameters.
 
     Sink and polar are those of the propeller's table where it gives drag (without an idling propeller), or else of the
     electrical balance, with the propeller idling. Both are None where level flight would take more power against drag

@@ -99,7 +99,7 @@ def analyze(
     except NoCurve as error:
         cause = message_of(error)
         if not options.runs and gives_electrical_power(source):
-            with contextlib.suppress(InputError):  # what was said of the runs is the cause
+            with contextlib.suppress(InputError):  # the message on the runs is the cause
                 reason = f"No drag: {cause.removeprefix(f'{source.path}: ')}."
                 return _by_energy(source, options, progress, command_line, reason, error.tried)
         raise InputError(cause) from None

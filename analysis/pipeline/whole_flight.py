@@ -98,7 +98,7 @@ def analyze_recording(
 ) -> WholeFlightAnalysis:
     """The energy balance of a recording.
 
-    tried : as of `analyze_daemon_log`
+    tried : as for `analyze_daemon_log`
     given : the aircraft file, where the log has one; else that of the options     table : of the propeller in the log
     Raises InputError.
     """

@@ -107,7 +107,7 @@ class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
 class FleetCurveResult(msgspec.Struct, frozen=True, kw_only=True):
     """Airframes of one wing and propeller: power of their mean, and of another airframe that has not flown yet.
 
-    airframes : in the mean     changed : beside it, since they changed; in the mean where fewer than three others are
+    airframes : in the mean     changed : shown separately; in the mean where fewer than three others are
     """
 
     airframes: list[str]

@@ -113,7 +113,7 @@ class MethodTried(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Trust(StrEnum):
-    """What a result is worth, by its evidence. A doubtful one is used with care: which part is in doubt is said."""
+    """What a result is worth, by its evidence. A doubtful one is used with care: the part in doubt is named."""
 
     TRUSTED = "trusted"
     DOUBTFUL = "doubtful"
@@ -121,7 +121,7 @@ class Trust(StrEnum):
 
 
 class EvidenceKind(StrEnum):
-    """What contradicts a result. The order is that in which it is told: causes before their consequences."""
+    """What contradicts a result. The order is that of the report: causes before their consequences."""
 
     NOT_CONVERGED = "not converged"
     TRAJECTORY_NOT_CONVERGED = "trajectory not converged"

@@ -236,7 +236,7 @@ class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
     format: str = COMPARISON_FORMAT
     kind: Kind  # of the power that is compared
     trust: Trust  # as bad as the worst of:
-    evidence: list[Evidence]  # against the flights of both, and against what they are said to share, the worst first
+    evidence: list[Evidence]  # against the flights of both, and against what the files say they share, the worst first
     software_version: str
     a: Configuration
     b: Configuration

@@ -53,7 +53,7 @@ def assemble(
     battery: BatteryResult | None,
     command_line: str,
 ) -> Results:
-    """The contents of `results.json` but for its trust.
+    """The contents of `results.json` except for its trust.
 
     electrical: None where the log does not determine the electrical curve. command_line: that started the analysis.
     """
@@ -144,7 +144,7 @@ def pooling_statistics(
     propeller: Propeller,
     calibrations: Calibrations,
 ) -> PoolingStatistics | None:
-    """None for an estimate by another method than the dynamic one, which has no sensor errors beside it."""
+    """None for an estimate by another method than the dynamic one, which has no sensor errors."""
     joint = estimate.joint
     if joint is None:
         return None

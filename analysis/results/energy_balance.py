@@ -183,7 +183,7 @@ def _polar(drag: DragEstimate, aircraft: FlownAircraft) -> DragPolar:
 def _thrust_basis(drag: DragEstimate, propeller: str) -> str:
     speed = "motor speed in the log" if drag.measured_speed else "motor speed by electrical power and motor constants"
     return (
-        f"Thrust by the table of {propeller} and {speed}. By these the motor with its controller has an efficiency of"
+        f"Thrust by the table of {propeller} and {speed}. With these the motor with its controller has an efficiency of"
         f" {100 * drag.motor_efficiency:.0f} % on average."
     )
 

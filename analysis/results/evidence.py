@@ -1,7 +1,7 @@
 """What contradicts a result: the evidence, and the verdict that it adds up to (docs/understand/trust.md).
 
 Each item has its own figure and limit. Limits of noise follow from a rate of false alarms, those of physics hold
-without noise. A result that is not to be trusted ends `analyze` with exit code 1; a doubtful one is told first.
+without noise. A result that is not to be trusted ends `analyze` with exit code 1; a doubtful one is named first.
 """
 
 import math
@@ -203,7 +203,7 @@ class _Deviation:
 
 
 def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
-    """Corrections of thrust that the priors of the table deny. One item: they are parts of one cause."""
+    """Corrections of thrust that contradict the priors of the table. One item: they are parts of one cause."""
     if statistics is None:
         return
     deviations = _thrust_deviations(statistics)
@@ -309,7 +309,7 @@ def _motor_lag(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
             f"The motor speed is {abs(1000 * lag_s):.0f} ± {1000 * NORMAL_95 * error_s:.0f} ms"
             f" {'late' if lag_s > 0 else 'early'} against the IMU, by the acceleration that thrust gives. The curve is"
             " corrected for it. Check what smooths the motor speed or delays it, and the clocks of counter and IMU;"
-            " `specific_force_group_delay_s` and the counter's period tell known delays."
+            " `specific_force_group_delay_s` and the counter's period state known delays."
         ),
     )
 
@@ -464,9 +464,11 @@ def _lift_coefficient(results: Results) -> Iterator[Evidence]:
 
 
 def _sensor_errors(results: Results) -> Iterator[Evidence]:
-    """Errors that the first estimate denied; it was repeated with wider priors, so that the interval contains an error
-    of that size. Another defect may look like one of a sensor: an interval that does not contain the curve without the
-    correction is not to be trusted."""
+    """Errors beyond their priors in the first estimate.
+
+    It was repeated with wider priors, so that the interval contains an error of that size. Another defect may look like
+    one of a sensor: an interval that does not contain the curve without the correction is not to be trusted.
+    """
     if results.path is None or results.pooling is None:
         return
     of_installation = noise_limit(len(results.pooling.names))
@@ -519,14 +521,15 @@ def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
         limit=TRUST.false_alarm_rate,
         false_alarm_rate=TRUST.false_alarm_rate,
         text=(
-            f"Sensor errors, none beyond its limit, are improbable together (probability {test.probability:.1g}, limit"
-            f" {TRUST.false_alarm_rate:g}), most of all {named} in the standard deviations assumed. One cause may move"
-            f" them: the air sank or rose, or an instrument is mounted wrong ({causes})."
+            "No sensor error alone is beyond its limit, but together they are improbable (probability"
+            f" {test.probability:.1g}, limit"
+            f" {TRUST.false_alarm_rate:g}), most of all {named} in the standard deviations assumed. They may have one"
+            f" cause: the air sank or rose, or an instrument is mounted wrong ({causes})."
         ),
     )
 
 
-# What each comparison of the daemon doubts. It spares the others: GPS is an aid, whose faults the trajectory tells.
+# What each comparison of the daemon doubts. It spares the others: GPS is an aid, whose faults the trajectory shows.
 _DOUBTED = {
     Comparison.AIRSPEED: "airspeed, which the speed over the ground contradicts by more than any wind",
     Comparison.ANGLE_OF_ATTACK: "angle of attack, which attitude and climb contradict",
@@ -554,7 +557,7 @@ def _implausible(results: Results) -> Iterator[Evidence]:
                 unit="s",
                 limit=0.0,
                 text=(
-                    f"In {shared_s:.0f} s of the runs the daemon doubted the {doubted}: look at it in those runs, and"
+                    f"In {shared_s:.0f} s of the runs the daemon flagged the {doubted}: check it in those runs, and"
                     " leave them out (runs.toml) if it was wrong."
                 ),
             )

@@ -1,4 +1,4 @@
-"""What the flight found beside the curve, in the form of `results.json`: air, residuals, correlation, track."""
+"""What the flight shows besides the curve, in the form of `results.json`: air, residuals, correlation, track."""
 
 from collections.abc import Mapping
 

@@ -165,11 +165,11 @@ def next_flight(
     cause = f"{remedy.share} ({remedy.part})" if remedy.part else remedy.share
     sentences = [
         f"{remedy.when}: {remedy.sentence}. The interval is widest at {missing.speed_mps:.1f} m/s,"
-        f" ±{missing.percent:.1f} %, most of all by {cause}; known twice as well it would leave"
+        f" ±{missing.percent:.1f} %, most of it from {cause}; if that were known twice as well, it would be"
         f" ±{missing.percent_without:.1f} %."
     ]
     if trajectory.gust_mps > GUSTS.dominate_mps and missing.cause in GUSTS_HIDE:
-        sentences.append("A calmer day does the same in less time.")
+        sentences.append("A calmer day gives the same in less time.")
     return Advice(missing.cause, sentences)
 
 

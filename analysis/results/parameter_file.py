@@ -48,7 +48,7 @@ class StallMargin(NamedTuple):
     margin: float = 1.2
 
     def least_mps(self, results: WithCurves) -> tuple[float, str]:
-        """The slowest equivalent airspeed that an autopilot may be told to fly, and what it follows from.
+        """The slowest equivalent airspeed that an autopilot may be set to fly, and what it follows from.
 
         Where neither stall nor largest lift is known, the slowest of the curve stands for the stall, as for a route.
         """

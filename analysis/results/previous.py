@@ -41,14 +41,14 @@ def _replaced(folder: Path, results: Results) -> str:
         previous = None
     before, now = previous.provenance if previous else None, results.provenance
     if before is None or now is None:
-        return f"the report in {folder} was replaced; with which options the one before was made is not known"
+        return f"the report in {folder} was replaced; the options of the earlier one are not known"
     if before.log_sha256 != now.log_sha256:
-        return f"the report in {folder} was replaced; the one before was of another log: {before.command_line}"
+        return f"the report in {folder} was replaced; the earlier one was of another log: {before.command_line}"
     if _options(before.command_line) != _options(now.command_line):
-        return f"the report in {folder} was replaced; the one before had other options: {before.command_line}"
+        return f"the report in {folder} was replaced; the earlier one had other options: {before.command_line}"
     hashes = {file.role: file.sha256 for file in before.files}
     changed = [file.role for file in now.files if hashes.get(file.role, "") != file.sha256]
-    return f"the report in {folder} was replaced; the one before used another {', '.join(changed)}" if changed else ""
+    return f"the report in {folder} was replaced; the earlier one used another {', '.join(changed)}" if changed else ""
 
 
 def _options(command_line: str) -> list[str]:

@@ -23,7 +23,7 @@ class TrustLimits(Settings):
         0.003, "1", "of each kind of evidence that noise limits, in one sound flight: three kinds make one in 100"
     )
     beyond_doubt: float = setting(
-        2.0, "1", "times the limit of doubt: a table twice as uncertain as stated would be denied, too"
+        2.0, "1", "times the limit of doubt: even a table twice as uncertain as stated would be rejected"
     )
     best_propeller: float = setting(0.9, "1", "efficiency that no propeller of a model exceeds; the best have 0.85")
     least_power_train: float = setting(

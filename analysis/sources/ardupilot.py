@@ -266,7 +266,7 @@ def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, lis
 
 
 def _thermometers(log: Messages) -> dict[str, Channel]:
-    """Exactly 0 °C throughout is what firmware writes without a thermometer. BARO_GND_TEMP is what the user said."""
+    """Exactly 0 °C throughout is what firmware writes without a thermometer. BARO_GND_TEMP is what the user entered."""
     shown = {
         f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + 273.15)
         for (kind, instance), table in log.tables.items()

@@ -229,8 +229,8 @@ def _refuse_unknown(path: Path, energy_control: dict[str, NDArray[Any]]) -> None
     if not energy_control:
         raise InputError(
             f"{path}: the log does not say which vehicle wrote it (no readable text of its firmware, no parameter of"
-            " ArduPlane alone), and a multicopter's gives no power of a fixed wing: give the log as the autopilot wrote"
-            " it (.BIN), whole"
+            " ArduPlane alone), and a multicopter's log cannot give the power of a fixed wing: give"
+            " the complete log as the autopilot wrote it (.BIN)"
         )
 
 
@@ -238,4 +238,4 @@ def _refuse_wingless(path: Path, text: str) -> None:
     match = WINGLESS.search(text)
     if match:
         kind = KINDS.get(next(group for group in match.groups() if group), "a vehicle without wings")
-        raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")
+        raise InputError(f"{path}: the log of {kind}; power required is computed for fixed wings only")

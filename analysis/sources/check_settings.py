@@ -82,7 +82,7 @@ class StructureSettings(Settings):
 
 @dataclass(frozen=True)
 class UnitSettings(Settings):
-    """Units by physical limits, beside the table LIMITS."""
+    """Units by physical limits, besides the table LIMITS."""
 
     plausible: PlausibleLimits = setting(
         PlausibleLimits(

@@ -84,7 +84,7 @@ def load_map(path: Path) -> ColumnMap:
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: not a TOML file ({error})") from None
     if unknown := [name for name in entries if name not in list(Quantity)]:
-        raise InputError(f"{path}: {unknown[0]} is no quantity; known: {', '.join(Quantity)}")
+        raise InputError(f"{path}: {unknown[0]} is not a quantity; known: {', '.join(Quantity)}")
     if Quantity.TIME not in entries:
         raise InputError(f"{path}: no [time]; it needs the column of the times")
     read = {Quantity(name): read_table(MappedColumn, entry, f"{path}: {name}") for name, entry in entries.items()}

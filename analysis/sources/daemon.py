@@ -137,7 +137,7 @@ def _delay_s(entries: Entries, field: str) -> Array:
     pulses = (
         values(entries, "pulses_captured") - values(entries, "pulses_rejected") + values(entries, "pulses_inserted")
     )
-    since_last_frame = (pulses > 10) & (timed_s < 0.01)  # false where pulses are not told
+    since_last_frame = (pulses > 10) & (timed_s < 0.01)  # false where pulses are not stated
     timed_s = np.where(since_last_frame, np.nan_to_num(pulses) * period_s, timed_s)
     frame_interval_s = np.where(since_last_frame, 0.01 + period_s, frame_interval_s)
     delay_s = values(entries, "group_delay_s")

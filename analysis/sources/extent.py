@@ -1,6 +1,6 @@
 """When a log began, and how long it is, by its first and last bytes: for a list of many logs.
 
-Nothing is said of a file whose times are not found there; the analysis says what is wrong with it.
+A file whose times are not found there causes no message; the analysis says what is wrong with it.
 """
 
 import gzip

@@ -15,11 +15,9 @@ class StatisticsSettings(Settings):
     )
     false_alarm_rate: float = setting(0.01, "1", "of tests of several values together")
     fewest_values: int = setting(
-        30, "1", "by which a correlation or a fit is judged: a correlation of 0.36 is then two standard errors"
+        30, "1", "fewest samples for judging a correlation or a fit: 0.36 is then two standard errors"
     )
-    fewest_readings: int = setting(
-        5, "1", "on a stand, or in a tunnel at one speed: fewer say nothing of their scatter"
-    )
+    fewest_readings: int = setting(5, "1", "on a stand, or in a tunnel at one speed: fewer do not show their scatter")
     largest_misfit: float = setting(
         2.0, "1", "rms of residuals over their standard deviation, beyond which the model or the sensor is doubted"
     )
@@ -41,7 +39,7 @@ class ChannelSettings(Settings):
     smoothing_s: float = setting(
         0.2,
         "s",
-        "of q_c in quotients, and of gusts that are compared; short against the seconds in which speed changes",
+        "for smoothing q_c in quotients, and gusts before a comparison; short compared with the seconds of a run",
     )
     fewest_samples: int = setting(250, "1", "to judge a channel by: ten seconds of the default tray")
     long_gap_s: float = setting(2.0, "s", "gaps this long are noted, the three longest of each topic")
@@ -70,8 +68,8 @@ class RestSettings(Settings):
         " but it changes this mean",
     )
     rolling_mps: float = setting(1.0, "m/s", "mean speed by GPS over a window; the noise of one solution is 0.1 m/s")
-    noise_scatter: float = setting(1.5, "1", "of a standard deviation over 25 samples: 3.5 of its own")
-    fewest_blocks: int = setting(8, "1", "for a standard error by the scatter of their means")
+    noise_scatter: float = setting(1.5, "1", "3.5 standard errors of a standard deviation over 25 samples")
+    fewest_blocks: int = setting(8, "1", "fewest windows whose means give a standard error by their scatter")
     flying_s: float = setting(
         2.0, "s", "q_c above its zero by the dynamic pressure of flight for this time is flight, not wind"
     )
@@ -101,13 +99,17 @@ class FlightDetection(Settings):
     step_s: float = setting(0.2, "s", "the fastest change that matters, of the throttle, takes a few steps")
     smoothing_s: float = setting(1.0, "s", "of pressures and accelerations: slower than short-period motion")
     recognized_over_s: float = setting(3.0, "s", "a gust on the ground is shorter")
-    highest_CL: float = setting(3.0, "1", "below its dynamic pressure an aircraft stands or rolls; no flap reaches it")
+    highest_CL: float = setting(
+        3.0, "1", "at a smaller dynamic pressure the aircraft stands or rolls, even with flaps out"
+    )
     standing_mps: float = setting(1.0, "m/s", "ground speed that GPS shows at rest")
     climb_mps: float = setting(1.0, "m/s", "any take-off climbs faster, at an efficiency of 1")
     clear_of_ground_m: float = setting(3.0, "m", "above ground effect of a small wing, and a barometer's error")
     shortest_flight_s: float = setting(60.0, "s", "a shorter flight holds too few independent windows")
-    longest_gap_s: float = setting(2.5, "s", "bridged by interpolation: well below a window; by radio a window")
-    longest_log_s: float = setting(40_000.0, "s", "eleven hours; a longer one has a wrong clock")
+    longest_gap_s: float = setting(
+        2.5, "s", "longest gap bridged by interpolation: well below a window; for telemetry one window"
+    )
+    longest_log_s: float = setting(40_000.0, "s", "eleven hours; a longer flight means a wrong clock")
     measured_share: float = setting(0.98, "1", "of the flight, from which a channel counts as measured throughout")
 
 

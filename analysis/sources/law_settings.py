@@ -7,7 +7,7 @@ from flightpower.flight.settings import Settings, setting
 
 
 class Agreement(NamedTuple):
-    """Least correlations of the two sides of a law: to follow each other, to tell a delay, to tell a unit."""
+    """Least correlations of the two sides of a law: to follow each other, to show a delay, to show a unit."""
 
     related: float
     delayed: float
@@ -15,7 +15,7 @@ class Agreement(NamedTuple):
 
 
 class Delay(NamedTuple):
-    """Shortest one that is told, what it has to explain, and that of lift against pitch."""
+    """Shortest one that is reported, what it has to explain, and that of lift against pitch."""
 
     shortest_s: float
     explained: float

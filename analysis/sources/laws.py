@@ -1,4 +1,4 @@
-"""Quantities of a table compared with each other by laws of motion: a wrong unit, sign, delay or column is told.
+"""Quantities of a table compared with each other by laws of motion: a wrong unit, sign, delay or column is reported.
 
 A law gives one quantity from others. Both sides are smoothed over a second on one grid; their correlation at the best
 delay, the delay, and the ratio of their spreads say what is wrong. The limits were tried on simulated and real flights.
@@ -554,7 +554,7 @@ def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Findi
         n, e, d, shown = (values[usable] for values in (n, e, d, shown))
         columns = np.stack([2 * n, 2 * e, shown**2, np.ones(len(n))], axis=1)
         size = np.mean(shown**2)
-        weak = np.diag([2.0, 2.0, 0.0, 0.0]) * np.sqrt(size)  # winds are slow beside airspeeds
+        weak = np.diag([2.0, 2.0, 0.0, 0.0]) * np.sqrt(size)  # winds are slow compared with airspeeds
         x = np.linalg.lstsq(np.vstack([columns, weak]), np.append(n**2 + e**2 + d**2, np.zeros(4)), rcond=None)[0]
         left = np.sqrt(np.maximum((n - x[0]) ** 2 + (e - x[1]) ** 2 + d**2, 0.0))
         scale = float(np.median(left) / np.median(shown))

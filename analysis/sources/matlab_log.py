@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flightpower.analysis.sources.mat_file import read_mat
 from flightpower.flight.units import number_or_nan
 
-CLOCKS = ("TimeUS", "TimeMS", "T")  # of messages: one of them tells a log from another structure
+CLOCKS = ("TimeUS", "TimeMS", "T")  # of messages: one of them distinguishes a log from another structure
 LABEL = "_label"
 
 

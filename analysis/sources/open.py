@@ -13,7 +13,7 @@ from flightpower.flight.log_reader import Log, read_log
 if TYPE_CHECKING:
     from flightpower.analysis.sources.recording import FlightRecording
 
-TABLES = (".csv", ".parquet", ".mat")  # suffixes of tables; their first bytes tell what they are
+TABLES = (".csv", ".parquet", ".mat")  # suffixes of tables; their first bytes show what they are
 
 
 def suffixes() -> tuple[str, ...]:

@@ -159,7 +159,7 @@ def _tables(path: Path) -> dict[str, Table]:
     for name, count in other_length.items():
         if count > len(rows[name]):
             raise InputError(
-                f"{path}: {name} has not the fields of messages.xml that this program knows"
+                f"{path}: {name} does not have the fields of messages.xml that this program knows"
                 f" ({', '.join(FIELDS[name])}); write a CSV file and a map of its columns (flightpower new columns)"
             )
     tables: dict[str, Table] = {}

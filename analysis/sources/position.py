@@ -25,7 +25,7 @@ def fix_of(
 ) -> Fix:
     """Date and first place of a receiver's fixes, (n,) each; of the date the median, since single ones may be damaged.
 
-    latitude, longitude : as of `places`
+    latitude, longitude : as in `places`
     """
     known = _known(t_s, latitude, longitude)
     degrees = [np.degrees(x[:1]) for x in _radians(latitude[known], longitude[known])] if known.any() else []

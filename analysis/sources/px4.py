@@ -219,23 +219,25 @@ MULTICOPTERS = {*MavType} - ROVERS
 
 
 def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]], parameters: dict[str, float]) -> None:
-    """Raises InputError for a vehicle without wings, and where neither status nor MAV_TYPE tells the vehicle."""
+    """Raises InputError for a vehicle without wings, and where neither status nor MAV_TYPE names the vehicle."""
     if not topics.get("vehicle_status") and "MAV_TYPE" not in parameters:
         raise InputError(
             f"{path}: the log does not say which vehicle wrote it (no vehicle_status, no MAV_TYPE), and a multicopter's"
-            " gives no power of a fixed wing: log vehicle_status, or give the whole log"
+            " log cannot give the power of a fixed wing: log vehicle_status, or give the whole log"
         )
     if int(np.nan_to_num(parameters.get("MAV_TYPE", 0.0))) in MULTICOPTERS | ROVERS:
-        raise InputError(f"{path}: the log of a multicopter, rover or boat; power required is that of a fixed wing")
+        raise InputError(
+            f"{path}: the log of a multicopter, rover or boat; power required is computed for fixed wings only"
+        )
     for status in topics.get("vehicle_status", []):
         kinds = status.values("vehicle_type") if status.has("vehicle_type") else np.empty(0)
         mav = set(status.values("system_type").tolist()) if status.has("system_type") else set()
         vtol = status.has("is_vtol") and bool(status.values("is_vtol").any())
         if mav & ROVERS or (len(kinds) and (kinds == VehicleType.ROVER).all()):
-            raise InputError(f"{path}: the log of a rover or boat; power required is that of a fixed wing")
+            raise InputError(f"{path}: the log of a rover or boat; power required is computed for fixed wings only")
         if mav & MULTICOPTERS or (len(kinds) and (kinds == VehicleType.ROTARY_WING).all()):
             kind = "a multicopter, or of a VTOL that never flew on its wing" if vtol else "a multicopter"
-            raise InputError(f"{path}: the log of {kind}; power required is that of a fixed wing")
+            raise InputError(f"{path}: the log of {kind}; power required is computed for fixed wings only")
 
 
 def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool]:

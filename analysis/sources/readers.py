@@ -89,7 +89,7 @@ def _loaded(point: metadata.EntryPoint) -> Installed:
     try:
         reader = point.load()
     except Exception as error:  # of another package: anything may be wrong with it
-        raise InputError(f"{title}: cannot be loaded ({type(error).__name__}: {error}): mend or uninstall it") from None
+        raise InputError(f"{title}: cannot be loaded ({type(error).__name__}: {error}): fix or uninstall it") from None
     if not isinstance(reader, Reader):
-        raise InputError(f"{title}: {point.value} has not all of suffixes, recognizes and read: mend or uninstall it")
+        raise InputError(f"{title}: {point.value} has not all of suffixes, recognizes and read: fix or uninstall it")
     return Installed(title, reader)

@@ -394,7 +394,7 @@ def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]
         if len(channel.value) and float(np.percentile(channel.value, 90)) > INSTANCES.turning_revps
     ]
     if len(turning) > 1:
-        return None, [f"{len(turning)} motors turn in this log; motor speed is used of a single one only."]
+        return None, [f"{len(turning)} motors turn in this log; motor speed is used only where a single one turns."]
     return (turning[0], []) if turning else (None, [])
 
 

@@ -42,7 +42,7 @@ def check_decodable(log: Log) -> None:
 def check_lacking(log: Log) -> None:
     """Raises InputError if a topic that the power curve needs is only written wrongly, or under another name.
 
-    For a log that gives electrical power instead: one that really lacks the topic.
+    For logs that really lack the topic, and so give electrical power instead.
     """
     check_decodable(log)
     for topic in TOPICS_FOR_DRAG:

@@ -104,7 +104,7 @@ def refuse_without_method(log: Log) -> None:
 
 
 def contradiction(path: Path, wrong: list[Finding], column_map: ColumnMap) -> InputError:
-    """The first of what cannot be true together, and how many more there are."""
+    """The first contradiction, and how many more there are."""
     more = f" ({len(wrong) - 1} more contradictions)" if len(wrong) > 1 else ""
     return InputError(f"{path}: {wrong[0].text}{more} ({column_map.path})")
 

@@ -16,7 +16,7 @@ from pyulog import ULog
 
 
 class BlockwiseULog(ULog):  # type: ignore[misc]
-    """The log with these topics, or all; beside them it has facts and dropouts of the flight, and untagged texts."""
+    """The log with these topics, or all; it also has facts and dropouts of the flight, and untagged texts."""
 
     BLOCK_BYTES: ClassVar[int] = 1 << 22  # that are in memory at once
 

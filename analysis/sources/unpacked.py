@@ -34,7 +34,9 @@ def _unpack(path: Path, plain: Path) -> None:
             while block := packed.read(1 << 22):
                 left -= len(block)
                 if left < 0:
-                    raise InputError(f"{path}: unpacks to more than a log has: unpack it yourself, and see what it is")
+                    raise InputError(
+                        f"{path}: unpacks to more than any log holds: unpack it yourself, and check what it is"
+                    )
                 out.write(block)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: cannot be unpacked ({error}): copy or download it again") from None

@@ -25,7 +25,7 @@ def path_as_measured(
     compass: Compass | None = None,
     gust_length: float = 1.0,
 ) -> Trajectory:
-    """The path as measured, in the form of a trajectory that did not converge. Arguments as of `reconstruct`."""
+    """The path as measured, in the form of a trajectory that did not converge. Arguments as for `reconstruct`."""
     problem = TrajectoryProblem(table, rest, priors, compass)
     blocks, n, m = problem.blocks, problem.blocks.n, len(SENSOR_ERRORS)
     x = problem.initial_states.copy()

@@ -233,7 +233,7 @@ def lost_notes(trajectory: Trajectory) -> list[str]:
     first, last = trajectory.lost_s[0], trajectory.lost_s[-1] + trajectory.block_means.step_s
     return [
         f"Between {first:.1f} and {last:.1f} s the attitude cannot be followed: the aircraft pitched through the"
-        " vertical, as after a stall in gusts, or the gyros failed. Drop runs beside it, and fly faster in gusts."
+        " vertical, as after a stall in gusts, or the gyros failed. Leave out runs next to it, and fly faster in gusts."
     ]
 
 
@@ -338,9 +338,9 @@ def joint_conflict(y: Array, covariance: Array) -> JointConflict:
     y, covariance : estimates (m,) in prior standard deviations, and their posterior covariance (m, m)
 
     If the priors are right, estimates are normal with the prior's covariance less the posterior one, K. So y' K^-1 y of
-    any two is a chi square with two degrees of freedom, and that of all has as many as data tell directions. The least
-    probable pair, times the number of pairs, and all, each times two for the two questions, bound the rate of false
-    alarms (Bonferroni): in 20,000 draws by the covariances of 24 flights it was 0.20 % where 0.3 % are allowed.
+    any two is a chi square with two degrees of freedom, and that of all has as many as the data determine directions.
+    The least probable pair, times the number of pairs, and all, each times two for the two questions, bound the rate of
+    false alarms (Bonferroni): in 20,000 draws by the covariances of 24 flights it was 0.20 % where 0.3 % are allowed.
     """
     gained = np.eye(len(y)) - covariance
     variance = np.diag(gained)
@@ -382,7 +382,7 @@ def _worst_first(y: Array, covariance: Array) -> tuple[Array, dict[int, float]]:
 
     y, covariance : estimates in prior standard deviations
     The worst is given a prior of its size, and the others are judged by what they are then: an error that only took
-    the worst one's part does not contradict. The model is linear about the estimate. An error of which data tell
+    the worst one's part does not contradict. The model is linear about the estimate. An error of which the data show
     little has to be beyond what noise rarely makes of any: with a prior of its size little is known of it.
     """
     size, contradicted = np.ones(len(y)), dict[int, float]()

@@ -207,7 +207,7 @@ def initial_states(blocks: BlockMeans, bank: Array, V_reference: Array, field: L
 
 
 def mean_wind(velocity: Array, V: Array, sigma_mps: Array) -> Array:
-    """The mean wind (2,), north and east [m/s], of which the ground speed tells; zero on one heading.
+    """The mean wind (2,), north and east [m/s], which the ground speed shows; zero on one heading.
 
     velocity : (n, 2) over the ground [m/s]        V : (n,) airspeed [m/s]        sigma_mps : (2,) of its prior
 

@@ -30,7 +30,9 @@ class GustSettings(Settings):
     tapers: int = setting(
         3, "1", "of the multitaper periodogram, sines (Riedel & Sidorenko 1995, IEEE Trans. Signal Process. 43, 188)"
     )
-    fewest_frequencies: int = setting(12, "1", "two minutes of vertical gusts at 40 m: fewer tell less than the user")
+    fewest_frequencies: int = setting(
+        12, "1", "two minutes of vertical gusts at 40 m: fewer show less than the user knows"
+    )
     length_factor: float = setting(2.0, "1", "the user's scale length is right within this factor, 1 sigma")
     dominate_mps: float = setting(
         0.1,
@@ -166,7 +168,7 @@ class SolverSettings(Settings):
     gusts_mps: tuple[float, ...] = setting(
         (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2),
         "m/s",
-        "vertical gusts, 1 sigma, whose evidence is compared: the second cannot be told from the noise of the flow"
+        "vertical gusts, 1 sigma, whose evidence is compared: the second cannot be separated from the noise of the flow"
         " angles, and the last is a storm",
     )
     most_iterations: int = setting(
@@ -224,7 +226,8 @@ class PriorCheckSettings(Settings):
     informed: tuple[float, float] = setting(
         (0.01, 0.1),
         "1",
-        "share of the prior's variance: an estimate of which data tell less than the first is not tested, since the"
+        "share of the prior's variance: an estimate of which the data determine less than the first is not tested,"
+        " since the"
         " solver's last step is more than 0.2 of the standard deviation that it has if the prior is right; of one below"
         " the second, little is known once its prior is wide, so that it has to be beyond what noise rarely makes",
     )

@@ -135,7 +135,7 @@ class UpdraftByDay(NamedTuple):
     z : the estimate, in the standard deviations that it has if the prior by the hour is right
     sigma_mps : standard deviation of the prior that the trajectory is given: the hour's, or one of the size that the
         flight shows where that is larger
-    note : for the reader; empty where the hour is not denied
+    note : for the reader; empty where the flight does not contradict the hour
     """
 
     z: float
@@ -203,19 +203,22 @@ def updraft_notes(updraft: Updraft) -> list[str]:
     """What the reader has to know: an interval that is wider by the hour, or an hour that is not known."""
     if updraft.sun_rad is None:
         return [
-            "This log has no date, time or place by satellites: the mean updraft of the air is taken as that of a still"
-            f" morning, {updraft.lasting_mps:.2g} m/s (1 sigma). After another hour state [uncertainty] updraft."
+            "This log has no date, time or place from satellites: the mean updraft is assumed to be that of a calm"
+            f" morning, {updraft.lasting_mps:.2g} m/s (1 sigma). If you flew later in the day, enter a larger"
+            " [uncertainty] updraft."
         ]
     if updraft.sigma_mps < 2 * STILL_MPS:
         return []
     if updraft.eddies_mps < updraft.lasting_mps:
         return [
-            f"In the short time between the first run and the last the air may have risen or sunk by"
-            f" {updraft.sigma_mps:.2f} m/s (1 sigma), where it is {STILL_MPS:g} m/s in twenty minutes before sunrise."
-            " The interval has been widened accordingly. Spread the runs over more time."
+            "The runs lie within a short time, over which rising and sinking air do not average out: a mean of"
+            f" {updraft.sigma_mps:.2f} m/s (1 sigma) is assumed; for twenty minutes before sunrise it would be"
+            f" {STILL_MPS:g} m/s. The interval has been widened accordingly. Spread the runs over more time."
         ]
     return [
-        f"The sun was up to {math.degrees(updraft.sun_rad):.0f} deg high: on average over the runs the air may have"
-        f" risen or sunk by {updraft.sigma_mps:.2f} m/s (1 sigma), where it is {STILL_MPS:g} m/s before sunrise. The"
-        " interval has been widened accordingly. Fly at dawn; after a flight under clouds state [uncertainty] updraft."
+        f"The sun was up to {math.degrees(updraft.sun_rad):.0f} deg high: a mean updraft or downdraft of"
+        f" {updraft.sigma_mps:.2f} m/s (1 sigma) over the runs is assumed; before sunrise it would be"
+        f" {STILL_MPS:g} m/s."
+        " The interval has been widened accordingly. Fly at dawn; after a flight under clouds enter a larger"
+        " [uncertainty] updraft."
     ]

@@ -29,9 +29,9 @@ BATTERY_SILENCE_NS = 3_000_000_000  # sent a few times a second at most
 HEARTBEAT_NS = 2_500_000_000  # it is sent once a second, and before the first one nothing is read
 REQUEST_AGAIN_NS, REQUEST_SELDOM_NS, MOST_REQUESTS = 2_000_000_000, 20_000_000_000, 3  # after as many only seldom
 ANSWERED_NS, JUDGED_NS = 1_000_000_000, 2_000_000_000  # after a request: no rate is judged, then for so long
-COMPLAINT_NS = 6_000_000_000  # a rate that was too low is told for this long: more than the spacing of events
+COMPLAINT_NS = 6_000_000_000  # a rate that was too low is reported for this long: more than the spacing of events
 # Of the requested rate. Below the first it is asked for again: an autopilot that starts again forgets it, and another
-# station can change it. Below the second it is told; a line that is a little too slow for the rate stays above.
+# station can change it. Below the second it is reported; a line that is a little too slow for the rate stays above.
 ENOUGH, FAR_TOO_FEW = 0.8, 0.4
 OUR_SYSTEM, OUR_COMPONENT = 255, 191  # of a ground station; MAV_COMP_ID_ONBOARD_COMPUTER
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID

@@ -5,7 +5,7 @@ note "Interfacing to MEAS digital pressure modules"; Honeywell technical note "I
 A zero-length transfer or a repeated start makes the next transfer fail, so only plain reads are used.
 
 The reply has no checksum, and controllers shift it by a bit where a part stretches the clock. The temperature in it
-cannot jump, which tells. A pressure that jumps is read a second time, and believed only if the second reading agrees.
+cannot jump, which shows it. A pressure that jumps is read again, and believed only if the second reading agrees.
 """
 
 import enum

@@ -24,8 +24,9 @@ It is sent with each new period, at most every 10 ms, and otherwise every 50 ms,
 stopped. Earlier firmware sends 8 bytes, with 0xA5 and without the three counts; those are read as well.
 
 A period is believed if the pulses came evenly and at most a quarter of them was rejected or inserted. Otherwise the
-message is `corrupt`, without a speed. No counter can tell an echo in the middle of each period from twice the speed.
-Silence of the legacy variant can be a stopped motor or a broken wire, and is logged as `no_data`, not as zero speed.
+message is `corrupt`, without a speed. No counter can distinguish an echo in the middle of each period from twice the
+speed. Silence of the legacy variant can be a stopped motor or a broken wire, and is logged as `no_data`, not as zero
+speed.
 """
 
 from collections.abc import Iterator
@@ -249,7 +250,10 @@ class FramedParser:
 
 
 def decoded(body: bytes) -> CounterFrame | None:
-    """A frame without start and CRC; None if its period is implausible. Without counts in earlier firmware's."""
+    """The content of a frame, without its first byte and its CRC; None if its period is implausible.
+
+    Earlier firmware sends no counts.
+    """
     flags, period_us = body[1], int.from_bytes(body[2:6], "big")
     measured = not flags & (MOTOR_STOPPED | NO_PERIOD)
     if (period_us < SHORTEST_US) if measured else period_us:

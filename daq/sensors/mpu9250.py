@@ -8,8 +8,8 @@ does not alias into 25 Hz samples. The magnetometer inside (AK8963) has its own 
 
 Each tick, the registers of ranges, filters and rate are read after the samples, now and then those of FIFO and bypass:
 samples of other settings are not recorded, and the settings are restored. A reply with a wrong bit must not look like
-that: what differs is read once more. In the samples, a damaged reply is told by the temperature, and by a sample that
-lies far from all the others.
+that: what differs is read once more. In the samples, a damaged reply is recognized by the temperature, and by a sample
+that lies far from all the others.
 """
 
 import math
@@ -58,7 +58,7 @@ FULL_COUNT = 32767
 FROM_RATE, SETTINGS = bytes([SMPLRT_DIV]), 5  # the first of the registers of ranges, filters and rate; their number
 AUDIT_TICKS = 50  # of these, one reads FIFO_EN too, and one the bypass instead
 MOST_RESTORED = 3  # in a row: then the part does not keep its settings
-COMPLAINT_NS = 6_000_000_000  # a lost setting is told for this long: longer than the spacing of a sensor's events
+COMPLAINT_NS = 6_000_000_000  # a lost setting is reported for this long: longer than the spacing of a sensor's events
 COUNT_TOLERANCE = 2  # samples: the thread may have waited between the tick's begin and the transfer
 TEMPERATURE_STEP, TEMPERATURE_PER_S = 2 * TEMPERATURE_COUNTS_PER_K, 0.02 * TEMPERATURE_COUNTS_PER_K  # warming up
 BELIEVED_AFTER = 25  # readings of another temperature; damage to a burst is not the same twice

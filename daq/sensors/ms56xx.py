@@ -35,7 +35,7 @@ PLAUSIBLE_PA, PLAUSIBLE_CENTI_DEGC = (1e3, 2e5), (-5000.0, 9000.0)
 JUMP_PA, JUMP_PA_PER_S = 30.0, 500.0
 CONFIRMED_BY = 3  # conversions in a row that agree; a shifted reply is wrong by the same factor each time
 ON_GROUND_PA = (70e3, 115e3)  # where flights begin: up to 3000 m, and some above the highest at sea level
-JUDGED_PRESSURES = 25  # after the start, in which another part is told by its pressure
+JUDGED_PRESSURES = 25  # after the start, in which another part is recognized by its pressure
 IMPLAUSIBLE_LIMIT = 3  # in a row: then the cause is not a single bit error on the bus
 
 

@@ -58,7 +58,7 @@ SWITCH_S = 0.1  # both commands last 50 ms at 9600 baud, and the receiver takes 
 AUDIT_NS = 2_000_000_000  # between two questions for the dynamic model
 KNOWN_NS = 5_000_000_000  # without an answer for this long, the model is not known
 REPAIR_NS, SELDOM_NS, MOST_REPAIRS = 3_000_000_000, 20_000_000_000, 3  # after as many in a row, only seldom
-COMPLAINT_NS = 6_000_000_000  # lost settings are told for this long: more than the spacing of a sensor's events
+COMPLAINT_NS = 6_000_000_000  # lost settings are reported for this long: more than the spacing of a sensor's events
 COUNTED_NS, LEAST_ARRIVING = 2_000_000_000, 0.5  # of the solutions in this time
 SPACING_TOLERANCE = 0.2  # of the time between solutions
 MAX_FRAME_NS = 300_000_000  # a frame incomplete for this long is discarded; 100 bytes take 0.1 s at 9600 baud
@@ -113,7 +113,7 @@ class UBloxDriver:
 
     @property
     def complaint(self) -> str:
-        """What the receiver does not do as it is told; empty where nothing is known."""
+        """What the receiver does not do as configured; empty where nothing is known."""
         if not (self.refused or self._wrong_spacing_ms or self._few or self._repaired_lately):
             return ""
         complaints = []
@@ -251,7 +251,7 @@ class UBloxDriver:
         return self._to_send.pop(0)[2:4]
 
     def _refused(self, command: bytes) -> None:
-        """Ask a receiver that refuses a command of the M8 for its version, once; and tell what it refuses."""
+        """Ask a receiver that refuses a command of the M8 for its version, once; and report what it refuses."""
         if command == MON_VER:
             return
         if NAMES[command] not in self.refused:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
-# By which a store tells that an object was written anew: the first that it gives.
+# By which a store shows that an object was rewritten: the first that it gives.
 VERSIONS = (
     "ETag",
     "etag",
@@ -37,15 +37,13 @@ VERSIONS = (
     "mtime",
     "created",
 )
-RESULTS_HERE = (
-    ", but results of `analyze`: give the logs again, with this folder behind -o; no flight is analyzed twice"
-)
+RESULTS_HERE = ", but results of `analyze`: give the logs again, with this folder after -o; no flight is analyzed twice"
 FOR_GOOD = (FileNotFoundError, PermissionError, IsADirectoryError, ImportError, ValueError)  # asking again is no help
 
 
 @dataclass(frozen=True)
 class RemoteLog:
-    """A log as its address was listed. version: changes when it is written anew; empty where the store says none."""
+    """A log as its address was listed. version: changes when it is rewritten; empty where the store says none."""
 
     address: str
     size: int | None

@@ -76,7 +76,7 @@ class Campaign:
 
 class Planned(NamedTuple):
     job: Job
-    inputs: str  # digest of what the results depend on beside the log
+    inputs: str  # digest of what the results depend on besides the log
     log: LogFile  # as it was before the analysis
 
 

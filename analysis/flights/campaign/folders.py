@@ -58,7 +58,7 @@ def key(log_digest: str, inputs: str) -> str:
 
 
 def inputs_digest(settings: str, files: Iterable[tuple[str, Path]], runs: Path | None) -> str:
-    """Digest of what the results depend on beside the log.
+    """Digest of what the results depend on besides the log.
 
     settings: the options' values. files: (option, file that it names). runs: the edited list of runs, if there is one.
     Raises InputError when a file cannot be read.
@@ -129,7 +129,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def names(absolute: Sequence[PurePath]) -> list[str]:
-    """A folder's name for each log: its own without suffix, with as many parents before it as tell the logs apart."""
+    """A folder's name for each log: its own without suffix, with as many parents before it as distinguish the logs."""
     repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # one flight in two formats
     own = [log.name if str(log.with_suffix("")).casefold() in repeated else log.stem for log in absolute]
     names = own
@@ -289,7 +289,7 @@ def exclusive(output: Path) -> Iterator[None]:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise InputError(f"{output}: another `analyze` is writing into it; wait for its end") from None
+                raise InputError(f"{output}: another `analyze` is writing into it; wait until it ends") from None
             except OSError:
                 pass  # a file system without locks
         _mend(output)

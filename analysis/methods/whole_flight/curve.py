@@ -117,7 +117,7 @@ class ElectricalEstimate(CurveOfFlight):
     """Electrical power of level flight at the flight's weight and density.
 
     curve : with noise as its own errors, and those that the whole flight shares by `Source`
-    among_flights : its power with the errors that another flight has anew as its own, and those of the aircraft by name
+    among_flights : its power with the errors that differ between flights as its own, and those of the aircraft by name
     residual_W : (k,) of the windows of time_s (k,)
     measured_V_mps, measured_W : (k,) the windows reduced to level flight
     gust_mps, gust_s : standard deviation and correlation time of vertical air motion

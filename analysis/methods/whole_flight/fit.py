@@ -100,8 +100,8 @@ def most_probable_fit(
     """Maximum a posteriori parameters, and the sizes of errors by maximum likelihood, in turns. measured: of
     `most_probable`. least_share: error of the efficiency's form, of which a flight shows too little.
 
-    What the balance with the accelerometer contains beside the motion of the air is the error of the angle of attack,
-    and so is what the sum of both balances contains beside the error of the efficiency's form.
+    What the balance with the accelerometer contains besides the motion of the air is the error of the angle of attack,
+    and so is what the sum of both balances contains besides the error of the efficiency's form.
     """
     mean, sigma = (pack(balance.names, {name: bounds[part] for name, bounds in prior.items()}) for part in (0, 1))
     windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))

@@ -435,7 +435,7 @@ class Meter(StrEnum):
     FOLLOWS = "power follows the throttle"
     CONTRADICTS = "power varies, but not with the throttle"
     STANDS = "power hardly varies while the throttle does"
-    UNCHECKED = "no throttle that varies is in the log"
+    UNCHECKED = "the log has no throttle that varies"
 
 
 def meter(columns: Mapping[str, Array], moving: BoolArray) -> Meter:

@@ -1,4 +1,4 @@
-"""A first guess of the aircraft from its flight alone, for a picture before the user has said what was flown.
+"""A first guess of the aircraft from its flight alone, for a picture before the user has stated what was flown.
 
 An aircraft of the prior's drag, in the middle of possible aspect ratios, cruises at its best glide. Electrical power of
 level flight is measured, so that its curve depends on the guess by changes of height and speed alone, and roughly.

@@ -2,7 +2,7 @@
 
 The result needs neither flow angles nor motor speed. `whole_flight` gives the electrical curve, and one more drag
 polar, of a complete log. The balance is that of an ordinary flight, with longer windows and fewer samples: it costs
-little beside the rest.
+little compared with the rest.
 """
 
 from typing import NamedTuple

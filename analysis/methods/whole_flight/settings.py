@@ -47,12 +47,14 @@ class AirspeedByGps(Settings):
 
     scale_sigma: float = setting(0.0125, "1", "of an airspeed sensor and its place, before the flight")
     trend_mps2: float = setting(0.01, "m/s²", "of the wind: 6 m/s in ten minutes are rare")
-    wind_sigma_mps: float = setting(10.0, "m/s", "as strong as small aircraft are flown in")
+    wind_sigma_mps: float = setting(10.0, "m/s", "the strongest wind in which small aircraft are flown")
     latency_s: float = setting(0.15, "s", "of GPS velocity, of common receivers")
     correlation_s: tuple[float, ...] = setting((2.0, 5.0, 10.0, 20.0, 40.0), "s", "candidates; the likeliest is taken")
     white_share: float = setting(0.05, "1", "of the residuals' variance, by GPS noise")
-    known_wind: float = setting(0.1, "1", "of the slowest airspeed: a wind less well known makes 30 % of power")
-    airspeed_change_mps: float = setting(3.0, "m/s", "between legs: for the first wind of a flight without a pitot")
+    known_wind: float = setting(0.1, "1", "share of the slowest airspeed: a less certain wind changes power by 30 %")
+    airspeed_change_mps: float = setting(
+        3.0, "m/s", "between the headings of two legs, for a first estimate of wind without a pitot"
+    )
     roughness_m: float = setting(0.05, "m", "of grass and crops (MIL-F-8785C: 0.15 ft)")
     most_points: int = setting(500, "1", "a matrix of this size is inverted several times")
 
@@ -71,12 +73,14 @@ class DragAndEfficiencyPrior(Settings):
     efficiency: Normal = setting(Normal(0.6, 0.4), "1, logit", "battery to thrust: 0.5 to 0.7")
     x_sigma: float = setting(0.3, "ln", "of the advance of best efficiency about the one mostly flown")
     fall: Normal = setting(Normal(0.7, 0.5), "1, ln", "of efficiency beyond its maximum, by tables of propellers")
-    law_evidence: float = setting(60.0, "-2 ln", "for the power law, which no propeller follows; wind alone gives 20")
-    law_efficiency: Normal = setting(Normal(0.5, 1.0), "1, ln", "of the power law: a current meter may be wrong, too")
+    law_evidence: float = setting(
+        60.0, "-2 ln", "for the power law, which no propeller follows exactly; wind alone gives 20"
+    )
+    law_efficiency: Normal = setting(Normal(0.5, 1.0), "1, ln", "of the power law: the current meter may also be wrong")
     law_speed: Normal = setting(Normal(0.3, 0.5), "1", "exponent of speed: 0 of a jet to 1, where thrust does not fall")
     law_power: Normal = setting(Normal(-0.1, 0.2), "1", "exponent of power: -1/3 of an ideal propeller at rest to 0")
     idle_drag: Normal = setting(Normal(0.1, 0.15), "C_D0", "of an idling propeller")
-    alpha_0_sigma: float = setting(0.1, "rad", "contains how the accelerometer is mounted")
+    alpha_0_sigma: float = setting(0.1, "rad", "includes the mounting of the accelerometer")
     alpha_per_CL_sigma: float = setting(0.3, "ln", "about the slope of a straight wing (Helmbold)")
     beta_per_CY: Normal = setting(
         Normal(1.7, 0.5), "rad, ln", "sideslip over side force coefficient, of fin and fuselage"
@@ -143,10 +147,14 @@ SHARED = ErrorsOfTheFlight()
 
 @dataclass(frozen=True)
 class Curve(Settings):
-    """Where power is told."""
+    """Where power is reported."""
 
-    percentiles: tuple[float, float] = setting((5.0, 98.0), "%", "of the windows' airspeed: flown, not passed through")
-    aspect_ratio: tuple[float, float] = setting((0.5, 60.0), "1", "outside, span and area are swapped or mistyped")
+    percentiles: tuple[float, float] = setting(
+        (5.0, 98.0), "%", "percentiles of the windows' airspeed: speeds held, not just passed through"
+    )
+    aspect_ratio: tuple[float, float] = setting(
+        (0.5, 60.0), "1", "outside this range span and area are swapped or mistyped"
+    )
 
 
 CURVE = Curve()
@@ -159,7 +167,7 @@ class ThrustByTable(Settings):
     greatest_J: float = setting(1.5, "1", "of the correction of the table: beyond, no table was measured")
     least_power: float = setting(0.1, "1", "of the 95th percentile, from which motor speed follows from power")
     motor_efficiency: tuple[float, float] = setting(
-        (0.45, 1.02), "1", "shaft power by the table over electrical power; beyond it no motor works"
+        (0.45, 1.02), "1", "shaft power by the table over electrical power; no motor has more"
     )
 
 
@@ -168,7 +176,7 @@ THRUST = ThrustByTable()
 
 @dataclass(frozen=True)
 class BesideACompleteLog(Settings):
-    """The whole flight of a complete log is computed more coarsely: it shall cost little beside the rest."""
+    """The whole flight of a complete log is computed more coarsely: it should cost little compared with the rest."""
 
     every: int = setting(3, "1", "sample of the flight's table")
 

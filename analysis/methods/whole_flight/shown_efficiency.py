@@ -28,7 +28,7 @@ from flightpower.flight.arrays import Array
 
 
 class ScaledPowerBalance(EnergyBalance):
-    """The balance of one flight whose useful power has any scale: whatever the power is measured in, as it were."""
+    """The balance of one flight whose useful power has any scale: in whatever unit the power is measured."""
 
     def _names(self) -> tuple[str, ...]:
         return (*super()._names(), POWER_SCALE)

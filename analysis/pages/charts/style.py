@@ -20,7 +20,7 @@ SYMBOLS = (
     Symbol.CIRCLE, Symbol.SQUARE, Symbol.DIAMOND, Symbol.UP, Symbol.PLUS, Symbol.CROSS, Symbol.DOWN, Symbol.LEFT,
     Symbol.STAR, Symbol.RIGHT, Symbol.HOURGLASS, Symbol.BOWTIE,
 )  # fmt: skip
-# Kinds of runs are told apart by color alone, also with color blindness (tests/analysis/pages/test_style.py).
+# Kinds of runs are distinguished by color alone, also with color blindness (tests/analysis/pages/test_style.py).
 RUN_COLOR = {"acceleration": "#d95f02", "deceleration": BLUE, "steady": "#1b9e77"}
 # The same colors on a dark page, by the color on a white one.
 ON_DARK = {

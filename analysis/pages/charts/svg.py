@@ -68,7 +68,7 @@ class Scale:
         return [(float(self.share(value)), f"{float(f'{value:.10g}'):g}".replace("-", "−")) for value in values]
 
     def digits(self) -> int:
-        """Decimals that tell a hundredth of the range."""
+        """Decimals that resolve a hundredth of the range."""
         return int(np.clip(2 - np.floor(np.log10(self.hi - self.lo)), 0, 6))
 
 

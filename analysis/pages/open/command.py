@@ -37,7 +37,7 @@ def open_page(
 ) -> None:
     """Look at flights and edit what counts in them: strips, modes, track, and the curve that follows, in the browser.
 
-    Any log or table that `analyze` reads is opened, or dropped on the page. Ends of runs, or of stretches to leave
+    Open any log or table that `analyze` reads, or drop it on the page. Ends of runs, or of stretches to leave
     out, are dragged, or typed; values of aircraft and propeller are changed. The curve follows at once. "Write the
     report" writes what `analyze` writes, and the page shows the command that gives the same. The page is for this
     computer only, and closes with the terminal (Ctrl-C).

@@ -107,7 +107,7 @@ class OptionField(NamedTuple):
 # By the name of the option, without its dashes.
 OPTIONS: dict[str, OptionField] = {
     "mass": OptionField("mass in flight", "mass_kg", "9.4 kg", "Ready to fly, with battery."),
-    "wing-area": OptionField("wing area", "wing_area_m2", "1.5 m^2", "With the part inside the fuselage."),
+    "wing-area": OptionField("wing area", "wing_area_m2", "1.5 m^2", "Including the part inside the fuselage."),
     "span": OptionField("wing span", "span_m", "4 m", "From tip to tip."),
     "battery-Wh": OptionField(
         "battery energy, Wh", "battery_Wh", "5000 mAh, 14.8 V", "Charged; for endurance and range."
@@ -116,7 +116,7 @@ OPTIONS: dict[str, OptionField] = {
         "air temperature",
         "air_temperature_K",
         "20 degC",
-        "In flight; without it that of the log, or of the standard air.",
+        "In flight; default: from the log, or the standard atmosphere.",
     ),
 }
 NEEDED = ("mass", "wing-area", "span")  # without which no balance is made

@@ -83,7 +83,7 @@ class OpenedFlight(ABC):
         """The time histories with the channels that were asked for. Raises InputError for one that there is none of."""
         if len(values.channels) > LIMITS.channels:
             raise FieldError(
-                f"{len(values.channels)} channels: {LIMITS.channels} are drawn at most; take some away", "channels"
+                f"{len(values.channels)} channels: {LIMITS.channels} are drawn at most; remove some", "channels"
             )
         unknown = [name for name in values.channels if name not in self.channels]
         if unknown:
@@ -97,7 +97,7 @@ class OpenedFlight(ABC):
         from flightpower.analysis.pages.one_log import analyze_log
 
         folder = report_folder(self.path)
-        self.curve(msgspec.structs.replace(values, method=""))  # what is wrong is said before anything is written
+        self.curve(msgspec.structs.replace(values, method=""))  # what is wrong is reported before anything is written
         options = self._options(values, folder)
         kept = [path.name for path in self._write_inputs(values, folder) if path]
         done = analyze_log(self.path, folder, options, lambda _: None, self.command(values))

@@ -156,7 +156,7 @@ class LocalPage:
             return _json(flight.write(values))
 
     def read_ahead(self, name: str) -> None:
-        """Prepare what the page shows of a log. What is wrong with it is said when the page asks."""
+        """Prepare what the page shows of a log. What is wrong with it is reported when the page asks."""
         with self._computing, suppress(InputError):
             _ = self.folder.flight(name).shown
 
@@ -248,7 +248,7 @@ def _length(environ: Environ, most: int) -> int:
     if not length.isascii() or not length.isdigit():
         raise RefusedError(HTTPStatus.LENGTH_REQUIRED, "the length of the request is missing")
     if int(length) > most:
-        raise RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"too large: {most / 1e6:g} MB are taken at most")
+        raise RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"too large: {most / 1e6:g} MB are accepted at most")
     return int(length)
 
 
@@ -256,7 +256,7 @@ def _copy(source: IO[bytes], to: IO[bytes], length: int, at_once: int = 1 << 20)
     while length > 0:
         part = source.read(min(length, at_once))
         if not part:
-            raise InputError("the file did not arrive as a whole; drop it again")
+            raise InputError("the file did not arrive completely; drop it again")
         to.write(part)
         length -= len(part)
 

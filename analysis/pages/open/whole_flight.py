@@ -236,4 +236,4 @@ def _variances(estimate: ElectricalEstimate, at: int) -> dict[str, Any]:
     """Variances of power at one speed, by noise and by each error that the flight shares."""
     power = estimate.curve.power_W
     by_shared = {str(source): float(change[at]) ** 2 for source, change in power.shared.items()}
-    return {"motion of the air, and what the flight does not tell apart": float(power.own[at, at]), **by_shared}
+    return {"motion of the air, and what the flight cannot separate": float(power.own[at, at]), **by_shared}

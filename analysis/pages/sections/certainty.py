@@ -255,7 +255,7 @@ def next_flight(results: Results) -> list[str]:
     """What to fly next, the most useful first.
 
     The sentences of the results come first: they say what narrows the interval most. How many more runs halve it is
-    told only where they are silent, and what a sensor error lacked only where they do not name that error.
+    told only where they say nothing, and what a sensor error lacked only where they do not name that error.
     """
     advice = list(results.next_flight)
     to_halve = halving(results)

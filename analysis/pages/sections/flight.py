@@ -145,7 +145,7 @@ def _recorder(results: Results, provenance: Provenance) -> str:
 
 
 def _of_daemon(results: Results, provenance: Provenance) -> list[tuple[str, str]]:
-    """What only our own recorder tells."""
+    """What only our own recorder logs."""
     if not provenance.recorded_by and provenance.ticks is None:
         return []
     return [("Sampling", _ticks(results)), ("Messages of the daemon", "; ".join(provenance.events) or "no warning")]

@@ -103,7 +103,7 @@ def test_a_calibration_that_its_data_do_not_support_says_why() -> None:
     ("pressures", "given", "cause"),
     [
         (PRESSURES_PA, PRESSURES_PA[:-1], "7 pressures for 8 plateaus"),
-        ((100.0, 200.0, 100.0, 200.0), (100.0, 200.0, 100.0, 200.0), "2 pressures beside zero are too few"),
+        ((100.0, 200.0, 100.0, 200.0), (100.0, 200.0, 100.0, 200.0), "2 pressures besides zero are too few"),
         (PRESSURES_PA, tuple(-p for p in PRESSURES_PA), "/probe/alpha falls as the pressure rises"),
         (PRESSURES_PA, tuple(2 * p for p in PRESSURES_PA), "/probe/alpha reads 0.49 times the pressures given"),
     ],

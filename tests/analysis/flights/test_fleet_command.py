@@ -152,8 +152,8 @@ def test_flights_of_electrical_power_are_a_fleet_by_aircraft_and_autopilot(tmp_p
         folder = tmp_path / "flights" / f"0000000{i}"
         folder.mkdir(parents=True)
         (folder / "results.json").write_bytes(msgspec.json.encode(item))
-    assert "3 flights added, 0 were there" in called("add", tmp_path / "flights", "--to", tmp_path / "fleet")
-    assert "0 flights added, 3 were there" in called("add", tmp_path / "flights", "--to", tmp_path / "fleet")
+    assert "3 flights added, 0 were already there" in called("add", tmp_path / "flights", "--to", tmp_path / "fleet")
+    assert "0 flights added, 3 were already there" in called("add", tmp_path / "flights", "--to", tmp_path / "fleet")
     called("show", tmp_path / "fleet", "-o", tmp_path / "shown")
     airframes = json.loads((tmp_path / "shown" / "fleet.json").read_text("utf-8"))["airframes"]
     assert sorted(airframe["pooled_flights"] for airframe in airframes) == [1, 2]

@@ -203,7 +203,7 @@ def test_a_jump_to_a_tag_repeats_what_follows_the_tag(tmp_path: Path) -> None:
         "1 take-off", *["3 waypoint", "4 waypoint"] * 2, "6 landing",
     ]  # fmt: skip
     assert not mission.notes
-    with pytest.raises(InputError, match="jumps to tag 8, which is not in the file; give one that is, or take"):
+    with pytest.raises(InputError, match="jumps to tag 8, which is not in the file; give one that is, or remove"):
         read(tmp_path, waypoints_text(*tagged).replace("601\t7", "601\t8"))
     with pytest.raises(InputError, match="jumps to tag 7 -1 times, which has no end; give a number up to 1000, or"):
         read(tmp_path, waypoints_text(*tagged[:4], item(601, 7, -1)))
@@ -262,7 +262,7 @@ def test_a_first_item_that_is_no_waypoint_is_no_home(tmp_path: Path) -> None:
     """Its height would be home's above the sea, and its take-off would be lost."""
     rows = waypoints_text(*SQUARE).split("\n")
     without = "\n".join([rows[0], *rows[2:]])
-    with pytest.raises(InputError, match=r'give --home "48.1,11.5". Item 1 \(command 22\) is no home'):
+    with pytest.raises(InputError, match=r'give --home "48.1,11.5". Item 1 \(command 22\) is not the home'):
         read(tmp_path, without)
     mission = read(tmp_path, without, Assumed(home_deg=HOME_DEG))
     assert mission.steps == read(tmp_path, "\n".join(rows)).steps and "it is flown" in mission.notes[0]
@@ -303,7 +303,7 @@ def test_home_may_have_no_known_height_and_no_known_place(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("home", [[1e999, 11.5, 500.0], [48.1, 1e999, 500.0], [48.1, 11.5, 1e999], [91.0, 11.5, 0.0]])
 def test_home_at_no_place_is_refused(home: list[float], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is no place; give --home"):
+    with pytest.raises(InputError, match="is not a place on Earth; give --home"):
         read(tmp_path, plan_text(item(16, east_km=1.0), plannedHomePosition=home))
 
 
@@ -402,12 +402,12 @@ def test_a_mission_of_inav_that_is_wrong_is_one_line(text: str, message: str, tm
     [
         (17, "LOITER_UNLIM, circles without end; give a time .19. or a number of turns .18."),
         (30, "CONTINUE_AND_CHANGE_ALT, ends at a height, not at a place; give a waypoint .16. or circles .31."),
-        (32, "DO_FOLLOW, is a path of which no energy is known; replace it by waypoints .16., or take it out"),
-        (84, "VTOL_TAKEOFF, flies vertically, of which power is not known; use 22 and 21 .*, or take it out"),
-        (179, "DO_SET_HOME, moves home, .*; save two missions, or take it out"),
+        (32, "DO_FOLLOW, is a path whose energy is not known; replace it with waypoints .16., or remove it"),
+        (84, "VTOL_TAKEOFF, flies vertically, and its power is not known; use 22 and 21 .*, or remove it"),
+        (179, "DO_SET_HOME, moves home, .*; save two missions, or remove it"),
         (208, "DO_PARACHUTE, ends the flight; end the mission before it, or by a landing"),
-        (210, "DO_INVERTED_FLIGHT, is not known to take no energy; take it out where it moves nothing, else give"),
-        (4711, r"command 4711\) is not known to take no energy"),
+        (210, "DO_INVERTED_FLIGHT, is not understood; remove it if it moves nothing, otherwise use"),
+        (4711, r"command 4711\) is not understood"),
     ],
 )
 def test_an_item_that_is_not_understood_is_named_with_two_ways_on(command: int, ways: str, tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def test_with_a_battery_the_answers_are_those_on_the_battery(with_battery: Resul
         (
             "Full throttle, level",
             "25.0 m/s (22.5 to 30.0)",
-            "Climbs 4.0 m/s (3.6 to 4.8) at 15 m/s. Faster than was flown: an extrapolation.",
+            "Climbs 4.0 m/s (3.6 to 4.8) at 15 m/s. Faster than any speed flown: an extrapolation.",
         ),
     ]
 

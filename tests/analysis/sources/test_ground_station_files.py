@@ -172,7 +172,7 @@ def test_what_unpacks_to_more_than_a_log_has_is_refused(tmp_path: Path, monkeypa
     monkeypatch.setattr("flightpower.flight.log_chunk.ALLOWED_BYTES", 0)
     path = tmp_path / "flight.BIN.gz"
     path.write_bytes(gzip.compress(b"\xa3\x95\x80\x80\x59FMT" + bytes(1 << 20)))
-    with pytest.raises(InputError, match=r"flight\.BIN\.gz: unpacks to more than a log has"):
+    with pytest.raises(InputError, match=r"flight\.BIN\.gz: unpacks to more than any log holds"):
         read_ardupilot(path)
 
 

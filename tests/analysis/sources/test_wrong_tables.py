@@ -115,7 +115,7 @@ def test_told_in_one_line(mistake: str, tmp_path: Path) -> None:
     [
         (map_text().replace('"tas_mps"', '"airspeed"'), "has no column airspeed"),
         (map_text().replace('unit = "m/s"', 'unit = "kg"', 1), "true_airspeed.unit"),
-        (map_text().replace("[roll]", "[rol]"), "rol is no quantity"),
+        (map_text().replace("[roll]", "[rol]"), "rol is not a quantity"),
         (map_text().replace("[time]", "[throttle_2]"), "throttle_2"),
         (map_text(true_airspeed='delay = "2 s"'), "early by 2.0 s"),
         (map_text(height="factor = -1"), "height"),

@@ -196,7 +196,7 @@ def test_a_folder_of_results_is_told_from_one_without_logs(tmp_path: Path) -> No
     (tmp_path / "flight").mkdir()
     (tmp_path / "flight" / "results.json").write_text("{}")
     (failure,) = find_logs([str(tmp_path)]).failures
-    assert "but results of `analyze`" in failure and "with this folder behind -o" in failure
+    assert "but results of `analyze`" in failure and "with this folder after -o" in failure
 
 
 def test_the_same_content_at_another_address_is_another_place() -> None:
