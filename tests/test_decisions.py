@@ -17,7 +17,9 @@ import pytest
 
 from flightpower.analysis.flights.flight_statistics import POOLED
 from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
-from tests.our_files import dotted_path
+from tests.our_files import dotted_path, nodes_of, syntax_of
+
+pytestmark = pytest.mark.xdist_group("sources")
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("analysis", "daq", "flight", "flightpower", "sim")
@@ -66,17 +68,17 @@ class Finding(NamedTuple):
 def decisions_by_text(root: Path) -> list[Finding]:
     """Where a text for people decides something, in all packages under a folder."""
     paths = [path for package in PACKAGES for path in sorted((root / package).rglob("*.py"))]
-    modules = {path.relative_to(root).as_posix(): ast.parse(path.read_text("utf-8")) for path in paths}
-    constants = {path: _text_constants(tree) for path, tree in modules.items()}
+    modules = {path.relative_to(root).as_posix(): path for path in paths}
+    constants = {name: _text_constants(syntax_of(path)) for name, path in modules.items()}
     decisions = []
-    for path, tree in modules.items():
-        if not path.startswith(tuple(PARSERS)):
-            known = constants[path] | _imported_constants(tree, constants)
-            nodes = [node for node in ast.walk(tree) if isinstance(node, ast.expr | ast.Match)]
+    for name, path in modules.items():
+        if not name.startswith(tuple(PARSERS)):
+            known = constants[name] | _imported_constants(syntax_of(path), constants)
+            nodes = [node for node in nodes_of(path) if isinstance(node, ast.expr | ast.Match)]
             deciding = [
-                node for node in nodes if _decides(node, known) or (path.startswith("analysis/") and _tells_kinds(node))
+                node for node in nodes if _decides(node, known) or (name.startswith("analysis/") and _tells_kinds(node))
             ]
-            decisions += [Finding(path, node.lineno, ast.unparse(node)) for node in deciding]
+            decisions += [Finding(name, node.lineno, ast.unparse(node)) for node in deciding]
     return decisions
 
 
@@ -180,9 +182,7 @@ def _estimated(node: ast.expr) -> bool:
 def estimated() -> frozenset[str]:
     """Names of what estimators find: sensor errors, what flights are pooled by, and every `Parameter(name="…")`."""
     paths = [path for name in ("methods", "performance") for path in (ROOT / "analysis" / name).rglob("*.py")]
-    calls = [
-        item for path in paths for item in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(item, ast.Call)
-    ]
+    calls = [item for path in paths for item in nodes_of(path) if isinstance(item, ast.Call)]
     parameters = [call for call in calls if _last_name(call.func) in ("Parameter", "ParameterVector")]
     named = [[*call.args[:1], *(key.value for key in call.keywords if key.arg == "name")] for call in parameters]
     return frozenset({*SENSOR_ERRORS, *POOLED, *(name for given in named for item in given for name in _strings(item))})
@@ -262,10 +262,9 @@ def read_by_place(root: Path) -> list[Finding]:
     """Where the analysis takes a part of a vector of parameters, or of their covariance, by literal numbers."""
     findings = []
     for path in sorted((root / "analysis").rglob("*.py")):
-        nodes = ast.walk(ast.parse(path.read_text("utf-8")))
         findings += [
             Finding(path.relative_to(root).as_posix(), node.lineno, ast.unparse(node))
-            for node in nodes
+            for node in nodes_of(path)
             if isinstance(node, ast.Subscript) and _is_vector(node.value) and _has_place(node.slice)
         ]
     return findings

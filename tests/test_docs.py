@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.our_files import dotted_path
+from tests.our_files import dotted_path, nodes_of
+
+pytestmark = pytest.mark.xdist_group("sources")
 
 ROOT = Path(__file__).parent.parent
 OTHER_PAGES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "Makefile",
@@ -166,7 +168,7 @@ def the_code() -> Code:
         tables = [path.read_text("utf-8") for path in (ROOT / package).rglob("*.toml")]
         named |= {word for text in tables for word in re.findall(r"\w+", text)}
         for path in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            for node in nodes_of(path):
                 named |= set(_names(node))
                 if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
                     text = ast.get_docstring(node, clean=False) or ""

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.our_files import dotted_path
+from tests.our_files import dotted_path, nodes_of
+
+pytestmark = pytest.mark.xdist_group("sources")
 
 ROOT = Path(__file__).parent.parent
 ALLOWED = {
@@ -31,8 +33,7 @@ ALLOWED_IN_FILE = {
 @cache
 def import_statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
     """Packages that a file imports, anywhere in it."""
-    walk = ast.walk(ast.parse(path.read_text("utf-8")))
-    return [node for node in walk if isinstance(node, ast.Import | ast.ImportFrom)]
+    return [node for node in nodes_of(path) if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
 def imported_packages(path: Path) -> set[str]:

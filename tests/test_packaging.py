@@ -14,7 +14,9 @@ from typing import Any
 import pytest
 
 from flightpower.command import SIDES
-from tests.our_files import PARTS
+from tests.our_files import PARTS, nodes_of, syntax_of
+
+pytestmark = pytest.mark.xdist_group("sources")
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
@@ -42,9 +44,8 @@ def declared(*extras: str) -> set[str]:
 
 def foreign_imports(path: Path, at_import: bool) -> set[str]:
     """Packages of others that a file imports: when it is imported itself, or anywhere in it."""
-    tree = ast.parse(path.read_text("utf-8"))
     names: set[str] = set()
-    for node in tree.body if at_import else ast.walk(tree):
+    for node in syntax_of(path).body if at_import else nodes_of(path):
         if isinstance(node, ast.Import):
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
@@ -62,6 +63,7 @@ def test_a_package_imports_only_what_is_declared(package: str) -> None:
         assert foreign_imports(path, at_import=False) <= declared("fleet", "plot", "status"), path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["tests", "benchmarks"])
 def test_tests_and_benchmarks_import_only_what_the_developers_extra_has(folder: str) -> None:
     folders = ("tests", "benchmarks", "docs/examples")
@@ -146,9 +148,7 @@ def test_every_version_of_python_that_is_tried_is_a_classifier() -> None:
 
 def started_modules(path: Path) -> set[str]:
     """Our modules whose names follow "-m" in a list of words or arguments of a file."""
-    sequences = [
-        node.elts for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.List | ast.Tuple)
-    ]
+    sequences = [node.elts for node in nodes_of(path) if isinstance(node, ast.List | ast.Tuple)]
     words = [[word.value if isinstance(word, ast.Constant) else None for word in sequence] for sequence in sequences]
     pairs = {pair for sequence in words for pair in pairwise(sequence)}
     return {name for option, name in pairs if option == "-m" and isinstance(name, str) and name.split(".")[0] in OURS}

@@ -5,6 +5,12 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
+from tests.our_files import nodes_of
+
+pytestmark = pytest.mark.xdist_group("sources")
+
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("analysis", "benchmarks", "daq", "debian", "docs", "flight", "flightpower", "hw_fakes", "sim", "tests")
 WITHOUT_SUBJECT = ("Of ", "By ", "The same")
@@ -56,8 +62,8 @@ def nodes(pattern: re.Pattern[str]) -> Iterator[tuple[Path, ast.AST]]:
     """The path and each node of our files in which the pattern occurs."""
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*.py")):
-            if pattern.search(source := path.read_text("utf-8")):
-                for node in ast.walk(ast.parse(source)):
+            if pattern.search(path.read_text("utf-8")):
+                for node in nodes_of(path):
                     yield path.relative_to(ROOT), node
 
 
