@@ -15,7 +15,7 @@ SENSOR = EvidenceKind.SENSOR_ERROR
 @pytest.mark.parametrize(
     ("world", "trust", "first"),
     [
-        ("study", Trust.TRUSTED, None),
+        pytest.param("study", Trust.TRUSTED, None, marks=pytest.mark.thorough),
         ("poles-12-for-14", Trust.NOT_TO_BE_TRUSTED, COUNTED),
         pytest.param("landing-gear", Trust.NOT_TO_BE_TRUSTED, RUNS, marks=pytest.mark.thorough),
         pytest.param("pulses-lost", Trust.DOUBTFUL, COUNTED, marks=pytest.mark.thorough),

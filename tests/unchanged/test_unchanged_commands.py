@@ -9,7 +9,7 @@ pytestmark = pytest.mark.xdist_group("unchanged")
 
 
 # The others are made by the same code from other flights.
-DAILY = ("demonstration", "maneuvers", "autopilot-logs", "exports", "option-defaults")
+DAILY = ("demonstration", "autopilot-logs", "option-defaults")
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from flightpower.flight.errors import InputError
 from tests.analysis.estimation.bimodal import cases
 
 BIMODAL = cases(seed=2)
-LONG = ("unstable, 7 s", "Dutch roll, white noise", "Dutch roll, colored noise")
+LONG = ("unstable, 7 s", "unmeasured rate, white noise", "Dutch roll, white noise", "Dutch roll, colored noise")
 EACH = [pytest.param(name, marks=pytest.mark.thorough) if name in LONG else name for name in BIMODAL]
 
 

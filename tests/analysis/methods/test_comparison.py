@@ -68,6 +68,7 @@ def between_accelerations_and_decelerations(probe, seed: int, **wrong) -> str:
     return item.culprit
 
 
+@pytest.mark.thorough
 def test_a_wrong_propeller_table_is_named_in_gusts_of_3_kt(probe) -> None:
     assert between_accelerations_and_decelerations(probe, 15, thrust_scale=-0.07) == "propeller table"
 
@@ -96,7 +97,7 @@ def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
     assert abs(thrust.value - errors.values.thrust_scale) < 3 * thrust.standard_error
 
 
-@pytest.mark.parametrize(("tilt_deg", "side"), [(1.5, "high"), (-1.5, "low")])
+@pytest.mark.parametrize(("tilt_deg", "side"), [(1.5, "high"), pytest.param(-1.5, "low", marks=pytest.mark.thorough)])
 def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, tilt_deg: float, side: str) -> None:
     """No estimated error explains the drag along a trajectory tilted by hand; W V tilt recovers the tilt."""
     flown = fly(AIRCRAFT, probe, drawn(load_budget("none"), 0), "accel-decel", 0.0, 0)
@@ -120,7 +121,8 @@ def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, 
 
 
 @pytest.mark.parametrize(
-    ("errors", "seed"), [("none", 0), ("bench", 20), pytest.param("bench", 21, marks=pytest.mark.thorough)]
+    ("errors", "seed"),
+    [("bench", 20), *(pytest.param(*case, marks=pytest.mark.thorough) for case in (("none", 0), ("bench", 21)))],
 )
 def test_methods_agree_where_nothing_is_wrong(probe, errors: str, seed: int) -> None:
     assert analyzed_flight(probe, seed, errors=errors).disagreements == []

@@ -71,7 +71,13 @@ def by_likelihood(case) -> LikelihoodEstimates:
 
 @pytest.mark.xdist_group("case-1")
 @pytest.mark.parametrize(
-    ("plan", "seed"), [("case-1", 0), ("case-2-returns", 1), ("case-2-higher", 2), ("case-2-lower", 3)]
+    ("plan", "seed"),
+    [
+        ("case-1", 0),
+        ("case-2-returns", 1),
+        pytest.param("case-2-higher", 2, marks=pytest.mark.thorough),
+        pytest.param("case-2-lower", 3, marks=pytest.mark.thorough),
+    ],
 )
 def test_power_is_within_the_source_s_worst_deviation(case, plan: str, seed: int) -> None:
     this_case = case(plan, seed)

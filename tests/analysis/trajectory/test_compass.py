@@ -205,8 +205,9 @@ def test_the_offset_of_the_compass_is_determined_with_gps_only(with_gps, without
         assert "heading_bias" not in {error.name for error in sensor_error_estimates(alone)}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
-@pytest.mark.parametrize("turbulence_kt", [pytest.param(0.0, marks=pytest.mark.thorough), GUSTY_KT])
+@pytest.mark.parametrize("turbulence_kt", [0.0, GUSTY_KT])
 def test_twenty_minutes_without_gps_stay_on_their_heading(probe, turbulence_kt: float) -> None:
     truth, drawn, air, still = fly(0, probe, "full-test-flight", without=GPS, turbulence_kt=turbulence_kt)
     field, _ = compass(iron(air, (1e-6, -1e-6, 1e-6)), calibration_by_hand(drawn))

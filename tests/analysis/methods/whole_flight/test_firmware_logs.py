@@ -104,7 +104,7 @@ USED = {
         "arduplane-4.7-dev-44s.BIN",
         "arduplane-4.7-dev-ground.BIN",
         "arduplane-4.8-dev-kind0.BIN",
-        pytest.param("arduplane-4.6-dev-sitl-calm.BIN.gz", marks=pytest.mark.slow),
+        pytest.param("arduplane-4.6-dev-sitl-calm.BIN.gz", marks=pytest.mark.thorough),
         pytest.param("arduplane-4.6-dev-sitl-4mps.BIN.gz", marks=pytest.mark.thorough),
     ],
 )
