@@ -388,10 +388,13 @@ def plot(
     print(f"{output}: {len(table)} samples", file=sys.stderr)
 
 
-# Errors that have a value for each axis or sensor; the budget's value of the same name is their size.
-BY_AXIS = (
-    "accel_bias", "accel_scale", "gyro_bias", "gyro_scale", "hard_iron", "soft_iron", "zero", "zero_drift", "absolute",
-)  # fmt: skip
+# Errors that have a value for each axis or sensor, by the name, with its unit, that their size has in a budget.
+BY_AXIS = {
+    "accel_bias_mps2": "accel_bias", "accel_scale": "accel_scale", "gyro_bias_radps": "gyro_bias",
+    "gyro_scale": "gyro_scale", "hard_iron_T": "hard_iron", "soft_iron": "soft_iron", "zero_Pa": "zero",
+    "zero_drift_Pa": "zero_drift", "zero_cooling_Pa": "zero_cooling", "zero_step_Pa": "zero_step",
+    "absolute_Pa": "absolute",
+}  # fmt: skip
 
 
 @app.command()
@@ -408,8 +411,8 @@ def errors(
 
     _, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
     drawn = metadata["errors"]
-    by_axis = {name: drawn[name] for name in BY_AXIS}
-    alone = {name: value for name, value in drawn["values"].items() if value and not name.startswith(BY_AXIS)}
+    by_axis = {name: drawn[BY_AXIS[name]] for name in BY_AXIS if drawn["values"][name]}
+    alone = {name: value for name, value in drawn["values"].items() if value and name not in BY_AXIS}
     for name, value in {**alone, **by_axis}.items():
         print(f"{name} = {value}")
 

@@ -1,6 +1,6 @@
 """A draft of the map of a table's columns: quantities by name, units by name or by what the numbers can be.
 
-Of each quantity the best-named column is proposed; what contradicts others by `consistency` is proposed otherwise, in
+Of each quantity the best-named column is proposed; what contradicts others by a law is proposed otherwise, in
 another unit or with the other sign, where that removes the contradiction, and is left out where nothing does.
 """
 

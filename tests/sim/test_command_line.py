@@ -184,6 +184,6 @@ def test_the_true_errors_are_printed_by_axis_and_those_of_size_zero_are_not(sim,
     done = CliRunner().invoke(app, ["errors", str(tmp_path / "out")])
     printed = dict(line.split(" = ") for line in done.stdout.splitlines())
     drawn = read_truth(tmp_path / "out" / "truth.parquet")[1]["errors"]
-    assert json.loads(printed["hard_iron"]) == drawn["hard_iron"] and len(drawn["hard_iron"]) == 3
-    assert float(printed["V_scale"]) == drawn["values"]["V_scale"] and "hard_iron_T" not in printed
+    assert json.loads(printed["hard_iron_T"]) == drawn["hard_iron"] and len(drawn["hard_iron"]) == 3
+    assert float(printed["V_scale"]) == drawn["values"]["V_scale"] and "hard_iron" not in printed
     assert drawn["values"]["updraft_mps"] == 0 and "updraft_mps" not in printed
