@@ -67,6 +67,7 @@ ATTACHMENTS = {
     "magnetometer": "magnetometer.json",
     "transducers": "transducers.json",
     "thrust_stand": "thrust_stand.json",
+    "airspeed": "airspeed.json",
     "zero": "zero.json",
 }
 
@@ -157,12 +158,22 @@ class LogOptions:
         ),
     ] = None
 
+    airspeed: Annotated[
+        Path | None,
+        typer.Option(
+            "--airspeed",
+            metavar="FILE",
+            help="Scale of the airspeed, of `calibrate airspeed` in another flight with the same installation.",
+        ),
+    ] = None
+
     def replacements(self) -> "Replacements":
         """What the files contain. Raises InputError when one of them, or the list of runs, cannot be used."""
         aircraft = load_aircraft(self.aircraft) if self.aircraft else None
         from flightpower.flight.propeller_files import load_propeller
 
         propeller = load_propeller(self.propeller) if self.propeller else None
+        from flightpower.analysis.air.airspeed_scale import AIRSPEED_FILE
         from flightpower.analysis.air.contents import Replacements
         from flightpower.analysis.air.magnetometer import MAGNETOMETER_FILE
         from flightpower.analysis.air.probe import PROBE_FILE
@@ -181,6 +192,7 @@ class LogOptions:
             magnetometer=MAGNETOMETER_FILE.load(self.magnetometer) if self.magnetometer else None,
             transducers=TRANSDUCERS_FILE.load(self.transducers) if self.transducers else None,
             thrust_stand=THRUST_STAND_FILE.load(self.thrust_stand) if self.thrust_stand else None,
+            airspeed=AIRSPEED_FILE.load(self.airspeed) if self.airspeed else None,
             zero=ZERO_FILE.load(self.zero).by_channel() if self.zero else None,
             weight_N=self.weight_N,
             files={attachment: str(path) for attachment, path in given if path is not None},
@@ -191,10 +203,10 @@ class LogOptions:
 class Options(LogOptions):
     """What `analyze` is asked for, of each log: the options of the command, of which `analyze --help` says more.
 
-    Files, each a path: `aircraft`, `probe`, `zero`, `runs`, `magnetometer`, `transducers`, `thrust_stand`, `columns`,
-    `polar`; `propeller` is a name or a path. Numbers above zero: `weight_N` or `mass_kg`, `wing_area_m2`, `span_m`,
-    `air_temperature_K`. Texts as to the command: `battery_Wh`, `usable`, `weights`, `density_altitudes`, `leave_out`.
-    `likelihood` is True or False. Raises InputError for what is none of these.
+    Files, each a path: `aircraft`, `probe`, `zero`, `runs`, `magnetometer`, `transducers`, `thrust_stand`, `airspeed`,
+    `columns`, `polar`; `propeller` is a name or a path. Numbers above zero: `weight_N` or `mass_kg`, `wing_area_m2`,
+    `span_m`, `air_temperature_K`. Texts as to the command: `battery_Wh`, `usable`, `weights`, `density_altitudes`,
+    `leave_out`. `likelihood` is True or False. Raises InputError for what is none of these.
     """
 
     columns: Annotated[

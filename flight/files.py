@@ -134,6 +134,17 @@ def json_object_text(path: Path, meaning: str) -> str:
     return text
 
 
+def sha256_of(path: Path) -> str:
+    """The hash of a file; empty for a folder, or a file that cannot be read."""
+    import hashlib  # the daemon has no use for it
+
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return ""
+
+
 @dataclass(frozen=True)
 class JsonFormat(Generic[File]):
     """One kind of JSON file with a field `format`.

@@ -21,7 +21,7 @@ IN_CHUNK = struct.Struct("<BQHIQQ")  # the same with the record's head
 USED = {Opcode.HEADER: Header, Opcode.ATTACHMENT: Attachment, Opcode.METADATA: Metadata, Opcode.CHANNEL: Channel}
 
 
-class RecordCut(EndOfFile):
+class RecordCut(EndOfFile):  # type: ignore[misc]  # mcap has no types here
     """The file ends within a record, or without a footer: it is still being written, or the power was cut."""
 
 

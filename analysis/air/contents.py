@@ -7,6 +7,7 @@ from pathlib import PurePath
 from types import MappingProxyType
 from typing import NamedTuple
 
+from flightpower.analysis.air.airspeed_scale import AirspeedScale
 from flightpower.analysis.air.flight_data import Calibrations
 from flightpower.analysis.air.magnetometer import MAGNETOMETER_FILE, MagnetometerCalibration
 from flightpower.analysis.air.probe import PROBE_FILE, ProbeCalibration
@@ -43,10 +44,11 @@ class LogContents(NamedTuple):
     notes: list[str]
     transducers: TransducerCalibration | None = None
     thrust_stand: ThrustStand | None = None
+    airspeed: AirspeedScale | None = None
 
     @property
     def calibrations(self) -> Calibrations:
-        return Calibrations(self.probe, self.magnetometer, self.zero, self.transducers)
+        return Calibrations(self.probe, self.magnetometer, self.zero, self.transducers, self.airspeed)
 
 
 class Replacements(NamedTuple):
@@ -64,6 +66,7 @@ class Replacements(NamedTuple):
     weight_N: float | None = None
     transducers: TransducerCalibration | None = None
     thrust_stand: ThrustStand | None = None
+    airspeed: AirspeedScale | None = None
     files: Mapping[str, str] = MappingProxyType({})
 
 
@@ -81,6 +84,8 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
         raise _not_in_log(log, missing)
     installation = aircraft.installation.name or _installation_of_tray(log)
     notes = damage(log)
+    if replacements.airspeed is not None:
+        replacements.airspeed.check_other_flight(log.path, replacements.files.get("airspeed.json", "--airspeed"))
     if replacements.weight_N is not None:
         aircraft = aircraft.weighing(replacements.weight_N)
     propeller = replacements.propeller or _propeller(log, aircraft, recorded)
@@ -106,6 +111,7 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
         replacements.transducers
         or TRANSDUCERS_FILE.parsed_if_any(log.attachments.get("transducers.json"), f"{log.path}: transducers.json"),
         replacements.thrust_stand,
+        replacements.airspeed,
     )
 
 

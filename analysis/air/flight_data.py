@@ -8,6 +8,7 @@ import pandas as pd
 
 from flightpower.analysis.air import magnetometer
 from flightpower.analysis.air.air import air_data, specific_force_at_cg
+from flightpower.analysis.air.airspeed_scale import AirspeedScale
 from flightpower.analysis.air.lines import line_responses, without_remainder
 from flightpower.analysis.air.magnetometer import Compass, MagnetometerCalibration
 from flightpower.analysis.air.probe import ProbeCalibration
@@ -35,7 +36,7 @@ class FlightData(NamedTuple):
     table : of `air_data`, index t_s        rest : rows in which the aircraft stood still
     zeroed : whether zeros at rest were subtracted        compass : None where no calibrated magnetometer can be used
     notes : what was lost, assumed or corrected, in sentences
-    calibrated : standard errors of the air data by the transducers' calibration, by sensor error; empty without one
+    calibrated : standard errors of the air data by calibrations of transducers and airspeed, by sensor error
     resolution : steps of the values as recorded, by column
     """
 
@@ -58,6 +59,7 @@ class Calibrations(NamedTuple):
     magnetometer: MagnetometerCalibration | None = None
     zero: dict[str, float] | None = None
     transducers: TransducerCalibration | None = None
+    airspeed: AirspeedScale | None = None
 
 
 def flight_data(log: Log, aircraft: Aircraft, propeller: Propeller, calibrations: Calibrations) -> FlightData:
@@ -65,7 +67,7 @@ def flight_data(log: Log, aircraft: Aircraft, propeller: Propeller, calibrations
 
     log: accepted by `analysis.sources`.
     """
-    probe, magnetometer_calibration, zero, transducers = calibrations
+    probe, magnetometer_calibration, zero, transducers, airspeed = calibrations
     lines = line_responses(log, aircraft)
     channels = synchronize(log, {line.topic: line.lag_s for line in lines})
     table, calibrated = channels.table, {}
@@ -79,6 +81,9 @@ def flight_data(log: Log, aircraft: Aircraft, propeller: Propeller, calibrations
     rest = rest_segments(table, channels.rate_Hz, flown_Pa)
     at_rest = zeros(table, rest, zero, flown_Pa)
     table, zero_notes = without_zeros(table, at_rest)
+    if airspeed:
+        table = airspeed.corrected(table)
+        calibrated = {**calibrated, "V_scale": airspeed.scale_error}
     table = specific_force_at_cg(table, aircraft)
     air = air_data(table, aircraft, probe, propeller, scale)
     recorded = [topic for topic, entries in log.entries.items() if entries]

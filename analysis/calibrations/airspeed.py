@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flightpower.analysis.air.airspeed_scale import FORMAT
 from flightpower.analysis.calibrations.runner import Calibrated, OptionalFile, calibration
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.options import AircraftOption, ProbeOption, refuse_drag_options
 from flightpower.analysis.sources.recognize import Autopilot, autopilot_of
 from flightpower.flight.errors import InputError
+from flightpower.flight.files import sha256_of
 
 if TYPE_CHECKING:
     from flightpower.analysis.trajectory.consistency import AirspeedCalibration
@@ -29,8 +31,9 @@ def airspeed(
     Fly two legs or more of half a minute at a steady speed, there and back along one line, better along two crossing
     lines; turns help. A steady wind changes the ground speed by opposite amounts on opposite headings; the mean
     difference is the scale error. On a single heading, wind and scale error cannot be separated, and a note says so.
-    `analyze` estimates the same for each flight. Exit code 1 and no file if the standard error of the
-    scale stays above 0.8 of what it was before the flight, as without GPS.
+    `analyze` estimates the same for each flight; that of other flights with the same installation begins with this
+    scale if it is given: `--airspeed FILE`. Exit code 1 and no file if the standard error of the scale stays above 0.8
+    of what it was before the flight, as without GPS.
 
     To rehearse it: `sim fly --plan airspeed-box -o out/box`.
 
@@ -38,6 +41,7 @@ def airspeed(
     Examples:
       calibrate airspeed log.mcap
       calibrate airspeed log.mcap --probe probe.json -o airspeed.json
+      analyze other.mcap --airspeed airspeed.json
       calibrate airspeed log.ulg                     a log of PX4 or ArduPilot
     """
     from flightpower.analysis.air.contents import Replacements
@@ -93,7 +97,7 @@ def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration"
 
 def _calibrated(calibration: "AirspeedCalibration", notes: list[str], log: Path) -> Calibrated:
     content = {name: value for name, value in calibration._asdict().items() if name != "unsupported"}
-    content = {"format": "flightpower-airspeed-1", "source": log.name, **content}
+    content = {"format": FORMAT, "source": log.name, "log_sha256": sha256_of(log), **content}
     return Calibrated(summary(calibration, notes), content, unsupported=calibration.unsupported)
 
 

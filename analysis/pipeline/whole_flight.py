@@ -1,12 +1,14 @@
 """The energy balance of a whole flight, to results: electrical power, and drag where thrust is known."""
 
 import contextlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from msgspec import structs
 
+from flightpower.analysis.air.airspeed_scale import AIRSPEED_FILE
 from flightpower.analysis.air.contents import propeller_of
 from flightpower.analysis.flight import Progress
 from flightpower.analysis.methods.thrust_prior import stand_measurements
@@ -29,6 +31,7 @@ from flightpower.analysis.sources.daemon_log import SPEED
 from flightpower.analysis.sources.daemon_recording import recording_of
 from flightpower.analysis.sources.recording import FlightRecording
 from flightpower.analysis.sources.structure import check_lacking
+from flightpower.analysis.trajectory.settings import PRIORS
 from flightpower.flight.aircraft import Aircraft, Propulsion, Uncertainty, load_aircraft, parse_aircraft
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import Log
@@ -111,8 +114,15 @@ def analyze_recording(
         require_length(recording)  # nobody is asked to weigh and measure an aircraft for a log without a curve
         raise
     recording = replace(recording, air_temperature_K=options.air_temperature_K)
+    airspeed = AIRSPEED_FILE.load(options.airspeed) if options.airspeed else None
+    if airspeed is not None:
+        airspeed.check_other_flight(path, str(options.airspeed))
+        recording = airspeed.corrected_recording(recording)
     progress("finding the flight")
     flight = flight_table(recording, flown.weight_N, flown.wing_area_m2, options.left_out_s)
+    if airspeed is not None:
+        remains = PRIORS.calibrated["V_scale"]
+        flight = flight._replace(airspeed_scale_sigma=math.hypot(airspeed.scale_error, remains))
     progress("balancing energy")
     electrical = estimate(flight, flown.weight_N, flown.wing_area_m2, flown.span_m, str(path))
     progress("balancing thrust")

@@ -175,6 +175,7 @@ def pooling_statistics(
         probe_calibration=_fingerprint(
             msgspec.json.encode(calibrations.probe)
             + (msgspec.json.encode(calibrations.transducers) if calibrations.transducers else b"")
+            + (msgspec.json.encode(calibrations.airspeed) if calibrations.airspeed else b"")
         ),
     )
 

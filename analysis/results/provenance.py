@@ -8,6 +8,7 @@ from flightpower.analysis.air.contents import LogContents, Replacements
 from flightpower.analysis.flight import Recorded
 from flightpower.analysis.records.flight import Clock, ImplausibleReadings, Provenance, SensorHealth, SourceFile
 from flightpower.analysis.sources.recording import Fix, FlightRecording
+from flightpower.flight.files import sha256_of
 from flightpower.flight.log_entries import STATUS_CODE
 from flightpower.flight.log_reader import Log
 from flightpower.flight.messages import Comparison, Event, Status, Tick
@@ -22,6 +23,7 @@ ROLES = {
     "magnetometer.json": "magnetometer calibration",
     "transducers.json": "transducer calibration",
     "thrust_stand.json": "thrust on a stand",
+    "airspeed.json": "airspeed calibration",
     "zero.json": "still-air zero",
 }
 
@@ -35,7 +37,7 @@ def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> P
     ticks = [entry.message for entry in log.entries.get("/daq/tick", []) if isinstance(entry.message, Tick)]
     return Provenance(
         command_line=command_line,
-        log_sha256=_sha256_of_file(log.path),
+        log_sha256=sha256_of(log.path),
         log_bytes=log.path.stat().st_size if log.path.is_file() else 0,
         recorded_by=log.metadata.get("flightpower", {}).get("version", ""),
         start_utc=start_utc,
@@ -79,7 +81,7 @@ def provenance_of_file(
     first_s, last_s = (min(a for a, _ in ends_s), max(b for _, b in ends_s)) if ends_s else (0.0, 0.0)
     start_utc, clock = _start(fix, first_s)
     return Provenance(
-        command_line=command_line, log_sha256=_sha256_of_file(log), log_bytes=log.stat().st_size, recorded_by="",
+        command_line=command_line, log_sha256=sha256_of(log), log_bytes=log.stat().st_size, recorded_by="",
         start_utc=start_utc, clock=clock, duration_s=float(last_s - first_s) if ends_s else None,
         latitude_deg=fix.latitude_deg, longitude_deg=fix.longitude_deg, height_msl_m=fix.height_msl_m,
         weight_source=weight_source, files=files, ticks=None, ticks_missed=None, sensors=[], events=[],
@@ -151,6 +153,7 @@ def _files(log: Log, contents: LogContents, replacements: Replacements, runs_fil
         "magnetometer.json": "" if contents.magnetometer else None,
         "transducers.json": contents.transducers.source if contents.transducers else None,
         "thrust_stand.json": contents.thrust_stand.source if contents.thrust_stand else None,
+        "airspeed.json": contents.airspeed.source if contents.airspeed else None,
         "zero.json": None if contents.zero is None else "",
     }
     files = []
@@ -184,13 +187,4 @@ def _given(name_or_path: str) -> tuple[str, str]:
     if name_or_path in shipped_propellers():
         table = FOLDER.joinpath(f"{name_or_path}.csv").read_bytes()
         return "shipped with flightpower", hashlib.sha256(table).hexdigest()
-    return name_or_path, _sha256_of_file(Path(name_or_path))
-
-
-def _sha256_of_file(path: Path) -> str:
-    """Empty for a folder, or a file that cannot be read."""
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError:
-        return ""
+    return name_or_path, sha256_of(Path(name_or_path))

@@ -27,6 +27,26 @@ def test_wind_and_scale_are_those_of_the_flight(flown: Path, tmp_path: Path) -> 
     assert content["format"] == "flightpower-airspeed-1"
 
 
+@pytest.mark.slow
+def test_analyze_begins_with_the_scale_of_another_flight(flown: Path, tmp_path: Path) -> None:
+    """From the file that the command writes to the prior and the speeds of an analysis; this very flight is refused."""
+    done("calibrate", "airspeed", flown / "log.mcap", "-o", tmp_path / "airspeed.json")
+    refused = command("analyze", flown / "log.mcap", "--airspeed", tmp_path / "airspeed.json", "-o", tmp_path / "same")
+    assert refused.returncode == 2 and "would count twice" in refused.stderr
+    content = json.loads((tmp_path / "airspeed.json").read_text())
+    content |= {"log_sha256": "another flight's", "scale": 0.012, "scale_error": 0.006}
+    (tmp_path / "airspeed.json").write_text(json.dumps(content))
+    command("analyze", flown / "log.mcap", "--airspeed", tmp_path / "airspeed.json", "-o", tmp_path / "new")
+    done("analyze", flown / "log.mcap", "-o", tmp_path / "plain")
+    new, plain = (json.loads((tmp_path / name / "results.json").read_text()) for name in ("new", "plain"))
+    slowest = [results["slowest_flown"]["speed_mps"] for results in (new, plain)]
+    # What GPS shows of this flight takes back less than half of it.
+    assert 1.006 < slowest[1] / slowest[0] < 1.013
+    (scale,) = (error for error in new["path"]["sensor_errors"] if error["name"] == "V_scale")
+    assert scale["assumed_sigma"] == pytest.approx(100 * np.hypot(0.006, 0.003), rel=0.01)
+    assert "airspeed calibration" in {file["role"] for file in new["provenance"]["files"]}
+
+
 def test_a_second_result_does_not_replace_the_first(flown: Path, tmp_path: Path) -> None:
     (tmp_path / "airspeed.json").write_text("mine")
     outcome = command("calibrate", "airspeed", flown / "log.mcap", "-o", tmp_path / "airspeed.json")

@@ -150,13 +150,13 @@ def _speed_and_direction(wind: NamedValues) -> tuple[float, float]:
 
 def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> AirspeedErrors:
     """The most probable errors of a flight's airspeed, given their priors and GPS."""
-    prior_sigma = np.array([GPS.scale_sigma, flight.zero_sigma_Pa])
+    prior_sigma = np.array([flight.airspeed_scale_sigma, flight.zero_sigma_Pa])
     table, step_s = flight.table, float(flight.table.index[1] - flight.table.index[0])
     has_gps = table[list(recording.GPS)].notna().all(axis=1).to_numpy()
     rows = np.flatnonzero(flight.flown & has_gps)
     rows = rows[:: max(round(FLIGHT.smoothing_s / step_s), len(rows) // most_points, 1)]
     if len(rows) < READABLE.fewest_samples:
-        return AirspeedErrors(0.0, 0.0, np.diag(prior_sigma**2), None, None)
+        return AirspeedErrors(0.0, 0.0, np.diag(prior_sigma**2), None, None, flight.airspeed_scale_sigma)
     t_s = table.index.to_numpy()
     pressure, rho = (table[name].to_numpy()[rows] for name in ("pressure_Pa", "rho"))
     # A GPS velocity is that of GPS.latency_s before.
@@ -191,7 +191,8 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
     by_flight = np.linalg.inv((covariance + other_covariance) / 2) - before
     by_flight = by_flight - np.outer(by_flight @ half, by_flight @ half) / (3 + half @ by_flight @ half)
     covariance = np.asarray(np.linalg.inv(before + by_flight), dtype=float)
-    return AirspeedErrors(float(values.scale), float(values.zero_Pa), covariance, *_speed_and_direction(values))
+    wind = _speed_and_direction(values)
+    return AirspeedErrors(float(values.scale), float(values.zero_Pa), covariance, *wind, flight.airspeed_scale_sigma)
 
 
 def _solved(residual: Callable[[Array], Array], sigma_of: Array, start: Array, apart_s: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from flightpower.analysis.methods.whole_flight.ground_velocity import circle_center, height_factor
-from flightpower.analysis.methods.whole_flight.settings import SHARED, TEMPERATURE, WINDOWS, ZERO
+from flightpower.analysis.methods.whole_flight.settings import GPS, SHARED, TEMPERATURE, WINDOWS, ZERO
 from flightpower.analysis.sources import recording
 from flightpower.analysis.sources.autopilot_settings import READABLE
 from flightpower.analysis.sources.grid import resampled, rows_within, smoothed, stretches
@@ -69,6 +69,7 @@ class FlightTable(NamedTuple):
     notes: list[str]
     first_wind_mps: Array | None = None
     start_s: float = 0.0
+    airspeed_scale_sigma: float = GPS.scale_sigma  # before the flight
 
     def thinned(self, every: int) -> "FlightTable":
         """One sample of so many."""

@@ -1,0 +1,58 @@
+"""Scale of the airspeed, as `calibrate airspeed` determines it in one flight and an analysis of others applies it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pandas as pd
+
+from flightpower.analysis.air.settings import GROUND
+from flightpower.analysis.sources.recording import AIRSPEED_PRESSURE, Channel, FlightRecording
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import JsonFormat, sha256_of
+
+FORMAT = "flightpower-airspeed-1"
+
+
+class AirspeedScale(msgspec.Struct, frozen=True, kw_only=True):
+    """The content of the file that `calibrate airspeed` writes; its wind belongs to that flight and is not used."""
+
+    format: str = FORMAT
+    source: str  # name of the log
+    log_sha256: str = ""
+    scale: float  # fraction by which airspeed reads high
+    scale_error: float  # 1 sigma
+
+    @property
+    def pressure_factor(self) -> float:
+        """Dynamic pressure over its reading: airspeed is its root."""
+        return (1 + self.scale) ** -2
+
+    def corrected(self, table: pd.DataFrame) -> pd.DataFrame:
+        """The table with the true dynamic pressure in column q_c_Pa, whose zero is subtracted."""
+        return table.assign(q_c_Pa=self.pressure_factor * table["q_c_Pa"])
+
+    def corrected_recording(self, recording: FlightRecording) -> FlightRecording:
+        """The recording with the true airspeed pressure. Raises InputError where it has none."""
+        pressure = recording.channels.get(AIRSPEED_PRESSURE)
+        if pressure is None:
+            raise InputError(f"{recording.path}: --airspeed: has no effect, since the log lacks airspeed; leave it out")
+        corrected = Channel(pressure.t_s, np.asarray(self.pressure_factor * pressure.value))
+        return replace(recording, channels={**recording.channels, AIRSPEED_PRESSURE: corrected})
+
+    def check_other_flight(self, log: Path, where: str) -> None:
+        """Raises InputError naming `where` if the scale was determined from this very log."""
+        if self.log_sha256 and self.log_sha256 == sha256_of(log):
+            raise InputError(
+                f"{where}: was determined from this very flight, which would count twice; leave --airspeed out, as"
+                " `analyze` estimates the scale itself"
+            )
+
+
+def _check(scale: AirspeedScale, where: str) -> None:
+    if not (abs(scale.scale) < GROUND.largest_gain_error and 0 < scale.scale_error < GROUND.largest_gain_error):
+        raise InputError(f"{where}: not an airspeed calibration (scale {scale.scale:g} ± {scale.scale_error:g})")
+
+
+AIRSPEED_FILE = JsonFormat(AirspeedScale, (FORMAT,), "an airspeed calibration", _check)
