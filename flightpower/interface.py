@@ -97,6 +97,8 @@ def write_report(flight: Flight, folder: Paths) -> None:
     Raises InputError when it cannot be written.
     """
     write.write_report(flight, Path(folder))
+    if isinstance(flight, WholeFlightAnalysis):
+        write.write_left_out(flight, Path(folder))
 
 
 def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:

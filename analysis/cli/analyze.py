@@ -89,6 +89,13 @@ def analyze(
             help="Analyze on a Dask cluster, such as tcp://10.0.0.5:8786, instead of on this computer.",
         ),
     ] = None,
+    replace: Annotated[
+        bool,
+        typer.Option(
+            "--replace",
+            help="As without it: reports are replaced; an edited runs.toml or left_out.txt is kept beside the new one.",
+        ),
+    ] = False,
     quiet: QuietOption = False,
 ) -> int:
     """Compute the power required from a log: report.html, results.json, power_required.csv and a table for the field.
@@ -142,9 +149,10 @@ def analyze(
         done = analyze_log(file, folder, options, lambda step: status.update(f"{step} …"), command_line)
         name_by_address(folder, file, log)
         done = done._replace(results=msgspec.structs.replace(done.results, log=str(log)))
-    if done.previous_runs:
-        note = f"note: {folder / 'runs.toml'} was written; the previous file is now {done.previous_runs.name}"
-        stderr.print(note, highlight=False, markup=False)
+    if done.kept:
+        edited = done.kept.with_stem(done.kept.stem.rpartition("-")[0])
+        note = f"note: {edited} was written; the previous file is now {done.kept.name}"
+        stderr.print(note, highlight=False, markup=False, soft_wrap=True)
     if done.replaced_report:
         stderr.print(f"note: {done.replaced_report}", highlight=False, markup=False, soft_wrap=True)
     return _finish(done, json, quiet)

@@ -25,7 +25,7 @@ class Report(NamedTuple):
 
     results: "Results"
     print_summary: Callable[[Console], None]
-    previous_runs: Path | None = None  # where a previous runs.toml is kept, if there was another one
+    kept: Path | None = None  # where previous content of a file that users edit is, if there was any
     replaced_report: str = ""  # what was different in a report that was replaced; empty if nothing was
 
 
@@ -54,15 +54,16 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     analysis = analyze(source, options, progress, command_line=command_line, message_of=with_candidates)
     progress("writing the report")
     from flightpower.analysis.pages.terminal import print_summary
-    from flightpower.analysis.pages.write import write_report, write_run_list
+    from flightpower.analysis.pages.write import write_left_out, write_report, write_run_list
     from flightpower.analysis.pipeline.runs import Analysis
 
     replaced = write_report(analysis, folder, predicted)
-    previous_runs = None
     if isinstance(analysis, Analysis):
-        previous_runs = write_run_list(analysis, folder, log.name, given=options.runs)
+        kept = write_run_list(analysis, folder, log.name, given=options.runs)
+    else:
+        kept = write_left_out(analysis, folder)
     page, results = folder / "report.html", analysis.results
-    return Report(results, lambda console: print_summary(results, page, console), previous_runs, replaced)
+    return Report(results, lambda console: print_summary(results, page, console), kept, replaced)
 
 
 def _predicted_polar(options: Options) -> "PredictedPolar | None":

@@ -49,8 +49,6 @@ def write_report(
 ) -> str:
     """Write report.html, results.json and the curve as CSV into `folder`; of runs also path.csv and the field table.
 
-    Of a whole flight left_out.txt lists the stretches that the user left out, and is empty after none replaced some.
-
     predicted : a polar to draw beside the measured one
     Returns what of another log or of other options they replaced, in a sentence; empty where they replaced nothing.
     Everything is computed before the first file is written. Raises InputError when the folder cannot be written, and
@@ -72,8 +70,6 @@ def write_report(
             "runs": embedded_runs(analysis),
             "predicted": comparison(predicted, results) if predicted else "",
         }
-    elif analysis.left_out_s or (folder / LEFT_OUT).exists():
-        files[LEFT_OUT] = f"{stretches_text(analysis.left_out_s)}\n"
     before = replaced(folder, results, files)
     figures = figures_by_name(analysis, predicted)
     fits = run_fits(analysis) if isinstance(analysis, Analysis) else {}
@@ -89,6 +85,15 @@ def _field_tables(results: WithCurves, use: PerformanceResult | None) -> dict[st
         "field_table.md": field_table.to_markdown(results, use),
         "field_table.csv": field_table.to_csv(results, use),
     }
+
+
+def write_left_out(analysis: WholeFlightAnalysis, folder: Path) -> Path | None:
+    """Write left_out.txt, the stretches that the user left out, where some are or were; it is empty after none replaced
+    some. Returns where other content that was there is kept, if there was any. Raises InputError."""
+    path = folder / LEFT_OUT
+    if not analysis.left_out_s and not path.exists():
+        return None
+    return write_keeping_previous(path, f"{stretches_text(analysis.left_out_s)}\n")
 
 
 def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, given: Path | None) -> Path | None:
