@@ -68,8 +68,12 @@ def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
 
 
 def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
-    """Its 280 MB are then not needed: the extra [autopilot]. Here are the modules that such an analysis loads."""
+    """Its 280 MB are then not needed: the extra [autopilot]. Here are the modules that such an analysis loads.
+
+    pymavlink, a third of a second, is for telemetry and text alone.
+    """
     modules = (
+        "flightpower.analysis.sources.ardupilot,"
         "flightpower.analysis.pages.one_log, flightpower.analysis.pipeline.whole_flight,"
         "flightpower.analysis.methods.whole_flight.drag,"
         "flightpower.analysis.methods.whole_flight.simulated_truth, flightpower.analysis.pages.write,"
@@ -78,7 +82,7 @@ def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
         "flightpower.analysis.cli.route, flightpower.analysis.cli.parameters,"
         "flightpower.analysis.pages.open.whole_flight, flightpower.analysis.pages.open.server"
     )
-    code = f"import sys, {modules}; print([name for name in ('casadi', 'plotly') if name in sys.modules])"
+    code = f"import sys, {modules}; print([name for name in ('casadi', 'plotly', 'pymavlink') if name in sys.modules])"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert loaded.strip() == "[]"
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from flightpower.analysis.sources.dataflash import DataflashLog, Form
 from flightpower.analysis.sources.matlab_log import MatlabLog
 from flightpower.analysis.sources.recording import AllChannels, Channel, channel, vehicle_of, without_damage
-from flightpower.analysis.sources.telemetry import RawTelemetryLog, TelemetryLog
-from flightpower.analysis.sources.text_log import TextLog
 from flightpower.analysis.sources.unpacked import unpacked
 from flightpower.flight.errors import InputError
 from flightpower.flight.formats import Format, format_of
+
+if TYPE_CHECKING:  # they load pymavlink, a third of a second that dataflash logs do not need
+    from flightpower.analysis.sources.telemetry import RawTelemetryLog, TelemetryLog
+    from flightpower.analysis.sources.text_log import TextLog
 
 # Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
@@ -84,7 +86,7 @@ def all_channels(path: Path) -> AllChannels:
 
     Raises InputError where the log cannot be read.
     """
-    log = _read(path, RawTelemetryLog, ())
+    log = _read(path, _raw_telemetry, ())
     channels: dict[str, Callable[[], Channel]] = {}
     for kind in log.names():
         for (_, number), table in _instances(kind, log.columns(kind), ()):
@@ -98,9 +100,21 @@ def all_channels(path: Path) -> AllChannels:
 Telemetry = TypeVar("Telemetry")
 
 
+def _telemetry(data: bytes) -> "TelemetryLog":
+    from flightpower.analysis.sources.telemetry import TelemetryLog
+
+    return TelemetryLog(data)
+
+
+def _raw_telemetry(data: bytes) -> "RawTelemetryLog":
+    from flightpower.analysis.sources.telemetry import RawTelemetryLog
+
+    return RawTelemetryLog(data)
+
+
 def _read(
     path: Path, telemetry: Callable[[bytes], Telemetry], kinds: tuple[str, ...]
-) -> Telemetry | DataflashLog | TextLog | MatlabLog:
+) -> "Telemetry | DataflashLog | TextLog | MatlabLog":
     """telemetry : reads a .tlog     kinds : of messages in a text or a .mat file; none stands for all
 
     Raises InputError where the file cannot be read.
@@ -110,6 +124,8 @@ def _read(
         with unpacked(path) as plain:
             match form:
                 case Format.DATAFLASH_TEXT:
+                    from flightpower.analysis.sources.text_log import TextLog
+
                     return TextLog(plain, kinds)
                 case Format.TELEMETRY:
                     return telemetry(plain.read_bytes())
@@ -125,7 +141,7 @@ def _read(
 
 def read_messages(path: Path) -> Messages:
     """The messages of a log. Raises InputError where it cannot be read, or is that of a vehicle without wings."""
-    log = _read(path, TelemetryLog, KINDS_READ)
+    log = _read(path, _telemetry, KINDS_READ)
     messages = log.columns("MSG")
     texts = [_text(text) for text in messages.get("Message", ())]
     versions = [_text(text) for text in log.columns("VER").get("FWS", ())]
@@ -152,10 +168,10 @@ def read_messages(path: Path) -> Messages:
     notes = [*log.notes, *([f"The autopilot dropped {lost} message{'s' * (lost != 1)}."] if lost else [])]
     parameters = {_text(name): float(x) for name, x in pairs if isinstance(x, float)}
     timed = tuple(zip(_times_s("MSG", messages, len(texts)), texts, strict=True))
-    return Messages(tables, parameters, notes, vehicle, timed, isinstance(log, TelemetryLog))
+    return Messages(tables, parameters, notes, vehicle, timed, format_of(path) is Format.TELEMETRY)
 
 
-def _columns(log: DataflashLog | TelemetryLog | TextLog | MatlabLog, kind: str) -> dict[str, NDArray[Any]]:
+def _columns(log: "DataflashLog | TelemetryLog | TextLog | MatlabLog", kind: str) -> dict[str, NDArray[Any]]:
     """The columns of a kind; from a large file no more than what is read."""
     if not isinstance(log, DataflashLog) or not FIELDS[kind]:
         return log.columns(kind)
