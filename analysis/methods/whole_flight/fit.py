@@ -133,7 +133,7 @@ def most_probable_fit(
             return 0.0
         return by_horizontal_gusts(windows, part(horizontal), size_mps, time_s)
 
-    for _ in range(3):
+    for is_last in (False, False, True):
         air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
         of_drag = by_efficiency(windows, balance.thrust_power_W(parameters), share) + white
         noise = air + of_drag
@@ -149,6 +149,8 @@ def most_probable_fit(
         of_drag = by_efficiency(windows, balance.thrust_power_W(parameters), share) + white
         airs = [air + of_gusts(first, 1.0, time_s) for air, time_s in zip(vertical, WINDOWS.times_s, strict=True)]
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
+        if is_last:  # the other sizes are for a next round
+            break
         air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
         of_form = [by_efficiency(windows, balance.thrust_power_W(parameters), 1.0)]
         share = max(
