@@ -19,7 +19,7 @@ from flightpower.analysis.flights.campaign.addresses import (
     is_address,
     name_by_address,
     place,
-    shown,
+    printable,
 )
 from flightpower.analysis.options import Options, QuietOption
 from flightpower.analysis.pages.one_log import Report, analyze_log
@@ -143,7 +143,7 @@ def analyze(
     folder = output or (log.parent if isinstance(log, Path) else Path()) / f"{place(log).stem}.report"
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; give the folder for the results with -o")
-    words = [shown(word) if is_address(word) else word for word in sys.argv[1:]]
+    words = [printable(word) if is_address(word) else word for word in sys.argv[1:]]
     command_line = shlex.join([str(context.find_root().info_name), *words])
     with stderr.status("reading the log …") as status, as_file(log, Path(tempfile.gettempdir())) as (file, _):
         done = analyze_log(file, folder, options, lambda step: status.update(f"{step} …"), command_line)

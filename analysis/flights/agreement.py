@@ -230,14 +230,17 @@ class ErrorParts(NamedTuple):
         return np.linalg.solve(factor, columns * scale[:, :, None])
 
 
-def error_parts(stack: FlightStack, prior: Prior, of: Array = _OF_POLAR) -> ErrorParts:
-    """Error parts of the values `of` (k, M) times the parameters of each flight."""
+def error_parts(stack: FlightStack, prior: Prior, projection: Array = _OF_POLAR) -> ErrorParts:
+    """Error parts of `projection` (k, M) times the parameters of each flight."""
     covariance = prior.covariance
     scale = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), 1.0))
     eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     root = scale[:, None] * vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
-    shared = [of @ stack.prior_part @ root, *((change @ of.T)[:, :, None] for change in stack.changes.values())]
-    return ErrorParts(of @ stack.own_covariance @ of.T, np.concatenate(shared, axis=2))
+    shared = [
+        projection @ stack.prior_part @ root,
+        *((change @ projection.T)[:, :, None] for change in stack.changes.values()),
+    ]
+    return ErrorParts(projection @ stack.own_covariance @ projection.T, np.concatenate(shared, axis=2))
 
 
 def least_squares(values: Array, design: Array, errors: ErrorParts) -> GeneralizedFit:

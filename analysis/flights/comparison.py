@@ -218,9 +218,9 @@ def compare(a: Pool, b: Pool) -> Comparison:
 
 def _of_one_kind(a: Pool, b: Pool) -> Comparison:
     """The comparison by the kind of power of both pools. Raises InputError as `compare`."""
-    both = {flight.key for flight in a.flights} & {flight.key for flight in b.flights}
-    if both:
-        name = next(flight.name for flight in a.flights if flight.key in both)
+    in_both_pools = {flight.key for flight in a.flights} & {flight.key for flight in b.flights}
+    if in_both_pools:
+        name = next(flight.name for flight in a.flights if flight.key in in_both_pools)
         raise InputError(f"{name} is in both pools of the comparison; a flight belongs to one configuration: remove it")
     if isinstance(a, JointPool) and isinstance(b, JointPool):
         relation = _of_installations(a, b)

@@ -278,7 +278,9 @@ def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = Non
                 f"two aircraft in one pool, of {first.name} and {flight.name}; pool each alone and compare them"
             )
     refuse_repeated(flights)
-    weight_N, rho, _ = (float(np.mean(of)) for of in zip(*(flight.curve.condition for flight in flights), strict=True))
+    weight_N, rho, _ = (
+        float(np.mean(column)) for column in zip(*(flight.curve.condition for flight in flights), strict=True)
+    )
     condition = condition or Condition(weight_N, rho, first.aircraft.wing_area_m2)
     # Pools are compared at one weight and density, each with its own wing.
     curves = [flight.curve.at(condition._replace(wing_area_m2=flight.aircraft.wing_area_m2)) for flight in flights]

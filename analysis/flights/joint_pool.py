@@ -228,11 +228,11 @@ class JointPool(Pool):
         )
 
     def _form_of_flight(self, number: int, flight: PooledFlight) -> PooledFlight:
-        of = self.flights[number]
+        pooled = self.flights[number]
         return structs.replace(
             flight,
-            installation=of.installation,
-            drag_polar=_coefficients(of.polar.A),
+            installation=pooled.installation,
+            drag_polar=_coefficients(pooled.polar.A),
             mounted_anew=number in self.remounted,
         )
 
@@ -289,12 +289,12 @@ def joint_polars(
 def _alike(prior: Prior, at_a: NDArray[np.intp], at_b: NDArray[np.intp], correlation: float) -> Prior:
     """The prior with parameters of B correlated with those of A, which have the same prior: that of A."""
     J, vector = prior.information[np.ix_(at_a, at_a)], prior.vector[at_a]
-    information, both = prior.information.copy(), prior.vector.copy()
+    information, vector_sum = prior.information.copy(), prior.vector.copy()
     for rows, columns, factor in ((at_a, at_a, 1.0), (at_b, at_b, 1.0), (at_a, at_b, -correlation),
                                   (at_b, at_a, -correlation)):  # fmt: skip
         information[np.ix_(rows, columns)] = factor / (1 - correlation**2) * J
-    both[at_a] = both[at_b] = vector / (1 + correlation)
-    return Prior(information, both)
+    vector_sum[at_a] = vector_sum[at_b] = vector / (1 + correlation)
+    return Prior(information, vector_sum)
 
 
 def _prior_of_a(a: "JointPool", b: "JointPool", same_installation: bool, same_propeller: bool) -> Prior:

@@ -345,9 +345,9 @@ def refuse_repeated(flights: Sequence[PoolFlight]) -> None:
 
 def mean_air(flights: Sequence[PoolFlight]) -> AirFound:
     """Temperature and pressure, the mean of the flights that have them."""
-    of = [flight.content.air for flight in flights]
-    temperatures_K = [air.temperature_K for air in of if air.temperature_K is not None]
-    pressures_Pa = [air.pressure_Pa for air in of if air.pressure_Pa is not None]
+    of_flights = [flight.content.air for flight in flights]
+    temperatures_K = [air.temperature_K for air in of_flights if air.temperature_K is not None]
+    pressures_Pa = [air.pressure_Pa for air in of_flights if air.pressure_Pa is not None]
     return AirFound(
         temperature_K=float(np.mean(temperatures_K)) if temperatures_K else None,
         pressure_Pa=float(np.mean(pressures_Pa)) if pressures_Pa else None,

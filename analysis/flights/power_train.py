@@ -115,8 +115,8 @@ def _pooled_model(pool: DragPool, flights: Sequence[ComputationModel]) -> Perfor
 
 def _mean(parts: Sequence[ParameterVector]) -> ParameterVector:
     values, covariances = (
-        np.mean([getattr(parameter_vector, of) for parameter_vector in parts], axis=0)
-        for of in ("values", "covariance")
+        np.mean([getattr(parameter_vector, field) for parameter_vector in parts], axis=0)
+        for field in ("values", "covariance")
     )
     return ParameterVector(parts[0].names, values, covariances)
 

@@ -95,11 +95,11 @@ def margin(plan: FlightPlan, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
     """The slowest speeds planned, and their margin over the stall."""
     stall, kt = plan.aircraft.stall_mps, plan.request.wind_kt
     slow = slowest_mps(plan.aircraft, kt)
-    held = MARGINS.held * slow
+    slowest_hold = MARGINS.hold * slow
     return (
         f"Stall: {speed_text(stall, unit)}, {plan.aircraft.stall_basis}. Decelerations end at"
         f" {speed_text(slow, unit)}, {100 * (slow / stall - 1):.0f} % above the stall: never fly slower. The slowest"
-        f" speed to hold is {speed_text(held, unit)}, {100 * (held / stall - 1):.0f} % above it."
+        f" speed to hold is {speed_text(slowest_hold, unit)}, {100 * (slowest_hold / stall - 1):.0f} % above it."
     )
 
 
@@ -307,8 +307,8 @@ def _headings(plan: FlightPlan) -> str:
     heading_deg = plan.request.heading_deg
     if heading_deg is None:
         return ""
-    there, back = (course_text(radians(course_deg)) for course_deg in (heading_deg, heading_deg + 180))
-    return f" {there} (first) and {back},"
+    outbound, back = (course_text(radians(course_deg)) for course_deg in (heading_deg, heading_deg + 180))
+    return f" {outbound} (first) and {back},"
 
 
 def _to_fill_in(plan: FlightPlan) -> str:

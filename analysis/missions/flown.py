@@ -162,8 +162,8 @@ class _Steps:
 
     def _to(self, item: Item) -> Place:
         """The item's place; over the place before where it has none, and at its height where that is zero, too."""
-        here = not item.has_place and item.command != Command.LAND
-        if here and (item.height_m == 0 or math.isnan(item.height_m)):
+        in_place = not item.has_place and item.command != Command.LAND
+        if in_place and (item.height_m == 0 or math.isnan(item.height_m)):
             return self.place
         height_m = self._height_m(item)
         if item.latitude_deg is None or item.longitude_deg is None:

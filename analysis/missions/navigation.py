@@ -26,25 +26,25 @@ from flightpower.flight.arrays import Array
 class _Part:
     """A straight part through the air, and the turn after it.
 
-    held : number of the maneuver that becomes longer or shorter, the fastest one     turn : of the turn; None: none
+    adjusted : number of the maneuver that becomes longer or shorter, the fastest one     turn : of the turn; None: none
     spare_s : by how much it can become shorter        held_mps : its speed           turn_s : the turn takes
     """
 
     air_m: float
     seconds: float
-    held: int | None
+    adjusted: int | None
     turn: int | None
     spare_s: float
     held_mps: float
     turn_s: float
 
-    def reached_m(self, way: float, wind_x_mps: float, leg_m: float) -> tuple[float, float]:
+    def reached_m(self, direction: float, wind_x_mps: float, leg_m: float) -> tuple[float, float]:
         """Along x from where it begins: where it ends, shortened to a leg as far as that goes, and where its turn does.
 
-        way : 1 along x, -1 back
+        direction : 1 along x, -1 back
         """
-        longest_m = way * self.air_m + wind_x_mps * self.seconds
-        least_m = longest_m - (way * self.held_mps + wind_x_mps) * self.spare_s
+        longest_m = direction * self.air_m + wind_x_mps * self.seconds
+        least_m = longest_m - (direction * self.held_mps + wind_x_mps) * self.spare_s
         end_m = copysign(max(min(abs(longest_m), leg_m), abs(least_m)), longest_m)
         return end_m, end_m + wind_x_mps * self.turn_s
 
@@ -63,21 +63,21 @@ def kept_in_place(
     flown, maneuvers = paths(plan, expected, space.height_m), list(plan)
     wind = wind_vector(wind_mps, wind_from_deg)
     parts = list(_parts(plan, flown))
-    place, heading, way, before = np.zeros(2), 0.0, 1.0, None  # of x, the turn before
+    place, heading, direction, before = np.zeros(2), 0.0, 1.0, None  # of x, the turn before
     turned = place  # where the part begins, if the turn before is flown as planned first
     for part, after in pairwise([*parts, None]):
         assert part is not None
-        headwind_mps = -way * float(wind[0])
-        if part.held is not None and part.turn is not None and after is not None:
-            held = maneuvers[part.held]
-            assert isinstance(held, Hold | Porpoise)
-            turn_x_m = _turn_x_m(flown[part.turn], after, way, space, float(wind[0]))
-            turn_m = way * (turn_x_m - float(turned[0]))
-            longer_s = _longer_s(part, held, headwind_mps, (turn_m, space.leg_m))
+        headwind_mps = -direction * float(wind[0])
+        if part.adjusted is not None and part.turn is not None and after is not None:
+            adjusted = maneuvers[part.adjusted]
+            assert isinstance(adjusted, Hold | Porpoise)
+            turn_x_m = _turn_x_m(flown[part.turn], after, direction, space, float(wind[0]))
+            turn_m = direction * (turn_x_m - float(turned[0]))
+            longer_s = _longer_s(part, adjusted, headwind_mps, (turn_m, space.leg_m))
             if before is None:
                 longer_s = min(longer_s, _until_a_leg_away_s(part, wind, space.leg_m))
-            maneuvers[part.held] = replace(held, duration_s=held.duration_s + longer_s)
-            part = replace(part, air_m=part.air_m + longer_s * held.speed_mps, seconds=part.seconds + longer_s)
+            maneuvers[part.adjusted] = replace(adjusted, duration_s=adjusted.duration_s + longer_s)
+            part = replace(part, air_m=part.air_m + longer_s * adjusted.speed_mps, seconds=part.seconds + longer_s)
         if before is None:
             until_turn = fly(maneuvers[: part.turn], expected, space.height_m, wind_mps, wind_from_deg=wind_from_deg)
             place = until_turn.position_m[-1]
@@ -86,7 +86,7 @@ def kept_in_place(
             assert isinstance(turn, Turn)
             for _ in range(3):  # another angle takes another time
                 crab = _crab_rad(part, turned, wind)
-                turn = _turned_to(turn, (crab if way > 0 else pi - crab) - heading)
+                turn = _turned_to(turn, (crab if direction > 0 else pi - crab) - heading)
                 turned = place + _moved(turn_path(expected, begun_mps, turn), heading, wind)
             maneuvers[before], place = turn, turned
             heading += turn.angle_rad
@@ -94,7 +94,7 @@ def kept_in_place(
         if part.turn is not None and after is not None:
             turned = place + _moved(flown[part.turn], heading, wind)
             before = part.turn
-            way = _way_after(flown[part.turn], after, way, float(turned[0]), float(wind[0]))
+            direction = _way_after(flown[part.turn], after, direction, float(turned[0]), float(wind[0]))
     return maneuvers
 
 
@@ -102,17 +102,17 @@ def _parts(plan: Sequence[Maneuver], flown: Sequence[Path]) -> Iterator[_Part]:
     turns = [i for i, maneuver in enumerate(plan) if isinstance(maneuver, Turn)]
     for before, turn in pairwise([-1, *turns, len(plan)]):
         numbers = range(before + 1, turn)
-        held = [
+        candidates = [
             (maneuver.speed_mps, i, maneuver.duration_s)
             for i in numbers
             if isinstance(maneuver := plan[i], Hold | Porpoise)
         ]
-        held_mps, number, duration_s = max(held, default=(0.0, None, 0.0))
+        held_mps, number, duration_s = max(candidates, default=(0.0, None, 0.0))
         shortest_s = 8.0  # of a circuit
         yield _Part(
             air_m=sum(float(flown[i].V.sum()) for i in numbers) * PATH.step_s,
             seconds=sum(float((flown[i].V > 0).sum()) for i in numbers) * PATH.step_s,
-            held=number,
+            adjusted=number,
             turn=turn if turn < len(plan) else None,
             spare_s=max(duration_s - shortest_s, 0.0),
             held_mps=held_mps,
@@ -137,16 +137,16 @@ def _crab_rad(part: _Part, begun: Array, wind: Array) -> float:
     return asin(min(max(across, -steepest), steepest))
 
 
-def _longer_s(part: _Part, held: Hold | Porpoise, headwind_mps: float, until_m: tuple[float, float]) -> float:
+def _longer_s(part: _Part, adjusted: Hold | Porpoise, headwind_mps: float, until_m: tuple[float, float]) -> float:
     """How much longer to fly the held maneuver. until_m: distance to the turning point, and longest leg"""
     ground_m = part.air_m - headwind_mps * part.seconds
     turn_m, leg_m = until_m
     longer_m = max(turn_m - ground_m, min(leg_m - ground_m, 0.0))
-    least_mps = 0.1 * held.speed_mps  # slower over the ground, a longer leg leads nowhere
-    if held.speed_mps - headwind_mps < least_mps and longer_m > 0:
+    least_mps = 0.1 * adjusted.speed_mps  # slower over the ground, a longer leg leads nowhere
+    if adjusted.speed_mps - headwind_mps < least_mps and longer_m > 0:
         return 0.0
     most_s = 120.0  # in wind nearly as fast as the aircraft
-    return min(max(longer_m / max(held.speed_mps - headwind_mps, least_mps), -part.spare_s), most_s)
+    return min(max(longer_m / max(adjusted.speed_mps - headwind_mps, least_mps), -part.spare_s), most_s)
 
 
 def _until_a_leg_away_s(part: _Part, wind: Array, leg_m: float) -> float:
@@ -155,27 +155,27 @@ def _until_a_leg_away_s(part: _Part, wind: Array, leg_m: float) -> float:
     return max(leg_m - float(np.hypot(*place)), 0.0) / float(np.hypot(part.held_mps + wind[0], wind[1]))
 
 
-def _turn_x_m(turn: Path, after: _Part, way: float, space: Space, wind_x_mps: float) -> float:
+def _turn_x_m(turn: Path, after: _Part, direction: float, space: Space, wind_x_mps: float) -> float:
     """The place x where a turn is begun for what follows to lie about the take-off: circles themselves, or the part
-    after the turn with the turn after that. way: before the turn"""
+    after the turn with the turn after that. direction: before the turn"""
     drift_m = wind_x_mps * len(turn.V) * PATH.step_s
     if _circles(turn):
         return -drift_m / 2
-    next_way = _way_back(after, way, wind_x_mps)
+    next_way = _way_back(after, direction, wind_x_mps)
     passed_m = (0.0, *after.reached_m(next_way, wind_x_mps, space.leg_m))
-    return -(max(passed_m) + min(passed_m)) / 2 - drift_m * (2 if way == next_way else 1)  # twice: a whole circle
+    return -(max(passed_m) + min(passed_m)) / 2 - drift_m * (2 if direction == next_way else 1)  # twice: a whole circle
 
 
-def _way_back(after: _Part, way: float, wind_x_mps: float) -> float:
+def _way_back(after: _Part, direction: float, wind_x_mps: float) -> float:
     """Along x or back after a turn: into the wind to land."""
-    return -copysign(1.0, wind_x_mps) if after.turn is None and wind_x_mps else -way
+    return -copysign(1.0, wind_x_mps) if after.turn is None and wind_x_mps else -direction
 
 
-def _way_after(turn: Path, after: _Part, way: float, x_m: float, wind_x_mps: float) -> float:
+def _way_after(turn: Path, after: _Part, direction: float, x_m: float, wind_x_mps: float) -> float:
     """Along x or back after a turn or circles that end at x: after circles, to where less far is flown."""
     if not _circles(turn) or (after.turn is None and wind_x_mps):
-        return _way_back(after, way, wind_x_mps)
-    return min((1.0, -1.0), key=lambda way: max(abs(x_m + m) for m in after.reached_m(way, wind_x_mps, inf)))
+        return _way_back(after, direction, wind_x_mps)
+    return min((1.0, -1.0), key=lambda sense: max(abs(x_m + m) for m in after.reached_m(sense, wind_x_mps, inf)))
 
 
 def _circles(turn: Path) -> bool:

@@ -154,14 +154,14 @@ def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Itera
     for ramp_s, settle_s, hold_s in ((13.0, 16.0, 5.0), (8.0, 10.0, 3.0)):
         up = Run(expected.acceleration_throttle, ramp_s, fast)
         down = Run(MANEUVERS.deceleration_throttle, MANEUVERS.deceleration_ramp_s, slow)
-        settle = Hold(settle_s, MARGINS.held * slow)
+        settle = Hold(settle_s, MARGINS.hold * slow)
         one_leg_m = slow * settle_s + (slow + fast) / 2 * 38 + hold_s * fast
         rest = Hold(4.0, 1.3 * expected.stall_mps)
         if one_leg_m <= space.leg_m:
             legs: tuple[Maneuver, ...] = (settle, up, Hold(hold_s, fast), down, rest, turn)
         else:
             fast_turn = Turn(fast, pi, BANK_RAD)
-            legs = (Hold(settle_s / 2, MARGINS.held * slow), up, fast_turn, Hold(hold_s, fast), down, rest, turn)
+            legs = (Hold(settle_s / 2, MARGINS.hold * slow), up, fast_turn, Hold(hold_s, fast), down, rest, turn)
         title = f"accelerate and decelerate, throttle over {ramp_s:.0f} s"
         yield Piece(title, legs, PieceKind.RUNS)
 
@@ -170,8 +170,8 @@ def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float, longest_s
     """A leg at one speed and a turn back at the same speed."""
     slow, stall, fastest = slowest_mps(expected, wind_kt), expected.stall_mps, expected.fastest_mps
     fast = MARGINS.fastest * fastest
-    for V in (MARGINS.held * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, fast):
-        if not MARGINS.held * slow <= V <= fast:
+    for V in (MARGINS.hold * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, fast):
+        if not MARGINS.hold * slow <= V <= fast:
             continue
         turn = Turn(max(V, _turning_mps(expected, BANK_RAD, wind_kt)), pi, BANK_RAD)
         seconds = min(max(min(space.leg_m / V, longest_s / 2), 8.0), 60.0)

@@ -47,10 +47,10 @@ def left_out(plan: FlightPlan) -> list[str]:
 
 def _items(plan: FlightPlan, home: Home) -> list[Item]:
     space = plan.request.space
-    far, near = _place(home, space.leg_m / 2, 0.0), _place(home, -space.leg_m / 2, 0.0)
+    far_end, near = _place(home, space.leg_m / 2, 0.0), _place(home, -space.leg_m / 2, 0.0)
     center = _place(home, 0.0, 0.0)
-    held_mps = MARGINS.held * slowest_mps(plan.aircraft, plan.request.wind_kt)
-    items, ends, speed_mps = list[Item](), [far, near], 0.0
+    held_mps = MARGINS.hold * slowest_mps(plan.aircraft, plan.request.wind_kt)
+    items, ends, speed_mps = list[Item](), [far_end, near], 0.0
 
     def add(command: Command, *params: float, place: tuple[float, float] | None = None) -> None:
         frame = Frame.MISSION if place is None else Frame.RELATIVE
@@ -99,9 +99,9 @@ def _place(home: Home, along_m: float, across_m: float) -> tuple[float, float]:
     distance = (along_m**2 + across_m**2) ** 0.5 / EARTH_RADIUS_M
     bearing = home.heading_rad + atan2(across_m, along_m)
     latitude = radians(home.latitude_deg)
-    there = asin(sin(latitude) * cos(distance) + cos(latitude) * sin(distance) * cos(bearing))
-    east = atan2(sin(bearing) * sin(distance) * cos(latitude), cos(distance) - sin(latitude) * sin(there))
-    return round(degrees(there), 7), round(home.longitude_deg + degrees(east), 7)
+    latitude_there = asin(sin(latitude) * cos(distance) + cos(latitude) * sin(distance) * cos(bearing))
+    east = atan2(sin(bearing) * sin(distance) * cos(latitude), cos(distance) - sin(latitude) * sin(latitude_there))
+    return round(degrees(latitude_there), 7), round(home.longitude_deg + degrees(east), 7)
 
 
 def _fence(plan: FlightPlan, home: Home) -> list[tuple[float, float]]:

@@ -24,7 +24,7 @@ class Margins(Settings):
 
     slowest: float = setting(1.08, "1", "slowest speed over the stall in still air, at which a deceleration ends")
     slowest_per_kt: float = setting(0.002, "1/kt", "added for each knot of wind at 20 ft, for its gusts")
-    held: float = setting(1.04, "1", "of a speed that is held, over the slowest")
+    hold: float = setting(1.04, "1", "of a speed that is held, over the slowest")
     fastest: float = setting(0.92, "1", "of the fastest level speed, which is approached for minutes")
     cruise: float = setting(1.6, "1", "speed between maneuvers, and of the turn after a run, over the stall")
 

@@ -28,11 +28,11 @@ def lines(result: RouteResult) -> Iterator[str]:
     yield _no_return(result.no_return, result.sure)
     yield f"One more kilometer into the wind costs {_with_ends(result.headwind_Wh_per_km, 1, 2)} Wh."
     near = min(result.directions, key=lambda direction: direction.safe_radius_m)
-    far = max(result.directions, key=lambda direction: direction.safe_radius_m)
+    longest = max(result.directions, key=lambda direction: direction.safe_radius_m)
     yield (
         f"Farthest safe point of return on one charge, without climb: {near.safe_radius_m / 1000:.1f} km out on course"
-        f" {course_text(radians(near.course_deg))}, the shortest, {far.safe_radius_m / 1000:.1f} km on course"
-        f" {course_text(radians(far.course_deg))}, the longest."
+        f" {course_text(radians(near.course_deg))}, the shortest, {longest.safe_radius_m / 1000:.1f} km on course"
+        f" {course_text(radians(longest.course_deg))}, the longest."
     )
     yield (
         f"Airspeeds allowed: {result.slowest_airspeed_mps:.1f} to {result.fastest_airspeed_mps:.1f} m/s (equivalent),"
@@ -47,8 +47,8 @@ def _pool(result: RouteResult) -> str:
     curve = f"Curve of {len(result.flights)} flights together"
     if not result.losses_of:
         return f"{curve}."
-    of = "all" if len(result.losses_of) == len(result.flights) else ", ".join(result.losses_of)
-    return f"{curve}; losses of the power train: mean of {of}."
+    averaged = "all" if len(result.losses_of) == len(result.flights) else ", ".join(result.losses_of)
+    return f"{curve}; losses of the power train: mean of {averaged}."
 
 
 def _row(leg: LegResult) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ class RemoteLog:
     version: str
 
     def __str__(self) -> str:
-        return shown(self.address)
+        return printable(self.address)
 
     @property
     def place(self) -> PurePosixPath:
@@ -77,7 +77,7 @@ def is_address(text: str) -> bool:
     return ADDRESS.match(text) is not None
 
 
-def shown(address: str) -> str:
+def printable(address: str) -> str:
     """The address to print: without the signature that follows a question mark."""
     return address.split("?", 1)[0] if address.startswith("http") else address
 
@@ -98,7 +98,7 @@ def find_logs(given: Sequence[str]) -> FoundLogs:
         try:
             if is_address(argument):
                 listed = _listed(argument)
-                listing.in_folders |= [str(log) for log in listed] != [shown(argument)]
+                listing.in_folders |= [str(log) for log in listed] != [printable(argument)]
                 listing.logs += listed
             elif (folder := Path(argument)).is_dir():
                 listing.in_folders = True
@@ -120,11 +120,13 @@ def file_system(address: str) -> tuple["AbstractFileSystem", str]:
     try:
         from fsspec.core import url_to_fs
     except ModuleNotFoundError:
-        raise InputError(f'{shown(address)}: fsspec is not installed; in the clone: pip install ".[fleet]"') from None
+        raise InputError(
+            f'{printable(address)}: fsspec is not installed; in the clone: pip install ".[fleet]"'
+        ) from None
     try:
         fs, path = url_to_fs(address)
     except (ImportError, ValueError) as error:
-        raise InputError(f"{shown(address)}: cannot be reached ({error})") from None
+        raise InputError(f"{printable(address)}: cannot be reached ({error})") from None
     return fs, path.rstrip("/")
 
 
@@ -149,26 +151,26 @@ def _listed(address: str) -> list[RemoteLog]:
         with ThreadPoolExecutor() as pool:
             return dict(zip(names, pool.map(fs.info, names), strict=True))
 
-    listing = _asked(address, entries)
+    listing = _answer_of(address, entries)
     logs = [
         RemoteLog(fs.unstrip_protocol(name), info.get("size"), _version(info))
         for name, info in sorted(listing.items())
         if len(listing) == 1 or _is_log(name)
     ]
     if not logs:
-        raise InputError(f"{shown(address)}: no logs there")
+        raise InputError(f"{printable(address)}: no logs there")
     return logs
 
 
 def _is_log(name: str) -> bool:
-    return PurePosixPath(shown(name)).suffix.lower() in suffixes()
+    return PurePosixPath(printable(name)).suffix.lower() in suffixes()
 
 
 def _version(info: Mapping[str, Any]) -> str:
     return next((str(info[name]) for name in VERSIONS if info.get(name)), "")
 
 
-def _asked(address: str, ask: Callable[[], T]) -> T:
+def _answer_of(address: str, ask: Callable[[], T]) -> T:
     """What a store answers; it is asked again where it fails or wants to be asked less often. Raises InputError."""
     pause_s, left_s = 1.0, CAMPAIGN.connect_s
     while True:
@@ -176,14 +178,14 @@ def _asked(address: str, ask: Callable[[], T]) -> T:
             return ask()
         except Exception as error:  # of each library its own kinds
             if pause_s > left_s or isinstance(error, FOR_GOOD):
-                message = " ".join(str(error).replace(address, shown(address)).split())
+                message = " ".join(str(error).replace(address, printable(address)).split())
                 # A missing file's error holds the address alone.
                 cause = (
                     message
-                    if message not in ("", shown(address))
+                    if message not in ("", printable(address))
                     else "nothing answers there, or there is no such file"
                 )
-                raise InputError(f"{shown(address)}: cannot be read ({cause})") from None
+                raise InputError(f"{printable(address)}: cannot be read ({cause})") from None
             time.sleep(pause_s)
             pause_s, left_s = 2 * pause_s, left_s - pause_s
 
@@ -197,7 +199,7 @@ def fetch(log: RemoteLog, to: Path) -> str:
         if log.size is not None and to.stat().st_size != log.size:
             raise OSError(f"{to.stat().st_size} bytes of {log.size}, or it was rewritten meanwhile")
 
-    _asked(log.address, copied)
+    _answer_of(log.address, copied)
     with to.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

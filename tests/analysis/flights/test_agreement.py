@@ -245,14 +245,14 @@ def test_thrust_is_known_where_a_flight_that_was_there_had_it_within_the_table()
     at = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
     CL = np.array([0.25, 0.35, 0.55, 0.75, 0.95])
 
-    def one(CLs: list[float], extrapolated: list[bool]) -> SimpleNamespace:
+    def flight_of(CLs: list[float], extrapolated: list[bool]) -> SimpleNamespace:
         points = [
             SimpleNamespace(speed_mps=float(speed_at(c, at)), extrapolated=e)
             for c, e in zip(CLs, extrapolated, strict=True)
         ]
         return SimpleNamespace(content=SimpleNamespace(power_required=points), flown_CL=(0.3, 0.8), condition=at)
 
-    flights = [one([0.35, 0.55, 0.75], [True, False, False])]
+    flights = [flight_of([0.35, 0.55, 0.75], [True, False, False])]
     assert thrust_known(flights, CL).tolist() == [False, False, True, True, False]  # type: ignore[arg-type]
     flights.append(SimpleNamespace(content=SimpleNamespace(power_required=[]), flown_CL=(0.3, 0.4), condition=at))
     assert thrust_known(flights, CL).tolist() == [False, True, True, True, False]  # type: ignore[arg-type]
