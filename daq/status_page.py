@@ -153,13 +153,13 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
 
 def _values(values: Values) -> list[Row]:
     """The latest readings, without those that are missing."""
-    shown = (
+    lines = (
         ("airspeed", values.airspeed_mps, "{:.1f} m/s"),
         ("height", values.height_msl_m, "{:.0f} m above sea level"),
         ("satellites", values.satellites, "{}"),
         ("motor", None if values.motor_speed_revps is None else 60 * values.motor_speed_revps, "{:.0f} rpm"),
     )
-    return [(name, text.format(value), True) for name, value, text in shown if value is not None]
+    return [(name, text.format(value), True) for name, value, text in lines if value is not None]
 
 
 def _logs(directory: Path) -> list[Row]:

@@ -219,9 +219,11 @@ def _truth(log: Messages) -> dict[str, Channel]:
 
 def _without_current(batteries: list[Battery]) -> dict[frozenset[str], str]:
     """What a battery shows that gave no current."""
-    shown = [battery for battery in batteries if len(battery.voltage.value)]
+    with_voltage = [battery for battery in batteries if len(battery.voltage.value)]
     return (
-        {recording.OF_BATTERY: f" (it shows {np.median(shown[0].voltage.value):.1f} V and no current)"} if shown else {}
+        {recording.OF_BATTERY: f" (it shows {np.median(with_voltage[0].voltage.value):.1f} V and no current)"}
+        if with_voltage
+        else {}
     )
 
 
@@ -254,9 +256,9 @@ def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, lis
     flown = [len(table["t_s"]) for table in used]
     if len(sensors) > 1 and sum(flown) >= READABLE.fewest_samples:
         names = [f"{kind} {number}" for (kind, number), n in zip(sensors, flown, strict=True) if n]
-        both = {name: np.concatenate([table[name] for table in used]) for name in used[0]}
-        order = np.argsort(both["t_s"], kind="stable")
-        return _airspeed_pressure({name: x[order] for name, x in both.items()}), [
+        joined = {name: np.concatenate([table[name] for table in used]) for name in used[0]}
+        order = np.argsort(joined["t_s"], kind="stable")
+        return _airspeed_pressure({name: x[order] for name, x in joined.items()}), [
             f"Airspeed is that of {' and '.join(names)}, which the autopilot used."
         ]
     if sensors and sum(flown) < READABLE.fewest_samples:
@@ -267,7 +269,7 @@ def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, lis
 
 def _thermometers(log: Messages) -> dict[str, Channel]:
     """Exactly 0 °C throughout is what firmware writes without a thermometer. BARO_GND_TEMP is what the user entered."""
-    shown = {
+    channels = {
         f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + 273.15)
         for (kind, instance), table in log.tables.items()
         if kind in (*AIRSPEED, *BAROMETER) and np.any(table["Temp"] != 0)
@@ -275,8 +277,8 @@ def _thermometers(log: Messages) -> dict[str, Channel]:
     ground = log.parameters.get("BARO_GND_TEMP", 0.0)
     for table in log.of(BAROMETER)[:1]:
         if ground:
-            shown["BARO_GND_TEMP"] = channel(table["t_s"], np.full(len(table["t_s"]), ground + 273.15))
-    return shown
+            channels["BARO_GND_TEMP"] = channel(table["t_s"], np.full(len(table["t_s"]), ground + 273.15))
+    return channels
 
 
 def _motors(log: Messages) -> list[Channel]:

@@ -189,11 +189,11 @@ def _units(form: Form | None, units: dict[str, NDArray[Any]], multipliers: dict[
     if not len(units.get("FmtType", ())):
         return {field: 0.01 for field in form.whole_numbers() if field in ("Volt", "Curr")}
     pairs = zip(units["FmtType"], units.get("MultIds", ()), strict=False)
-    mine = [ids for number, ids in pairs if number == form.number and isinstance(ids, bytes)]
+    of_form = [ids for number, ids in pairs if number == form.number and isinstance(ids, bytes)]
     ids, factors = (multipliers.get(name, np.zeros(0)) for name in ("Id", "Mult"))
     usable = without_damage(factors) if factors.dtype.kind == "f" else np.zeros(0)
     by_id = dict(zip(ids.tolist(), usable.tolist(), strict=False))
-    told_factors = [by_id.get(identity, 0.0) for identity in (mine[-1] if mine else b"")]
+    told_factors = [by_id.get(identity, 0.0) for identity in (of_form[-1] if of_form else b"")]
     known = {field: x for field, x in zip(form.fields, told_factors, strict=False) if x != 0 and np.isfinite(x)}
     return {field: known[field] for field in form.whole_numbers() if field in known}
 

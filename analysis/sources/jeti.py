@@ -52,14 +52,14 @@ def read_jeti(text: str) -> dict[str, Array]:
                 values[device, number][time_ms] = decoded
                 if kind == str(Type.POSITION.value) and "[" not in names.get((device, number), "["):
                     names[device, number] += " [°]"
-    times_ms = np.array(sorted({at for of in values.values() for at in of}), dtype=float)
+    times_ms = np.array(sorted({at for at_times in values.values() for at in at_times}), dtype=float)
     columns: dict[str, Array] = {TIME: 1e-3 * (times_ms - times_ms[:1])}
     seen: Counter[str] = Counter()
-    for (device, number), of in values.items():
+    for (device, number), at_times in values.items():
         name = f"{devices.get(device, device)} {names.get((device, number), number)}"
         seen[name] += 1
         column = np.full(len(times_ms), np.nan)
-        column[np.searchsorted(times_ms, list(of))] = list(of.values())
+        column[np.searchsorted(times_ms, list(at_times))] = list(at_times.values())
         columns[name if seen[name] == 1 else f"{name} number {seen[name]}"] = column
     return columns
 
@@ -67,9 +67,9 @@ def read_jeti(text: str) -> dict[str, Array]:
 def _value(kind: str, decimals: str, value: str) -> float | None:
     """The number; of a position in degrees. None for a time, a date, and what is damaged."""
     try:
-        of, digits, whole = Type(int(kind)), int(decimals), int(value)
+        value_type, digits, whole = Type(int(kind)), int(decimals), int(value)
     except ValueError:
         return None
-    if of is Type.POSITION:  # thousandths of a minute, and degrees; South and West are marked beside the decimals
+    if value_type is Type.POSITION:  # thousandths of a minute, degrees; South and West are marked beside the decimals
         return ((whole >> 16 & 0xFF) + (whole & 0xFFFF) / 60_000) * (-1 if digits & 2 else 1)
     return whole / 10**digits if 0 <= digits <= 8 and abs(whole) < 2**31 else None

@@ -168,10 +168,10 @@ class Grid:
 
     def ground_velocity(self) -> tuple[tuple[Quantity, ...], Array, Array] | None:
         """North and east, by which quantities."""
-        if (both := self.all(Q.VELOCITY_NORTH, Q.VELOCITY_EAST)) is not None:
-            return (Q.VELOCITY_NORTH, Q.VELOCITY_EAST), both[0], both[1]
-        if (both := self.all(Q.GROUND_SPEED, Q.COURSE)) is not None:
-            return (Q.GROUND_SPEED, Q.COURSE), both[0] * np.cos(both[1]), both[0] * np.sin(both[1])
+        if (pair := self.all(Q.VELOCITY_NORTH, Q.VELOCITY_EAST)) is not None:
+            return (Q.VELOCITY_NORTH, Q.VELOCITY_EAST), pair[0], pair[1]
+        if (pair := self.all(Q.GROUND_SPEED, Q.COURSE)) is not None:
+            return (Q.GROUND_SPEED, Q.COURSE), pair[0] * np.cos(pair[1]), pair[0] * np.sin(pair[1])
         if {Q.LATITUDE, Q.LONGITUDE} <= self._channels.keys():
             by_position = velocity_by_position(self._channels[Q.LATITUDE], self._channels[Q.LONGITUDE])
             north, east = (resampled(channel, self.t_s) for channel in by_position)
@@ -246,14 +246,14 @@ def findings(channels: Channels, name: Callable[[Quantity], str]) -> list[Findin
 def _ranges(channels: Channels, name: Callable[[Quantity], str]) -> Iterator[Finding]:
     for quantity, channel in channels.items():
         kind = KINDS[quantity]
-        beyond = np.logical_or(channel.value < kind.least, channel.value > kind.greatest)
-        if np.mean(beyond) > 0.2:
-            usual = float(np.median(channel.value[beyond]))
+        out_of_range = np.logical_or(channel.value < kind.least, channel.value > kind.greatest)
+        if np.mean(out_of_range) > 0.2:
+            usual = float(np.median(channel.value[out_of_range]))
             yield Finding(
                 Mistake.RANGE,
                 (quantity,),
-                f"{name(quantity)} is {usual:.4g} {kind.unit} in {100 * np.mean(beyond):.0f} % of the table, which it"
-                " cannot be: correct its unit or column in the map",
+                f"{name(quantity)} is {usual:.4g} {kind.unit} in {100 * np.mean(out_of_range):.0f} % of the table,"
+                " which it cannot be: correct its unit or column in the map",
             )
 
 
@@ -284,9 +284,9 @@ def _gravity(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
 
 
 def _battery(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
-    both = grid.all(Q.VOLTAGE, Q.CURRENT)
-    if both is not None:
-        spread = [float(np.nanstd(values)) / max(abs(float(np.nanmean(values))), 1e-9) for values in both]
+    pair = grid.all(Q.VOLTAGE, Q.CURRENT)
+    if pair is not None:
+        spread = [float(np.nanstd(values)) / max(abs(float(np.nanmean(values))), 1e-9) for values in pair]
         if spread[0] > 0.15 and spread[0] > 1.5 * spread[1]:
             yield Finding(
                 Mistake.EXCHANGED,
@@ -296,8 +296,8 @@ def _battery(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
             )
     low = grid[Q.CURRENT] if grid[Q.POWER] is None else grid[Q.POWER]
     if low is not None and np.nanpercentile(low, 5) < -0.5 and np.nanmedian(low) < 0:
-        of = Q.CURRENT if grid[Q.POWER] is None else Q.POWER
-        yield Finding(Mistake.SIGN, (of,), f"{name(of)} is negative in flight: factor = -1 in the map")
+        quantity = Q.CURRENT if grid[Q.POWER] is None else Q.POWER
+        yield Finding(Mistake.SIGN, (quantity,), f"{name(quantity)} is negative in flight: factor = -1 in the map")
 
 
 def _attitude_laws(grid: Grid) -> Iterator[Law]:
@@ -323,8 +323,8 @@ def _attitude_laws(grid: Grid) -> Iterator[Law]:
         for quantity, by_angles in turning_by.items():
             if (rate := grid[quantity]) is not None:
                 yield Law((quantity, Q.ROLL, Q.PITCH, Q.HEADING), rate, by_angles, True)
-    elif (both := grid.all(Q.ROLL_RATE, Q.ROLL)) is not None:
-        yield Law((Q.ROLL_RATE, Q.ROLL), both[0], grid.rate(both[1]), True)
+    elif (pair := grid.all(Q.ROLL_RATE, Q.ROLL)) is not None:
+        yield Law((Q.ROLL_RATE, Q.ROLL), pair[0], grid.rate(pair[1]), True)
     ground, airspeed = grid.ground_velocity(), grid.airspeed()
     if ground is None:
         return
@@ -364,7 +364,7 @@ def _speed_laws(grid: Grid) -> Iterator[Law]:
     airspeed, height = grid.airspeed(), grid.height()
     if airspeed is None:
         return
-    of, V = airspeed
+    speed_quantity, V = airspeed
     flown = _flown(V)
     down, q, alpha = grid[Q.FORCE_DOWN], grid[Q.PITCH_RATE], grid[Q.ANGLE_OF_ATTACK]
     angles = grid.all(Q.ROLL, Q.PITCH)
@@ -373,27 +373,31 @@ def _speed_laws(grid: Grid) -> Iterator[Law]:
         lag_s = _heave_s(V)
         if alpha is not None:  # what heaving takes of it
             needed, lag_s = needed - grid.rate(V * np.sin(alpha)), 0.0
-        yield Law((Q.FORCE_DOWN, Q.PITCH_RATE, of), np.where(flown, -down, np.nan), needed, False, lag_s=lag_s)
+        yield Law(
+            (Q.FORCE_DOWN, Q.PITCH_RATE, speed_quantity), np.where(flown, -down, np.nan), needed, False, lag_s=lag_s
+        )
     if alpha is not None and down is not None:
-        yield Law((Q.ANGLE_OF_ATTACK, Q.FORCE_DOWN, of), *SIDES[Motion.LIFT_BY_ANGLE_OF_ATTACK](grid), False)
+        yield Law(
+            (Q.ANGLE_OF_ATTACK, Q.FORCE_DOWN, speed_quantity), *SIDES[Motion.LIFT_BY_ANGLE_OF_ATTACK](grid), False
+        )
     for quantity in (Q.INDICATED_AIRSPEED, Q.DYNAMIC_PRESSURE):
-        if quantity is not of and (other := grid[quantity]) is not None:
-            shown = (
+        if quantity is not speed_quantity and (other := grid[quantity]) is not None:
+            component = (
                 other if quantity is Q.INDICATED_AIRSPEED else np.sqrt(2 * np.maximum(other, 0.0) / SEA_LEVEL_DENSITY)
             )
-            yield Law((quantity, of), shown, V, True)
+            yield Law((quantity, speed_quantity), component, V, True)
     if height is not None and grid.all(Q.FORCE_FORWARD, Q.FORCE_DOWN, Q.ANGLE_OF_ATTACK) is not None:
-        yield Law((Q.FORCE_FORWARD, of, height[0]), *SIDES[Motion.FORCE_ALONG_PATH](grid), True)
+        yield Law((Q.FORCE_FORWARD, speed_quantity, height[0]), *SIDES[Motion.FORCE_ALONG_PATH](grid), True)
 
 
 def _power_laws(grid: Grid) -> Iterator[Law]:
-    both = grid.all(Q.VOLTAGE, Q.CURRENT)
-    power = grid[Q.POWER] if both is None else both[0] * both[1]
-    of = Q.POWER if both is None else Q.CURRENT
+    pair = grid.all(Q.VOLTAGE, Q.CURRENT)
+    power = grid[Q.POWER] if pair is None else pair[0] * pair[1]
+    source = Q.POWER if pair is None else Q.CURRENT
     if power is not None:
         for quantity in (Q.MOTOR_SPEED, Q.THROTTLE):
             if (values := grid[quantity]) is not None:
-                yield Law((quantity, of), values, np.cbrt(np.maximum(power, 0.0)), False)
+                yield Law((quantity, source), values, np.cbrt(np.maximum(power, 0.0)), False)
     airspeed, height = grid.airspeed(), grid.height()
     if airspeed is None or height is None:
         return
@@ -538,7 +542,7 @@ def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Findi
     if ground is None or airspeed is None:
         return
     quantities, north, east = ground
-    of, V = airspeed
+    speed_quantity, V = airspeed
     down = np.zeros(len(north)) if (sinking := grid[Q.VELOCITY_DOWN]) is None else np.nan_to_num(sinking)
     flown = np.isfinite(V + north + east) & _flown(V)
     if flown.sum() * FLIGHT.step_s < 30.0:
@@ -549,23 +553,23 @@ def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Findi
         """Scale, and remaining spread over the airspeed: |v - w|² = k² V², linear in w, |w|² and k²."""
         rows = np.flatnonzero(flown)
         rows = rows[(rows - lag >= 0) & (rows - lag < len(V))][::5]
-        n, e, d, shown = north[rows - lag], east[rows - lag], down[rows - lag], V[rows]
+        n, e, d, airspeed = north[rows - lag], east[rows - lag], down[rows - lag], V[rows]
         usable = np.isfinite(n + e + d)
-        n, e, d, shown = (values[usable] for values in (n, e, d, shown))
-        columns = np.stack([2 * n, 2 * e, shown**2, np.ones(len(n))], axis=1)
-        size = np.mean(shown**2)
+        n, e, d, airspeed = (values[usable] for values in (n, e, d, airspeed))
+        columns = np.stack([2 * n, 2 * e, airspeed**2, np.ones(len(n))], axis=1)
+        size = np.mean(airspeed**2)
         weak = np.diag([2.0, 2.0, 0.0, 0.0]) * np.sqrt(size)  # winds are slow compared with airspeeds
         x = np.linalg.lstsq(np.vstack([columns, weak]), np.append(n**2 + e**2 + d**2, np.zeros(4)), rcond=None)[0]
         left = np.sqrt(np.maximum((n - x[0]) ** 2 + (e - x[1]) ** 2 + d**2, 0.0))
-        scale = float(np.median(left) / np.median(shown))
-        return scale, float(np.std(left / max(scale, 1e-6) - shown))
+        scale = float(np.median(left) / np.median(airspeed))
+        return scale, float(np.std(left / max(scale, 1e-6) - airspeed))
 
     scale, spread = fit(0)
     if not _one_unit(scale):
         yield Finding(
             Mistake.UNIT,
-            (of, *quantities),
-            f"{over} make {scale:.3g} times {name(of)}, less the wind{_looks_like(scale)}",
+            (speed_quantity, *quantities),
+            f"{over} make {scale:.3g} times {name(speed_quantity)}, less the wind{_looks_like(scale)}",
         )
         return
     tried = {lag: fit(lag)[1] for lag in range(-30, 31, 2)}
@@ -574,8 +578,9 @@ def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Findi
         late = "late" if best > 0 else "early"
         yield Finding(
             Mistake.DELAY,
-            (of, *quantities),
-            f"{name(of)} is {late} by {abs(best) * FLIGHT.step_s:.1f} s against {over}: give the delay of one",
+            (speed_quantity, *quantities),
+            f"{name(speed_quantity)} is {late} by {abs(best) * FLIGHT.step_s:.1f} s against {over}: give the delay of"
+            " one",
         )
     heading = grid[Q.HEADING]
     if heading is not None:

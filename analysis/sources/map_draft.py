@@ -193,7 +193,7 @@ def draft(table: Path, output: Path | None = None) -> str:
     """The text of a map. Raises InputError when the table cannot be read, or none of its columns is a time."""
     if autopilot := autopilot_of(table):
         raise InputError(f"{table}: a log of {autopilot}, which needs no map of columns: analyze it as it is")
-    columns, beyond = read_table(table)
+    columns, notes = read_table(table)
     proposed = proposal(table, columns, output or table)
     left_out: dict[Quantity, tuple[MappedColumn, str]] = {}
     tried = [proposed]
@@ -206,7 +206,7 @@ def draft(table: Path, output: Path | None = None) -> str:
         suspect = _suspect(wrong)
         left_out[suspect] = (proposed.columns[suspect], wrong[0].text)
         proposed = replace(proposed, columns={q: note for q, note in proposed.columns.items() if q is not suspect})
-    return _text(table, columns, proposed, left_out) + "".join(f"\n# {note}\n" for note in beyond)
+    return _text(table, columns, proposed, left_out) + "".join(f"\n# {note}\n" for note in notes)
 
 
 def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
@@ -416,8 +416,10 @@ def _mended(
             left = _findings(table, columns, changed)
             if len(left) < fewest:
                 best, fewest = changed, len(left)
-            gone = all((other.mistake, other.quantities) != (finding.mistake, finding.quantities) for other in left)
-            if as_many is None and len(left) == len(wrong) and gone and changed not in tried:
+            is_mended = all(
+                (other.mistake, other.quantities) != (finding.mistake, finding.quantities) for other in left
+            )
+            if as_many is None and len(left) == len(wrong) and is_mended and changed not in tried:
                 as_many = changed
         if best is not None:
             return best
@@ -430,13 +432,13 @@ def _changes(proposed: ColumnMap, wrong: Finding) -> Iterator[ColumnMap]:
         if quantity not in proposed.columns:
             continue
         column = proposed.columns[quantity]
-        together = next((group for group in ALIKE if quantity in group), (quantity,))
+        alike = next((group for group in ALIKE if quantity in group), (quantity,))
         # Values of angles show their unit themselves.
         fixed = KINDS[quantity].unit == "rad" or _unit_by_name(column.column, quantity) is not None
         for unit in (column.unit,) if fixed else UNITS[KINDS[quantity].unit]:
             entries = dict(proposed.columns)
             if unit != column.unit:
-                entries |= {q: replace(entries[q], unit=unit) for q in together if q in entries}
+                entries |= {q: replace(entries[q], unit=unit) for q in alike if q in entries}
                 yield replace(proposed, columns=dict(entries))
             if quantity not in UNSIGNED:
                 entries[quantity] = replace(entries[quantity], factor=-entries[quantity].factor)

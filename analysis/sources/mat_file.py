@@ -127,12 +127,12 @@ def _matrix(content: memoryview, end: str) -> tuple[str, Any]:
         fields = [names[at : at + length].split(b"\0")[0].decode("latin-1") for at in range(0, len(names), length)]
         return name, {field: _matrix(next(parts)[1], end)[1] for field in fields} if count == 1 else None
     if kind == Class.CHAR:
-        of, text = next(parts, (1, memoryview(b"")))
-        return name, _text(bytes(text), TEXTS[Kind(of)], end, shape)
+        data_type, text = next(parts, (1, memoryview(b"")))
+        return name, _text(bytes(text), TEXTS[Kind(data_type)], end, shape)
     if not Class.FIRST_NUMBER <= kind <= Class.LAST_NUMBER or word & Flag.COMPLEX:
         return name, None
-    of, numbers = next(parts, (9, memoryview(b"")))
-    return name, np.squeeze(np.frombuffer(numbers, end + NUMBERS[Kind(of)]).reshape(shape, order="F"))
+    data_type, numbers = next(parts, (9, memoryview(b"")))
+    return name, np.squeeze(np.frombuffer(numbers, end + NUMBERS[Kind(data_type)]).reshape(shape, order="F"))
 
 
 def _text(packed: bytes, encoding: str, end: str, shape: tuple[int, ...]) -> Any:

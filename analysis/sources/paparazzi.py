@@ -171,11 +171,11 @@ def _tables(path: Path) -> dict[str, Table]:
 
 def _airspeed(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
     """Differential pressure, and notes. Both messages show one sensor, less the zero of the autopilot."""
-    air, shown = tables.get("AIR_DATA"), tables.get("AIRSPEED")
+    air, airspeed = tables.get("AIR_DATA"), tables.get("AIRSPEED")
     measured = channel([], []) if air is None else channel(air["t_s"], air["differential_Pa"])
     by_speed = channel([], [])
-    if shown is not None and np.any(shown["airspeed_mps"] > 0):
-        by_speed = channel(shown["t_s"], recording.pressure_of_indicated_airspeed(shown["airspeed_mps"]))
+    if airspeed is not None and np.any(airspeed["airspeed_mps"] > 0):
+        by_speed = channel(airspeed["t_s"], recording.pressure_of_indicated_airspeed(airspeed["airspeed_mps"]))
     if not len(measured.t_s) or not np.any(measured.value > 0):
         return (by_speed if len(by_speed.t_s) else None), []
     if not len(by_speed.t_s):

@@ -186,8 +186,8 @@ def without_jumps(*groups: Mapping[str, Channel]) -> tuple[list[dict[str, Channe
     main = groups[0].get(AIRSPEED_PRESSURE, groups[0].get(GPS[0]))
     if main is None:
         return [dict(group) for group in groups], []
-    together = {name: channel for group in groups for name, channel in group.items()}
-    kept, notes = without_clock_jumps(main, together)
+    joined = {name: channel for group in groups for name, channel in group.items()}
+    kept, notes = without_clock_jumps(main, joined)
     return [{name: kept[name] for name in group if name in kept} for group in groups], notes
 
 
@@ -241,8 +241,8 @@ def _without_single_times(channel: Channel) -> Channel:
     """Without samples whose time differs from those of both neighbors, which agree with one another."""
     if len(channel.t_s) < 3:
         return channel
-    before, here, after = channel.t_s[:-2], channel.t_s[1:-1], channel.t_s[2:]
-    wrong = (after >= before) & ((here > after) | (here < before))
+    before, at, after = channel.t_s[:-2], channel.t_s[1:-1], channel.t_s[2:]
+    wrong = (after >= before) & ((at > after) | (at < before))
     kept = np.concatenate([[True], ~wrong, [True]])
     return Channel(channel.t_s[kept], channel.value[kept])
 
@@ -353,8 +353,10 @@ def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
         return ()
     working = current_A >= np.mean(current_A)
     t_s, current_A = t_s[working], current_A[working]
-    shown = [(battery, battery.current.at(t_s)) for battery in others if len(battery.current.t_s)]
-    largest = sorted(shown, key=lambda pair: -float(np.mean(pair[1])))[:8]  # the combinations stay few in a damaged log
+    measured = [(battery, battery.current.at(t_s)) for battery in others if len(battery.current.t_s)]
+    largest = sorted(measured, key=lambda pair: -float(np.mean(pair[1])))[
+        :8
+    ]  # the combinations stay few in a damaged log
     errors_A = {
         parts: float(np.median(np.abs(current_A - sum(largest[i][1] for i in parts))))
         for count in range(2, len(largest) + 1)
@@ -367,8 +369,8 @@ def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
 def _same_pack(battery: Battery, other: Battery) -> bool:
     """Whether two monitors show the same voltage, and the same current at each time, within their errors."""
     t_s = battery.current.t_s
-    shown = [(b.voltage.at(t_s), b.current.at(t_s)) for b in (battery, other)]
-    (V, A), (other_V, other_A) = shown
+    measured = [(b.voltage.at(t_s), b.current.at(t_s)) for b in (battery, other)]
+    (V, A), (other_V, other_A) = measured
     error_V = float(np.median(np.abs(V - other_V)))
     return error_V < 0.02 * float(np.median(V)) and _same_current(A, float(np.median(np.abs(A - other_A))))
 

@@ -65,7 +65,7 @@ def _check_fields(log: Log, topic: str) -> None:
     """Raises InputError if a required field has no value, or an optional one is there under another name."""
     entries = log.entries[topic]
     good = is_good(entries)
-    used = [field for of, field in COLUMNS.values() if of == topic]
+    used = [field for its_topic, field in COLUMNS.values() if its_topic == topic]
     empty = [field for field in used if np.isnan(values(entries, field)[good]).all()]
     known = {field.name for field in msgspec.structs.fields(TYPE_OF_TOPIC[topic])}
     unknown = sorted(log.fields.get(topic, frozenset()) - known)

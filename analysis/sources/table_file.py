@@ -206,14 +206,14 @@ def _at_times_of_all(vectors: Mapping[str, Array]) -> tuple[Columns, list[str]] 
     )  # times that differ by less are one
     first = min(float(clock[0]) for clock in clocks.values())
     places = {key: np.round((clock - first) / tick) for key, clock in clocks.items()}
-    together = np.unique(np.concatenate(list(places.values())))
-    columns = {leaf: first + tick * together}
+    at_all = np.unique(np.concatenate(list(places.values())))
+    columns = {leaf: first + tick * at_all}
     without = []
     for name, value in vectors.items():
         key = (name.rpartition(".")[0], len(value))
         if key not in clocks:
             without.append(name)
         elif name != structures[key]:
-            columns[name] = np.full(len(together), np.nan)
-            columns[name][np.searchsorted(together, places[key])] = value
+            columns[name] = np.full(len(at_all), np.nan)
+            columns[name][np.searchsorted(at_all, places[key])] = value
     return columns, without

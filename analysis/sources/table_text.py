@@ -164,10 +164,10 @@ def positions_of(cells: Any) -> tuple[Array, Array] | None:
 
     cells : pandas.Series of texts
     """
-    both = cells.astype(str).str.extract(r"^\s*([NS+-]?\d+\.\d+)[NS]?[ ,;]+([EW+-]?\d+\.\d+)[EW]?\s*$")
-    if both[0].notna().mean() < 0.5 * cells.notna().mean():
+    parts = cells.astype(str).str.extract(r"^\s*([NS+-]?\d+\.\d+)[NS]?[ ,;]+([EW+-]?\d+\.\d+)[EW]?\s*$")
+    if parts[0].notna().mean() < 0.5 * cells.notna().mean():
         return None
     return tuple(
-        both[i].str.replace(r"^[NE]", "", regex=True).str.replace(r"^[SW]", "-", regex=True).astype(float).to_numpy()
+        parts[i].str.replace(r"^[NE]", "", regex=True).str.replace(r"^[SW]", "-", regex=True).astype(float).to_numpy()
         for i in (0, 1)
     )

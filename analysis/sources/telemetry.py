@@ -131,14 +131,14 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
     _complete(tables)
     beats = tables.get("HEARTBEAT")
     px4 = beats is not None and np.any(beats["autopilot"] == mavlink.MAV_AUTOPILOT_PX4)
-    pressure, shown = tables.get("SCALED_PRESSURE"), tables.get("VFR_HUD")
+    pressure, hud = tables.get("SCALED_PRESSURE"), tables.get("VFR_HUD")
     if pressure is not None:
         t = pressure["TimeUS"]
         out["BARO"] = {"TimeUS": t, "Press": 100.0 * pressure["press_abs"], "Temp": 0.01 * pressure["temperature"]}
-        if shown is not None and np.any(pressure["press_diff"] != 0):
-            difference_Pa = np.interp(shown["TimeUS"], t, 100.0 * pressure["press_diff"])
-            celsius = 0.01 * np.interp(shown["TimeUS"], t, pressure["temperature_press_diff"])
-            airspeed = {"TimeUS": shown["TimeUS"], "Airspeed": shown["airspeed"], "DiffPress": difference_Pa}
+        if hud is not None and np.any(pressure["press_diff"] != 0):
+            difference_Pa = np.interp(hud["TimeUS"], t, 100.0 * pressure["press_diff"])
+            celsius = 0.01 * np.interp(hud["TimeUS"], t, pressure["temperature_press_diff"])
+            airspeed = {"TimeUS": hud["TimeUS"], "Airspeed": hud["airspeed"], "DiffPress": difference_Pa}
             out["ARSP"] = airspeed | {"Temp": celsius}
     status = tables.get("SYS_STATUS")
     if "BAT" in tables:
@@ -169,8 +169,8 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
         out["PARM"] = {
             "Name": parameters["param_id"].astype("S16"), "Value": np.where(whole, value.view(np.int32), value)
         }  # fmt: skip
-    if shown is not None:
-        out["CTUN"] = {"TimeUS": shown["TimeUS"], "ThO": shown["throttle"]}
+    if hud is not None:
+        out["CTUN"] = {"TimeUS": hud["TimeUS"], "ThO": hud["throttle"]}
     if beats is not None and not px4:
         out["MODE"] = {"TimeUS": beats["TimeUS"], "ModeNum": beats["custom_mode"]}
     if (vtol := tables.get("EXTENDED_SYS_STATE")) is not None:
@@ -191,15 +191,15 @@ def _firmware(kind: int) -> bytes:
 
 def _complete(tables: dict[str, Columns]) -> None:
     """Pressure and acceleration from the message in which PX4 sends both, where the others are missing."""
-    both = tables.get("HIGHRES_IMU")
-    if both is None:
+    imu = tables.get("HIGHRES_IMU")
+    if imu is None:
         return
-    t = both["TimeUS"]
+    t = imu["TimeUS"]
     tables.setdefault("SCALED_PRESSURE", {
-        "TimeUS": t, "press_abs": both["abs_pressure"], "press_diff": both["diff_pressure"],
-        "temperature": 100.0 * both["temperature"], "temperature_press_diff": np.zeros(len(t)),
+        "TimeUS": t, "press_abs": imu["abs_pressure"], "press_diff": imu["diff_pressure"],
+        "temperature": 100.0 * imu["temperature"], "temperature_press_diff": np.zeros(len(t)),
     })  # fmt: skip
-    tables.setdefault("RAW_IMU", {"TimeUS": t} | {f"{axis}acc": both[f"{axis}acc"] * (1e3 / g) for axis in "xyz"})
+    tables.setdefault("RAW_IMU", {"TimeUS": t} | {f"{axis}acc": imu[f"{axis}acc"] * (1e3 / g) for axis in "xyz"})
 
 
 def _as_numbers(columns: Columns) -> Columns:

@@ -47,7 +47,7 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
                 break
             if block[at + 2] == data:
                 number = block[begin] | block[begin + 1] << 8
-                if (of := sizes.get(number)) is not None and of[0] <= size <= of[1]:
+                if (limits := sizes.get(number)) is not None and limits[0] <= size <= limits[1]:
                     places[number].append(begin + 2)
                 elif number not in left_out or size < 2:
                     expected = False

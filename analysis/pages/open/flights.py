@@ -29,12 +29,12 @@ def open_flight(path: Path, workspace: Path, reading: Future[Log] | None = None)
     with suppress(BrokenExecutor):
         source = reading.result() if reading else None
     source = source or open_source(path)
-    way = way_of(source)
-    if isinstance(source, Log) and is_table(path) and not way.without_drag:
+    method = way_of(source)
+    if isinstance(source, Log) and is_table(path) and not method.without_drag:
         from flightpower.analysis.sources.table import refuse_without_method
 
         refuse_without_method(source)
-    if way.kind is Kind.POWER_REQUIRED:
+    if method.kind is Kind.POWER_REQUIRED:
         from flightpower.analysis.pages.open.runs_flight import RunsFlight  # loads casadi
 
         assert isinstance(source, Log)

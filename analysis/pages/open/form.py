@@ -180,11 +180,11 @@ def as_toml(key: str, text: str) -> str:
     """What was typed as a TOML value: a list where the key has one; numbers, true and false as such, else text."""
     if _is_list(key) and not text.lstrip().startswith("["):
         parts = text.split(";" if ";" in text else ",")
-        return f"[{', '.join(_one(part.strip()) for part in parts)}]"
-    return _one(text)
+        return f"[{', '.join(_parsed_value(part.strip()) for part in parts)}]"
+    return _parsed_value(text)
 
 
-def _one(text: str) -> str:
+def _parsed_value(text: str) -> str:
     try:
         value = tomllib.loads(f"value = {text}")
         if len(value) == 1 and isinstance(value["value"], bool | int | float | list):

@@ -76,14 +76,14 @@ def _modes(events: Sequence[Event], panel: int, end_s: float) -> list[Bars]:
     names = list(dict.fromkeys(event.text for event in switched))
     bars = []
     for i, name in enumerate(names):
-        here = np.array([event.text == name for event in switched]) & (lengths > 0)
+        in_mode = np.array([event.text == name for event in switched]) & (lengths > 0)
         room = len(name) / LIMITS.letters * end_s
         bars.append(
             Bars(
-                x=lengths[here], base=starts[here], y=np.full(int(here.sum()), 0.35), width=0.6, lying=True,
-                panel=panel, color=PALETTE[i % len(PALETTE)], opacities=[0.3] * int(here.sum()), label=name,
+                x=lengths[in_mode], base=starts[in_mode], y=np.full(int(in_mode.sum()), 0.35), width=0.6, lying=True,
+                panel=panel, color=PALETTE[i % len(PALETTE)], opacities=[0.3] * int(in_mode.sum()), label=name,
                 value="for {x:.0f} s",
-                texts=[name if length > room else "" for length in lengths[here]],
+                texts=[name if length > room else "" for length in lengths[in_mode]],
             )
         )  # fmt: skip
     return bars
