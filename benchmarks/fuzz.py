@@ -120,8 +120,8 @@ def frames(name: str) -> bytes:
     return port.read_available()
 
 
-@app.command()
-def one(name: str, inputs: int = 50_000, seed: int = 1) -> None:
+@app.command("one")
+def one_target(name: str, inputs: int = 50_000, seed: int = 1) -> None:
     """Fuzz one target in this process. Ends at the first defect."""
     import atheris
 

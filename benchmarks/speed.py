@@ -127,7 +127,7 @@ def records(
     rows["peak memory, MB"] = [timing["MB"] for timing in best.values()]
     table: list[Record] = [{"step": "minutes of log", "now": rounded(now["duration_s"] / 60)}]
     for step, values in rows.items():
-        shown = [rounded(value, 0 if "MB" in step else 2) for value in values]
+        cells = [rounded(value, 0 if "MB" in step else 2) for value in values]
         ratio = {"ratio": rounded(values[0] / values[-1], 2)} if len(values) > 1 and values[-1] else {}
-        table.append({"step": step, **dict(zip(best, shown, strict=True)), **ratio})
+        table.append({"step": step, **dict(zip(best, cells, strict=True)), **ratio})
     return table

@@ -73,7 +73,7 @@ def render_pooled(pooled: PooledResults) -> str:
     return render_page(
         "pooled.html",
         title=_pooled_title(pooled),
-        pools=[_pool_section(*of) for of in zip(of_each_kind(pooled), _PREFIXES, strict=False)],
+        pools=[_pool_section(*section) for section in zip(of_each_kind(pooled), _PREFIXES, strict=False)],
         source=f"flightpower {pooled.software_version}, from the {count(len(pooled.flights), 'flight')} listed",
     )
 
@@ -155,7 +155,9 @@ def render_comparison(comparison: ComparisonResults) -> str:
     return render_page(
         "comparison.html",
         title=_comparison_title(comparison),
-        comparisons=[_comparison_section(*of) for of in zip(of_each_kind(comparison), _PREFIXES, strict=False)],
+        comparisons=[
+            _comparison_section(*section) for section in zip(of_each_kind(comparison), _PREFIXES, strict=False)
+        ],
         source=f"flightpower {comparison.software_version}",
     )
 

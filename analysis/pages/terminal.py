@@ -56,8 +56,8 @@ def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
     _print_page(console, page)
 
 
-def _left_out(of: PooledResults | Configuration) -> list[str]:
-    return [f"left out: {line}" for line in left_out_lines(of)]
+def _left_out(results: PooledResults | Configuration) -> list[str]:
+    return [f"left out: {line}" for line in left_out_lines(results)]
 
 
 def print_comparison(comparison: ComparisonResults, page: Path | None, console: Console) -> None:

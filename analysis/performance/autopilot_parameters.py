@@ -249,11 +249,11 @@ def of_electrical_pool(pool: WithCurves, flights: Sequence[Results]) -> tuple[li
     V = [point.speed_mps for point in curve]
     cruise = min(max(best.speed_mps or V[0], V[0]), V[-1])
     to_equivalent = _equivalent_per_true(pool)
-    shown = [_values_of(flight.autopilot_parameters) for flight in flights]
+    of_flights = [_values_of(flight.autopilot_parameters) for flight in flights]
     wing_loading = wing_loading_of(pool.test.weight_N, pool.aircraft.wing_area_m2)
 
     def mean_of(name: str) -> Interval | None:
-        return mean_interval([values[name] for values in shown if name in values])
+        return mean_interval([values[name] for values in of_flights if name in values])
 
     def airspeed(true_mps: float, name: str) -> Interval:
         """The equivalent airspeed, as far off in proportion as the flights' own."""

@@ -482,8 +482,8 @@ def energy_balance(grid: Grid) -> EnergyBalance | None:
     airspeed, height = grid.airspeed(), grid[Q.HEIGHT]
     if airspeed is None or height is None:
         return None
-    both = grid.all(Q.VOLTAGE, Q.CURRENT)
-    power = both[0] * both[1] if both is not None else grid[Q.POWER]
+    battery = grid.all(Q.VOLTAGE, Q.CURRENT)
+    power = battery[0] * battery[1] if battery is not None else grid[Q.POWER]
     V = airspeed[1]
     power = np.ones(len(V)) if power is None else power
     width = round(LAWS.energy[0] / FLIGHT.step_s)

@@ -142,7 +142,7 @@ def most_probable_fit(
             noise = of_both(air, of_drag, of_force)
         if balance.samples.ground is not None:
             horizontal = balance.by_wind(parameters)
-        noise = noise + of_gusts(lambda both: both, gust_mps, gust_s)
+        noise = noise + of_gusts(lambda stacked: stacked, gust_mps, gust_s)
         factor = root(noise)
         parameters, jacobian = most_probable(balance.residual, factor, mean, sigma, parameters, measured=measured)
         residual = balance.residual(parameters)

@@ -257,14 +257,14 @@ def test_air_data_do_not_depend_on_the_time_at_which_a_log_begins(nexstar: Aircr
     """Nor on where its time is counted from; the IMU is off the center of gravity and the rates swing."""
     aircraft = replace(nexstar, imu_position_m=(0.2, 0.0, 0.1))
 
-    def found(begin_s: float) -> pd.DataFrame:
+    def readings_of(begin_s: float) -> pd.DataFrame:
         table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
         table["q_radps"] = 0.3 * np.sin(table.index.to_numpy())
         table.index += begin_s
         at_cg = specific_force_at_cg(table, aircraft)
         return air_data(at_cg, aircraft, LINEAR_PROBE, propeller, speed_scale(aircraft)).table
 
-    at_zero, late = found(0.0), found(500.0)
+    at_zero, late = readings_of(0.0), readings_of(500.0)
     for name in ("V_mps", "alpha_rad", "ax_mps2", "az_mps2", "bank_rad"):
         assert late[name].to_numpy() == pytest.approx(at_zero[name].to_numpy(), nan_ok=True, abs=1e-9), name
 

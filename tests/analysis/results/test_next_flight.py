@@ -76,7 +76,7 @@ def test_the_largest_part_is_named_and_half_its_error_leaves_a_quarter_of_it(
     assert result.percent == pytest.approx(half_width, rel=1e-3)
     assert result.percent_without == pytest.approx(half_width * np.sqrt(0.6 + 0.4 / 4), rel=1e-3)
     (sentence, *_) = next_flight(flown({"alpha_bias": 0.01}), polar, AT, CL, sources).sentences  # type: ignore[arg-type]
-    assert f"most of all by {largest}" in sentence
+    assert f"most of it from {largest}" in sentence
     unknown = Polar(A, np.full((3, 3), np.nan))
     assert missing_information(flown({}), unknown, AT, CL, sources) is None  # type: ignore[arg-type]
 
@@ -91,14 +91,14 @@ def test_of_the_angle_of_attack_the_error_with_the_larger_effect_is_named(error:
 
 
 def test_a_narrow_interval_needs_no_other_flight_and_calm_air_no_calmer_day() -> None:
-    def said(percent: float, gust_mps: float, cause: Share = ANGLE) -> list[str]:
+    def sentences(percent: float, gust_mps: float, cause: Share = ANGLE) -> list[str]:
         """The half width at the highest speed, where A0 = 0.04 is all of the drag."""
         polar = Polar(np.array([0.04, 0.0, 0.0]), np.diag([(0.04 * percent / 196) ** 2, 0.0, 0.0]))
         trajectory = flown({"alpha_bias": 1e-4}, gust_mps)
         return list(next_flight(trajectory, polar, AT, (0.25, 1.1), lambda V: {cause: 1e-9 * V}).sentences)  # type: ignore[arg-type]
 
-    assert said(0.99 * 0.98, 0.5) == [], "a standard error of half a percent"
-    assert len(said(1.01 * 0.98, 0.5)) == 2
-    assert len(said(1.01 * 0.98, 0.0)) == 1
-    assert len(said(3.0, 0.5, Share.NOISE)) == 1, "more runs, whatever the air"
-    assert len(said(3.0, 0.5, Share.WEIGHT)) == 1
+    assert sentences(0.99 * 0.98, 0.5) == [], "a standard error of half a percent"
+    assert len(sentences(1.01 * 0.98, 0.5)) == 2
+    assert len(sentences(1.01 * 0.98, 0.0)) == 1
+    assert len(sentences(3.0, 0.5, Share.NOISE)) == 1, "more runs, whatever the air"
+    assert len(sentences(3.0, 0.5, Share.WEIGHT)) == 1

@@ -19,7 +19,7 @@ NAMES = {"hPa (mbar)": "hPa", "milliseconds": "ms", "degrees": "deg", "gauss": "
 OF_FIELD = {"Pa": "Pa", "s": "s", "rad": "rad", "V": "V", "A": "A", "T": "T"}
 
 
-def _one(unit: str) -> str:
+def _quantity_text(unit: str) -> str:
     known = NAMES.get(unit, unit)
     return known if known[0].isdigit() else f"1 {known}"
 
@@ -30,7 +30,7 @@ def test_a_unit_s_factor_is_that_of_the_unit() -> None:
     for limits in LIMITS:
         si = OF_FIELD.get(limits.field.rpartition("_")[2], "")
         for unit, factor in limits.units.items():
-            expected = to_si(_one(unit), si, unit) if si else {"percent": 0.01}.get(unit, 1 / 2000)
+            expected = to_si(_quantity_text(unit), si, unit) if si else {"percent": 0.01}.get(unit, 1 / 2000)
             assert factor == pytest.approx(expected, rel=1e-5), unit
             checked += 1
     assert checked >= 15

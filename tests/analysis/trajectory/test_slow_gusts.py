@@ -64,14 +64,14 @@ def _ratios(gusts: np.ndarray, errors: np.ndarray | None = None, prior: float = 
     return slow_power_ratios(gust_spectra(gusts, errors, STEP_S, STANDARD, GUSTS.slow), prior)
 
 
-def _found(length: float, seconds: float, seed: int, prior: float = 1.4) -> np.ndarray:
+def _estimated(length: float, seconds: float, seed: int, prior: float = 1.4) -> np.ndarray:
     """The ratios for such gusts, whose fast part has the assumed intensity: sigma^2 over length is the same."""
     return _ratios(_gusts(length, seconds, seed, np.sqrt(length)), prior=prior)
 
 
 def test_gusts_as_assumed_have_a_ratio_of_one_in_the_mean() -> None:
     """Flights of four minutes, 80 of them; a flight in gusts as the planner expects them has the planner's ratios."""
-    result = np.array([_found(1.0, 240, seed, prior=1.0) for seed in range(80)])
+    result = np.array([_estimated(1.0, 240, seed, prior=1.0) for seed in range(80)])
     assert np.mean(result, axis=0) == pytest.approx(1, abs=0.12)
     assert np.std(result, axis=0).max() < 0.4
     planned = planned_ratios(1200, STEP_S, STANDARD, 1.0)
@@ -97,9 +97,9 @@ def test_the_ratio_is_the_mean_of_the_posterior_of_intensity_and_length() -> Non
 def test_longer_gusts_of_the_same_fast_part_have_more_slow_power() -> None:
     """Power at frequency zero is sigma^2 T: with sigma^2 over T the same, it grows with the square of T. Four minutes
     of vertical gusts show it already, twenty of all."""
-    assert np.mean([_found(2.0, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(4, rel=0.2)
-    assert np.mean([_found(0.5, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(1 / 4, rel=0.2)
-    assert np.mean([_found(2.0, 240, seed)[2] for seed in range(30)]) == pytest.approx(4, rel=0.3)
+    assert np.mean([_estimated(2.0, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(4, rel=0.2)
+    assert np.mean([_estimated(0.5, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(1 / 4, rel=0.2)
+    assert np.mean([_estimated(2.0, 240, seed)[2] for seed in range(30)]) == pytest.approx(4, rel=0.3)
 
 
 def test_each_axis_has_an_intensity_of_its_own() -> None:
@@ -123,7 +123,7 @@ def test_a_short_flight_keeps_the_users_length_and_a_long_one_its_own() -> None:
     for n in (0, 20):
         assert _ratios(np.ones((3, n)), prior=1.7).tolist() == [1.7] * 3
         assert planned_ratios(n, STEP_S, STANDARD, 1.7).tolist() == [1.7] * 3
-    of_user = {seconds: [(_found(1.0, seconds, seed, 3.0) / _found(1.0, seconds, seed))[2] for seed in range(6)]
+    of_user = {seconds: [(_estimated(1.0, seconds, seed, 3.0) / _estimated(1.0, seconds, seed))[2] for seed in range(6)]
                for seconds in (120, 2400)}  # fmt: skip
     assert np.mean(of_user[120]) > 1.2
     assert np.mean(of_user[2400]) == pytest.approx(1, abs=0.08)
