@@ -190,7 +190,7 @@ def ratios(reference: Condition, at: Condition, load_factor: Array | float = 1.0
 class Curve:
     """Power of level flight at one weight and density.
 
-    V_mps, power_W : (n,)     idle_W : contained in it, with the motor off; does not go with the weight
+    V_mps, power_W : (n,)     idle_W : contained in it, with the motor off; independent of weight
     extrapolated : (n,) where less is known than the interval says; None where nowhere
     """
 

@@ -214,7 +214,7 @@ class Options(LogOptions):
         typer.Option(
             "--columns",
             metavar="FILE",
-            help="Map of the columns of a table (CSV, Parquet, .mat), of `flightpower new columns`; default:"
+            help="Map of the columns of a table (CSV, Parquet, .mat), from `flightpower new columns`; default:"
             " LOG.columns.toml or columns.toml beside it.",
         ),
     ] = None

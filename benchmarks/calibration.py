@@ -73,14 +73,14 @@ def probe_records(seeds: range, jobs: int = 1) -> list[Record]:
     records: list[Record] = []
     for name, errors in zip(("alpha, deg", "beta, deg", "dynamic pressure, %"), worst, strict=True):
         half, most = np.percentile(errors, (50, 95))
-        shares = {"half of the tunnels below": half, "95 % below": most, "all below": errors.max()}
+        shares = {"median of the tunnels": half, "95 % below": most, "all below": errors.max()}
         records.append({"largest error of": name} | {title: rounded(value, 3) for title, value in shares.items()})
     half, most = np.percentile(np.abs(slopes), (50, 95))
     covered, _ = counted(np.abs(slopes) < NORMAL_95 * stated)
     return [
         *records,
         {
-            "largest error of": "slope of alpha, %", "half of the tunnels below": rounded(100 * half, 2),
+            "largest error of": "slope of alpha, %", "median of the tunnels": rounded(100 * half, 2),
             "95 % below": rounded(100 * most, 2), "all below": rounded(100 * np.abs(slopes).max(), 2),
             "half width": rounded(100 * NORMAL_95 * np.median(stated), 2), "coverage, %": rounded(covered),
         },

@@ -50,7 +50,7 @@ STRONGEST_WIND_MPS = 10.0
 MAX_SPEED_ACCURACY_MPS = 1.0  # in flight; `daq check` demands half of it
 IDLE_CURRENT_A = 3.0  # receiver, servos and computer stay below
 # Angle of attack and attitude less climb differ by the mounting of probe and autopilot, upwash and vertical gusts, as
-# means over 20 s of steady flight; exchanged lines of the probe turn the sign of the angle of attack. While speed
+# means over 20 s of steady flight; exchanged lines of the probe reverse the sign of the angle of attack. While speed
 # changes, an autopilot's attitude is wrong by up to 10 deg.
 MAX_ALPHA_DIFFERENCE_RAD = math.radians(6.0)
 MEAN_OF_COMPARISONS = 20

@@ -297,7 +297,8 @@ KEYS: dict[str, Key] = {
     ),
     "uncertainty.airspeed_per_lift": Key(
         '"0.5 %"',
-        "Standard deviation of the relative error of airspeed per unit of lift coefficient, by the place of the static"
+        "Standard deviation of the relative error of airspeed per unit of lift coefficient, from the position of"
+        " the static"
         " ports.",
         "Larger for ports near wing or fuselage, where some percent are usual.",
         "analysis",

@@ -39,7 +39,7 @@ class LevelRunSettings(Settings):
     mentioned_s: float = setting(
         3.0, "s", "scaled; a stretch this long is listed as rejected, a shorter one is ignored"
     )
-    shortest_s: float = setting(5.0, "s", "scaled; after smoothing, which widens a run by about its window")
+    shortest_s: float = setting(5.0, "s", "scaled with speed; after smoothing, which lengthens a run")
     longest_s: float = setting(
         40.0, "s", "scaled; a longer change of speed is several maneuvers, with speed held between"
     )
@@ -68,7 +68,8 @@ class LevelRunSettings(Settings):
     turning_share: float = setting(
         0.12,
         "1",
-        "of the speed; a leg ends beyond it: a pilot holding speed stays within, gusts of W20 = 15 kt mostly do",
+        "share of the speed; a change beyond it ends a leg: a pilot who holds speed stays within, and so do most"
+        " gusts of W20 = 15 kt",
     )
     turning_share_of_gain: float = setting(0.25, "1", "share of the speed gained beyond which a leg also ends")
     held_share: float = setting(0.05, "1", "speed is held while it is within this share of a leg's first or last speed")

@@ -401,7 +401,7 @@ BY_AXIS = {
 def errors(
     truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="truth.parquet of a simulated flight, or its folder.")],
 ) -> None:
-    """Print the true errors of a simulated flight, in SI units, to compare a calibration with.
+    """Print the true errors of a simulated flight, in SI units.
 
     \b
     Example:

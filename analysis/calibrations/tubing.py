@@ -253,7 +253,7 @@ def _crossing(lags: Array, above_level: Array, i: int) -> float:
 def diameter_of_lag_m(line: PneumaticLine, lag_s: float, gas: Gas) -> float:
     """The inner diameter with which a line of this length and cavity has this lag [m], for the aircraft file.
 
-    The inner diameter of a narrow tube is known to a few percent only, and the lag goes with its fourth power.
+    The inner diameter of a narrow tube is known to a few percent only, and the lag varies as its fourth power.
     """
 
     def excess(log_d: float) -> float:

@@ -27,7 +27,7 @@ app = application()
 
 
 class QuestionName(StrEnum):
-    """What is to be known as well as possible."""
+    """What the flight should measure best."""
 
     CURVE = "curve"
     ENDURANCE = "endurance"
@@ -48,7 +48,7 @@ class Firmware(StrEnum):
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """What is asked of a plan."""
+    """What the user wants of a plan."""
 
     propeller: Annotated[
         str | None,

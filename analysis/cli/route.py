@@ -26,7 +26,7 @@ Read = TypeVar("Read", bound="WithCurves")
 
 @dataclass(frozen=True)
 class StallOptions:
-    """What no airspeed is to be below."""
+    """The stall speed and the margin that every airspeed keeps."""
 
     stall_mps: Annotated[
         float | None,

@@ -129,7 +129,7 @@ class JointPool(Pool):
 
     @cached_property
     def installation_homogeneity(self) -> Test | None:
-        """Test of whether the errors of the installation are as the same as stated; None for one flight."""
+        """Test of whether the errors of the installation are as equal as stated; None for one flight."""
         return homogeneity(self.as_stated, self.prior, INSTALLATION_PART) if len(self.flights) > 1 else None
 
     @property

@@ -129,7 +129,7 @@ class Pool(OfAKind["Pool"], ABC):
 
     @property
     def installation_homogeneity(self) -> Test | None:
-        """Test of whether the errors of the installation are as the same as stated; None where there are none."""
+        """Test of whether the errors of the installation are as equal as stated; None where there are none."""
         return None
 
     @abstractmethod

@@ -19,7 +19,7 @@ from flightpower.flight.runs import LEVEL_RUN, Rejection, RunMeasures, changing_
 def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list[Maneuver], list[RejectedManeuver]]:
     """Runs and rejected stretches, each in order of time.
 
-    table: of `air_data`. noise_mps: of a sample of the speed, where it is not that of the table, as in an expectation.
+    table: of `air_data`. noise_mps: standard deviation of a speed sample, if other than the table's, as in a plan.
     """
     motion, scale = smooth(table, LEVEL_RUN.smoothing_s), speed_ratio_of(table)
     flying = table["flying"].to_numpy() & np.isfinite(motion.V)

@@ -296,7 +296,7 @@ def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
     if suspect is None:
         return as_counted
     error, with_speed = suspect._replace(share=0.0), motor_speed.with_motor_speed(model)
-    for _ in range(5):  # Gauss-Newton steps: thrust goes with the square of motor speed
+    for _ in range(5):  # Gauss-Newton steps: thrust varies as the square of motor speed
         forces = FlightForces(counted.trajectory, counted.aircraft, counted.propeller, motor_speed=error)
         fit = _fitted(with_speed, forces.nominal, level, runs)
         left, standard_error = motor_speed.value_and_error(fit, motor_speed.PARAMETER)

@@ -1,6 +1,6 @@
 """Motor speed that is counted wrong: pulses lost above some speed, or a wrong number of poles.
 
-Thrust of the table goes with the square of motor speed. Accelerations are flown with fast motors and decelerations with
+The table's thrust varies as the square of motor speed. Accelerations are flown with fast motors and decelerations with
 slow ones, at the same speeds of flight: an error of the counter above some motor speed is a step of drag between them,
 which scale and slope of thrust do not follow. It is tested in every flight, at each of several motor speeds and at
 zero, which is a wrong number of poles; what the flight shows beyond doubt is corrected and estimated with the rest.

@@ -95,7 +95,7 @@ class Contribution(NamedTuple):
 
 @dataclass(frozen=True)
 class FlightPlan:
-    """pieces, maneuvers: in order. half_widths: [%] at question.speeds. history: as it should look."""
+    """pieces, maneuvers: in order. half_widths: [%] at question.speeds. history: as expected."""
 
     request: Request
     aircraft: ExpectedAircraft

@@ -56,7 +56,7 @@ class FlightValues:
 
     @property
     def airspeed_ratio(self) -> Interval | None:
-        """Interval of ARSPD_RATIO; indicated airspeed goes with its root."""
+        """Interval of ARSPD_RATIO; indicated airspeed varies as its root."""
         logged, factor = self.logged.get("ARSPD_RATIO"), self.airspeed_factor
         if not logged or factor is None:
             return None
@@ -263,7 +263,7 @@ def of_electrical_pool(pool: WithCurves, flights: Sequence[Results]) -> tuple[li
 
     sinks = [
         values["sink"].times(ratio * _equivalent_per_true(flight) / to_equivalent)
-        for values, flight in zip(shown, flights, strict=True)
+        for values, flight in zip(of_flights, flights, strict=True)
         if "sink" in values and (ratio := _sink_ratio(values, cruise * to_equivalent, wing_loading.value))
     ]
     power_W, lo_W, hi_W = (

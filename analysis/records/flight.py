@@ -681,7 +681,7 @@ class CurveResult(msgspec.Struct, frozen=True, kw_only=True):
     endurance_s: Interval | None = None  # at these speeds, on the battery; null without one
     range_m: Interval | None = None
     interval_parts: list[IntervalPart] = []
-    idle_power_W: float = 0.0  # contained in the curve; drawn with the motor off, does not go with the weight
+    idle_power_W: float = 0.0  # contained in the curve; drawn with the motor off, independent of weight
     statistics: PoolingStatistics | PowerStatistics | None = None  # null where the curve cannot be pooled
 
 

@@ -116,7 +116,7 @@ def as_record(content: Mapping[str, Any], record: type[Read], where: str, format
 
 
 def upgraded(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The content in the form of today; as it is where it has that already."""
+    """The content in today's form; unchanged if it already has that form."""
     if "curves" in content:
         return content
     old = dict(content)

@@ -3,7 +3,7 @@
     [true_airspeed]
     column = "tas_kt"
     unit = "knot"
-    factor = 1        # -1 turns the sign around; 2 makes both motors of one
+    factor = 1        # -1 reverses the sign; 2 makes both motors of one
     offset = "0 m/s"  # added after that
     delay = "0.3 s"   # the value is of so long before its time
 

@@ -15,7 +15,7 @@ class Agreement(NamedTuple):
 
 
 class Delay(NamedTuple):
-    """Shortest one that is reported, what it has to explain, and that of lift against pitch."""
+    """Shortest delay that is reported, the share it has to explain, and the delay of lift against pitch."""
 
     shortest_s: float
     explained: float

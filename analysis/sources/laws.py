@@ -587,5 +587,7 @@ def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Findi
         away = float(np.nanmean(np.cos(np.arctan2(east, north) - heading)[flown]))
         if away < -0.3:
             yield Finding(
-                Mistake.SIGN, (Q.HEADING, *quantities), f"{name(Q.HEADING)} points backward along {over}: turn a sign"
+                Mistake.SIGN,
+                (Q.HEADING, *quantities),
+                f"{name(Q.HEADING)} points backward along {over}: reverse a sign",
             )

@@ -458,7 +458,7 @@ def _text(
 ) -> str:
     lines = [
         f"# Columns of {table.name}: look through units and signs. Every entry has column and unit; also factor (-1",
-        '# turns the sign around), offset = "0 m/s", and delay = "0.3 s" of a value that is late.',
+        '# reverses the sign), offset = "0 m/s", and delay = "0.3 s" of a value that is late.',
     ]
     for quantity, column in proposed.columns.items():
         lines += ["", f"# {KINDS[quantity].meaning}; {_range(columns[column.column])}", *_entry(quantity, column)]

@@ -431,7 +431,7 @@ def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray, off: Bool
 
 
 class Meter(StrEnum):
-    """How the measured power goes with the throttle."""
+    """How the measured power varies with the throttle."""
 
     FOLLOWS = "power follows the throttle"
     CONTRADICTS = "power varies, but not with the throttle"

@@ -35,7 +35,7 @@ def open_page(
         bool, typer.Option("--browser/--no-browser", help="Open the page in the browser, or only print its address.")
     ] = True,
 ) -> None:
-    """Look at flights and edit what counts in them: strips, modes, track, and the curve that follows, in the browser.
+    """View flights and edit their runs in the browser: time histories, modes, track, and the resulting curve.
 
     Open any log or table that `analyze` reads, or drop it on the page. Ends of runs, or of stretches to leave
     out, are dragged, or typed; values of aircraft and propeller are changed. The curve follows at once. "Write the

@@ -192,7 +192,7 @@ def more_runs_to_halve(part: IntervalPart, runs: int) -> int | None:
 
 
 def _largest_shared(results: Results) -> str:
-    """How much of the shared part goes with the propeller table, and what else it consists of."""
+    """How much of the shared part comes from the propeller table, and what else it consists of."""
     share = thrust_share(results)
     rest = "airspeed, angle of attack, alignment, weight"
     if share is None:
