@@ -207,7 +207,7 @@ def reconstructed(flight: Flown, path: FlightPath | None = None) -> Reconstructe
 
 
 def flight_path(flight: Measured) -> FlightPath:
-    """The trajectory is reconstructed again with wider priors where the flight denies those of the sensor errors.
+    """The trajectory is reconstructed again with wider priors where the flight contradicts those of the sensor errors.
 
     Where there is none that explains the measurements, the path is as measured: simpler methods do without it.
     """

@@ -1,7 +1,7 @@
 """How fast the simulator flies: many times the clock, in processor time: `python benchmarks/bench.py simulator`.
 
 Aircraft, pilot and every sensor at 50 Hz; `--with log` adds the whole test flight into a log, both ways. The figure is
-the best of three, as of anything that shares a machine.
+the best of three, as for anything that shares a machine.
 """
 
 import os

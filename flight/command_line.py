@@ -47,7 +47,7 @@ def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # characters that the terminal's encoding lacks
-    if not _is_count(os.environ.get("COLUMNS", "1")):  # as of a terminal that does not say its width
+    if not _is_count(os.environ.get("COLUMNS", "1")):  # as for a terminal that does not report its width
         del os.environ["COLUMNS"]
     try:
         _check_encoding(sys.argv[1:])

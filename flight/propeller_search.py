@@ -260,7 +260,7 @@ def _step(table: Table, query: Query) -> Array:
 
 
 def cost_of(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, float] | None = None) -> Cost:
-    """What it may cost to take `base` for the query's propeller: by its size or make, and by being computed.
+    """The error from using `base` for the query's propeller: by its size or make, and by being computed.
 
     query : with diameter and pitch      J : advance ratios of the flight; default: of a climb and level flight
     Raises InputError when there are no tables to estimate it from.

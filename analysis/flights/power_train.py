@@ -71,7 +71,7 @@ def pooled_use(pool: DragPool) -> PooledUse | None:
 def pooled_performance(
     pool: DragPool, use: PooledUse, air: AirFound, request: Request = Request()
 ) -> PerformanceResult | None:
-    """Endurance, range and full throttle at the pool's weight and density and as requested, as of a flight; None where
+    """Endurance, range and full throttle at the pool's weight and density, and at others as requested; None where
     the battery or the air is not known, or the propeller's table cannot give the thrust of level flight."""
     if pool.battery is None or air.temperature_K is None or air.pressure_Pa is None:
         return None

@@ -1,9 +1,9 @@
 """The sequence of pieces that makes the interval smallest in the time available: an exchange algorithm.
 
-Information about the sensor errors and about the polar adds over the pieces of a flight. That of each piece is what it
-adds to a short flight (`information.expected` with and without it). Pieces are added as long as there is time, each
-time the one that lowers the cost most for its duration; then single pieces are exchanged as long as that lowers the
-cost. The result is computed once more as a whole.
+Information about the sensor errors and about the polar adds over the pieces of a flight. The information of a piece is
+what it adds to a short flight (`information.expected` with and without it). Pieces are added as long as there is time,
+each time the one that lowers the cost most for its duration; then single pieces are exchanged as long as that lowers
+the cost. The result is computed once more as a whole.
 """
 
 from collections import Counter

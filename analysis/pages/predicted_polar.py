@@ -111,7 +111,7 @@ def check_of_aircraft(polar: PredictedPolar, aspect_ratio: float) -> None:
 
 
 def comparison(polar: PredictedPolar, results: Results) -> str:
-    """How far the prediction lies off the curve at the speeds flown, in a sentence."""
+    """How far the prediction is from the curve at the speeds flown, in a sentence."""
     V, P = np.array([(p.speed_mps, p.power_W) for p in results.power_required]).T
     percent = 100 * (polar.power_W(V, flown_at(results)) / P - 1)
     known = np.isfinite(percent)

@@ -55,7 +55,7 @@ class PerformanceModel:
 
     @cached_property
     def sigma_points(self) -> SigmaPoints:
-        """Those of the parameters, as every function of performance takes them."""
+        """Sigma points of the parameters, as every function of performance takes them."""
         return self.parameters.sigma_points()
 
 
@@ -137,7 +137,7 @@ class LevelFlight:
     battery_at_sigma_points: Array
 
     def efficiencies(self) -> list[LevelEfficiencyPoint]:
-        """Those of the speeds at which the propeller gives the thrust, as results.json has them."""
+        """Efficiencies at the speeds at which the propeller gives the thrust, as results.json has them."""
         return [
             LevelEfficiencyPoint(
                 speed_mps=float(v),

@@ -347,7 +347,7 @@ def _without_parts(batteries: Sequence[Battery]) -> tuple[list[Battery], list[st
 
 
 def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
-    """Those of the others, two or more, whose currents make up this one's at its times with more than mean current."""
+    """The other batteries, two or more, whose currents add up to this one's while that is above its mean."""
     t_s, current_A = total.current
     if not len(t_s):
         return ()

@@ -144,7 +144,7 @@ class UpdraftByDay(NamedTuple):
 
     @property
     def contradicted(self) -> bool:
-        """Whether the flight denies the hour. One flight by day in 80 does by chance."""
+        """Whether the flight contradicts the hour. One flight by day in 80 does by chance."""
         return abs(self.z) > EVIDENCE.contradiction
 
 

@@ -65,7 +65,7 @@ def _of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
     synchronized : the channels of the flight on one time base, the zero of the pitot corrected; index t_s
     windows : the energy balance of each window of some 8 s: the power that level flight at its airspeed would have
         taken, and what the fit leaves unexplained; index t_s
-    curves : as of a flight with runs
+    curves : as for a flight with runs
     """
     estimate, results = analysis.estimate, analysis.results
     windows = pd.DataFrame(

@@ -20,7 +20,7 @@ class Run(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Values(msgspec.Struct, forbid_unknown_fields=True):
-    """What is asked for in place of what the log has.
+    """What the user gives in place of the log's values.
 
     runs : None where they are to be found in the data     left_out : stretches of a whole flight [s], by hand
     aircraft : values of the form that were changed, by key, as typed
