@@ -325,7 +325,9 @@ def list_(
 @app.command(short_help="Serve a page that shows the state of the daemon.")
 def status(
     config: TrayOption,
-    file: Annotated[Path, typer.Option(metavar="FILE", help="The file of `daq run --status`.")] = SERVICE_STATUS,
+    file: Annotated[
+        Path, typer.Option(metavar="FILE", help="The file that `daq run --status` writes.")
+    ] = SERVICE_STATUS,
     listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where to serve it.")] = "127.0.0.1:8080",
 ) -> None:
     """Serve a page for the phone: recording, sensors, events, logs, last zero and check. The page is read-only.

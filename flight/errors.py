@@ -14,7 +14,7 @@ class InputError(Exception):
 
 
 class StorageError(InputError):
-    """A file cannot be written because the disk is full or fails, which is no mistake of the input.
+    """A file cannot be written because the disk is full or fails, which is not a mistake in the input.
 
     The commands print the message on stderr and exit with code 1, and leave nothing of the file.
     """

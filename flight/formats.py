@@ -23,7 +23,7 @@ CONTROL_CHARACTERS = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 
 class Format(StrEnum):
-    """What a file is. Those up to TEXT are read, if not by every command."""
+    """What a file is. The formats up to TEXT are read, though not by every command."""
 
     DAEMON = "a log of flightpower's daemon"
     ULOG = "a log of PX4 (ULog)"

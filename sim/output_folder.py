@@ -38,7 +38,7 @@ def check_output(output: Path, replace: bool) -> None:
 
 @contextmanager
 def whole_or_nothing(output: Path) -> Iterator[None]:
-    """For what is written into the folder: where that fails or is interrupted, nothing of it is left.
+    """Writing into the folder: if it fails or is interrupted, nothing is left over.
 
     Raises StorageError when the disk is full or fails, InputError when the folder cannot be written.
     """

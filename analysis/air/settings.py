@@ -145,7 +145,7 @@ class GroundCalibrationSettings(Settings):
 
     @property
     def reference_s(self) -> float:
-        """At the beginning of what is held, whose median the rest is compared with: twice as long as tubes settle."""
+        """Time at the start of a held stretch that sets its reference, the median: twice the settling time."""
         return 2 * self.settling_s
 
     @property

@@ -166,7 +166,7 @@ def summary(calibration: Accelerometers) -> list[str]:
             f" {NORMAL_95 * offset_error:.3f} m/s² (95 % interval)"
             for axis, scale, scale_error, offset, offset_error in rows
         ),
-        f"corrected, the force at rest is g within {calibration.residual_mps2:.4f} m/s² rms",
+        f"after correction the force at rest equals g within {calibration.residual_mps2:.4f} m/s² rms",
     ]
 
 

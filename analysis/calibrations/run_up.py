@@ -209,9 +209,9 @@ def run_up(
     seconds.
 
     Vibration moves the zero of an accelerometer, in proportion to the square of the motor's speed; level flight cannot
-    tell that from drag. The lines printed for the aircraft file correct for it, and say how well. Motor speed at full
-    throttle is compared with kV (V - I R): the number of poles is wrong if the two differ by a tenth. Voltage against
-    current gives the battery's resistance; thrust gives the same as `calibrate thrust`.
+    separate that from drag. The lines printed for the aircraft file correct for it, and say how well. Motor speed at
+    full throttle is compared with kV (V - I R): the number of poles is wrong if the two differ by a tenth. Voltage
+    against current gives the battery's resistance; thrust gives the same as `calibrate thrust`.
 
     Run this command without --thrust first: it lists the speeds found. Exit code 1 and no lines if the motor's speed
     contradicts its constant; exit code 2 if too few speeds were held.

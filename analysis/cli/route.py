@@ -173,7 +173,8 @@ def route(
         Path, typer.Option("--results", metavar="FILE", help="results.json of `analyze`, of one log or of several.")
     ],
     wind_text: Annotated[
-        str, typer.Option("--wind", metavar="WIND", help='At the height of the flight: "5 m/s from 270 deg", or 0.')
+        str,
+        typer.Option("--wind", metavar="WIND", help='Wind at the height of the flight: "5 m/s from 270 deg", or 0.'),
     ],
     map_file: Annotated[
         Path | None, typer.Option("--map", metavar="FILE", help="Write the map as an SVG image.")

@@ -273,7 +273,7 @@ def speed_scale(aircraft: Aircraft) -> float:
 
 
 def speed_ratio_of(table: pd.DataFrame) -> float:
-    """Speed at C_L = 1 over the reference speed, of the aircraft of a table of `air_data`; 1 without the column."""
+    """Speed at C_L = 1 over the reference speed, for the aircraft of a table from `air_data`; 1 without the column."""
     return float(table[SPEED_SCALE].iloc[0]) if SPEED_SCALE in table and len(table) else 1.0
 
 
@@ -283,5 +283,5 @@ def speed_scale_of(table: pd.DataFrame) -> float:
 
 
 def least_height_m(table: pd.DataFrame) -> float:
-    """Height above the ground of the aircraft of a table of `air_data`, below which wind shear matters."""
+    """Height above the ground for the aircraft of a table from `air_data`, below which wind shear matters."""
     return AIRCRAFT_SIZE.least_height_m * speed_scale_of(table)

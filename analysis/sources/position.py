@@ -68,9 +68,9 @@ def _radians(latitude: Array, longitude: Array) -> tuple[Array, Array]:
 def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel, Channel]:
     """Velocity north and east [m/s], of positions [rad].
 
-    The slopes of straight lines through so many positions about each instant that their noise, which is often that of
-    the last digit, makes no more than that of a receiver's velocity. Positions that the table repeats until the next
-    one are taken once.
+    The slopes of straight lines through positions about each instant: so many that the noise of positions, often that
+    of the last digit, adds no more than the noise of a receiver's velocity. Positions that the table repeats until the
+    next one count once.
     """
     t_s = latitude.t_s
     lat, lon = latitude.value, np.interp(t_s, longitude.t_s, np.unwrap(longitude.value))

@@ -93,7 +93,7 @@ def _no_topic(log: Log, topic: str) -> InputError:
 
 
 def receiver_notes(log: Log) -> list[str]:
-    """Says so if the receiver's filter was not set for flight (`dynamic_model` of /gps)."""
+    """A note where the receiver's filter was not set for flight (`dynamic_model` of /gps)."""
     entries = log.entries.get("/gps", NO_ENTRIES)
     known = {int(model) for model in values(entries, "dynamic_model") if not np.isnan(model)}
     if not (wrong := known - AIRBORNE_MODELS):
