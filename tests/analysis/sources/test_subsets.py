@@ -35,12 +35,13 @@ SENSORS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensors", "curves"),
     [
         pytest.param(("pitot", "GPS", "barometer", "motor"), 10, id="without IMU"),
-        pytest.param(tuple(SENSORS), 16, id="all", marks=pytest.mark.thorough),
+        pytest.param(tuple(SENSORS), 16, id="all"),
     ],
 )
 def test_a_sensor_that_is_added_makes_no_curve_worse(sensors: tuple[str, ...], curves: int, tmp_path: Path) -> None:

@@ -23,6 +23,8 @@ from flightpower.analysis.trajectory.observability import (
 from flightpower.analysis.trajectory.priors import PRIOR_SIGMA, ZEROS
 from flightpower.analysis.trajectory.reconstruction import reconstruct
 
+pytestmark = pytest.mark.xdist_group("calm")
+
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
 WITHIN = 3.3  # standard errors: 99.9 %
 
@@ -56,10 +58,9 @@ kind = "turn"
 
 
 @pytest.fixture(scope="module")
-def whole(probe):
+def whole(calm):
     """A full test flight in calm air: the truth at the path's instants, the IMU's tilt, air data and path."""
-    truth, drawn, air, still = fly(0, probe, "full-test-flight")
-    trajectory = reconstruct(air, still)
+    truth, drawn, air, trajectory = calm(0)
     t = trajectory.states.index.to_numpy()
     true = {name: np.interp(t, truth["time_s"], truth[name]) for name in ("V_mps", "alpha_rad")}
     return true, drawn.imu_rotation[0, 2], air, trajectory

@@ -26,6 +26,8 @@ from flightpower.sim.plan import load_plan
 from flightpower.sim.sensors import FlightSensorTruth, load_budget
 from flightpower.sim.world import load_world
 
+pytestmark = pytest.mark.xdist_group("calm")
+
 SEEDS = (0, 1, 2)
 
 
@@ -37,6 +39,13 @@ def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbule
         table[name] = np.nan
     air, still, _ = flights.air_of(table, aircraft, probe)
     return flight.truth, drawn, air, still
+
+
+@pytest.fixture(scope="module")
+def hop(probe):
+    """Air data, where it stood, and the trajectory, of a short calm flight on one heading."""
+    _, _, air, still = flown(0, probe, "accel-decel")
+    return air, still, reconstruct(air, still)
 
 
 def test_a_wind_as_fast_as_the_aircraft_is_found(probe) -> None:
@@ -67,7 +76,9 @@ def test_short_gusts_are_reconstructed_with_their_own_length(probe) -> None:
     assert abs(trajectory.value("V_scale") - drawn.values.V_scale) < 2 * trajectory.standard_error("V_scale")
 
 
-@pytest.mark.parametrize(("world", "scale"), [("study", 0.0), ("imu-scale", 0.02)])
+@pytest.mark.parametrize(
+    ("world", "scale"), [pytest.param("study", 0.0, marks=pytest.mark.thorough), ("imu-scale", 0.02)]
+)
 def test_turns_and_runs_show_the_scales_of_the_imu(probe, world: str, scale: float) -> None:
     """GPS shows how far the aircraft turned, and how much it was accelerated; twice the prior stands out of it."""
     aircraft, drawn = load_aircraft("nexstar"), flights.drawn(load_world(world).errors, 2)
@@ -105,15 +116,14 @@ def test_a_long_flight_without_gps_converges_with_an_unmeasured_heading(probe) -
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [SEEDS[0], *(pytest.param(seed, marks=pytest.mark.thorough) for seed in SEEDS[1:])])
-def test_a_whole_calm_flight_is_found_again(probe, seed: int) -> None:
+def test_a_whole_calm_flight_is_found_again(calm, seed: int) -> None:
     """Pitch and angle of attack of the IMU's axes within 0.1 deg, airspeed scale within 0.5 % of the truth, and wind
     within 0.3 m/s wherever it is high enough to be measured.
 
     The IMU is misaligned with the body by a fixed rotation that nothing on board can tell from an offset of angle of
     attack; forces are taken in the IMU's axes, so these are the angles that count.
     """
-    truth, drawn, air, still = flown(seed, probe, "full-test-flight")
-    trajectory = reconstruct(air, still)
+    truth, drawn, _, trajectory = calm(seed)
     assert trajectory.converged
     t = trajectory.states.index.to_numpy()
     flight = np.interp(t, truth["time_s"], truth["height_m"]) > 30
@@ -162,64 +172,69 @@ def test_gusts_are_not_attributed_to_sensor_errors(probe, flights: int) -> None:
     assert np.all(np.sum(np.square(z), axis=0) < chi2.isf(0.001, flights))
 
 
-def test_without_gps_the_reconstruction_converges_with_larger_errors(probe) -> None:
+def test_without_gps_the_reconstruction_converges_with_larger_errors(probe, hop) -> None:
     gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
-    _, _, air, still = flown(0, probe, "accel-decel")
+    _, still, with_gps = hop
     _, _, table_without_gps, _ = flown(0, probe, "accel-decel", without=gps)
-    with_gps, without = reconstruct(air, still), reconstruct(table_without_gps, still)
+    without = reconstruct(table_without_gps, still)
     assert without.converged
     assert without.standard_error("r_bias") > 2 * with_gps.standard_error("r_bias"), "nothing shows the heading drift"
     assert without.standard_error("gps_latency") == pytest.approx(PRIOR_SIGMA["gps_latency"], rel=1e-3)
     assert np.isfinite(without.states.to_numpy()).all()
 
 
-def test_a_channel_without_data_at_rest_gets_the_noise_of_the_bench(probe) -> None:
+def test_a_channel_without_data_at_rest_gets_the_noise_of_the_bench(hop) -> None:
     """Sideslip answers late: its noise cannot be seen at rest, so what is usual is taken; the path hardly moves."""
-    _, _, air, still = flown(0, probe, "accel-decel")
+    air, still, whole = hop
     late = air.copy()
     late.iloc[: still[0].stop, late.columns.get_loc("dp_beta_Pa")] = np.nan
-    whole, trajectory = reconstruct(air, still), reconstruct(late, still)
+    trajectory = reconstruct(late, still)
     assert trajectory.converged
     moved = (trajectory.sensor_errors - whole.sensor_errors) / np.sqrt(np.diag(whole.covariance))
     assert np.abs(moved).max() < 0.5
 
 
-def test_a_gap_of_the_imu_has_only_a_local_effect(probe) -> None:
-    _, _, air, still = flown(0, probe, "accel-decel")
+def test_a_gap_of_the_imu_has_only_a_local_effect(hop) -> None:
+    air, still, whole = hop
     holed = air.copy()
     holed.loc[40.0:42.0, ["p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2"]] = np.nan
     trajectory = reconstruct(holed, still)
     assert trajectory.converged
-    whole = reconstruct(air, still)
     elsewhere = (trajectory.states.index < 35) | (trajectory.states.index > 47)
     difference = np.degrees(trajectory.states["theta"] - whole.states["theta"])[elsewhere]
     assert np.abs(difference).max() < 0.5
 
 
-def test_a_saturated_airspeed_transducer_raises_standard_errors_without_bias(probe) -> None:
+def test_a_saturated_airspeed_transducer_raises_standard_errors_without_bias(hop) -> None:
     """Above 19 m/s it is clipped, so that neither speed nor angles are measured there; slow flight is as before."""
-    _, _, air, still = flown(0, probe, "accel-decel")
+    air, still, whole = hop
     clipped = air.copy()
     clipped.loc[air["V_mps"] > 19.0, ["V_mps", "alpha_rad", "beta_rad", "dlnV_dlndp_alpha"]] = np.nan
-    whole, trajectory = reconstruct(air, still), reconstruct(clipped, still)
+    trajectory = reconstruct(clipped, still)
     assert trajectory.converged and np.isfinite(trajectory.states.to_numpy()).all()
     for name in ("V_scale", "alpha_scale", "alpha_bias"):
         assert trajectory.standard_error(name) > whole.standard_error(name)
         assert abs(trajectory.value(name) - whole.value(name)) < 3 * trajectory.standard_error(name)
 
 
-def test_the_uncertainty_of_the_probes_slope_widens_prior_and_posterior(probe) -> None:
-    _, _, air, still = flown(0, probe, "accel-decel")
-    sure, doubtful = reconstruct(air, still), reconstruct(air, still, SensorPriors(alpha_scale_sigma=0.04))
+def test_the_uncertainty_of_the_probes_slope_widens_prior_and_posterior(hop) -> None:
+    air, still, sure = hop
+    doubtful = reconstruct(air, still, SensorPriors(alpha_scale_sigma=0.04))
     assert doubtful.prior_standard_error("alpha_scale") == pytest.approx(np.hypot(PRIOR_SIGMA["alpha_scale"], 0.04))
     assert doubtful.standard_error("alpha_scale") > sure.standard_error("alpha_scale")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("missing", [["ax_mps2", "ay_mps2", "az_mps2"], ["V_mps", "alpha_rad", "beta_rad"]])
-def test_a_log_without_enough_channels_is_refused_or_reported_as_uncertain(probe, missing) -> None:
+@pytest.mark.parametrize(
+    "missing",
+    [
+        pytest.param(["ax_mps2", "ay_mps2", "az_mps2"], marks=pytest.mark.thorough),
+        ["V_mps", "alpha_rad", "beta_rad"],
+    ],
+)
+def test_a_log_without_enough_channels_is_refused_or_reported_as_uncertain(hop, missing) -> None:
     """No accelerometers, or no air data at all: no exception but an InputError, and no certainty."""
-    _, _, air, still = flown(0, probe, "accel-decel")
+    air, still, _ = hop
     blind = air.copy()
     blind[missing] = np.nan
     try:

@@ -96,6 +96,7 @@ def test_calibrate_airspeed_of_an_autopilots_log(tmp_path: Path, results: dict) 
     assert not (tmp_path / "airspeed.json").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_without_its_airspeed_sensor_the_flight_gives_the_same_curve(results: dict) -> None:
     """GPS on circles gives the curve; intervals are at most two and a half times those with the sensor."""
