@@ -243,7 +243,7 @@ class Provenance(msgspec.Struct, frozen=True, kw_only=True):
     command_line: str  # empty where the analysis was not started by a command
     log_sha256: str
     log_bytes: int
-    recorded_by: str  # version of the software that wrote the log; empty where the log does not say
+    recorded_by: str  # version of the daemon, or the autopilot's name (ticks is null then); empty: not in the log
     start_utc: str | None  # ISO 8601
     clock: Clock  # that start_utc is from
     duration_s: float | None  # of the log

@@ -7,6 +7,7 @@ from pathlib import Path
 from flightpower.analysis.air.contents import LogContents, Replacements
 from flightpower.analysis.flight import Recorded
 from flightpower.analysis.records.flight import Clock, ImplausibleReadings, Provenance, SensorHealth, SourceFile
+from flightpower.analysis.sources.recognize import autopilot_of
 from flightpower.analysis.sources.recording import Fix, FlightRecording
 from flightpower.flight.files import sha256_of
 from flightpower.flight.log_entries import STATUS_CODE
@@ -81,7 +82,8 @@ def provenance_of_file(
     first_s, last_s = (min(a for a, _ in ends_s), max(b for _, b in ends_s)) if ends_s else (0.0, 0.0)
     start_utc, clock = _start(fix, first_s)
     return Provenance(
-        command_line=command_line, log_sha256=sha256_of(log), log_bytes=log.stat().st_size, recorded_by="",
+        command_line=command_line, log_sha256=sha256_of(log), log_bytes=log.stat().st_size,
+        recorded_by=str(autopilot_of(log) or ""),
         start_utc=start_utc, clock=clock, duration_s=float(last_s - first_s) if ends_s else None,
         latitude_deg=fix.latitude_deg, longitude_deg=fix.longitude_deg, height_msl_m=fix.height_msl_m,
         weight_source=weight_source, files=files, ticks=None, ticks_missed=None, sensors=[], events=[],

@@ -140,13 +140,15 @@ def provenance_section(results: Results) -> ProvenanceSection | None:
 
 def _recorder(results: Results, provenance: Provenance) -> str:
     if results.vehicle:
-        return f"autopilot {results.vehicle} (hash of its serial number)"
-    return f"flightpower {provenance.recorded_by}" if provenance.recorded_by else "not known"
+        return f"{provenance.recorded_by or 'autopilot'} {results.vehicle} (hash of its serial number)"
+    if not provenance.recorded_by:
+        return "not known"
+    return provenance.recorded_by if provenance.ticks is None else f"flightpower {provenance.recorded_by}"
 
 
 def _of_daemon(results: Results, provenance: Provenance) -> list[tuple[str, str]]:
     """What only our own recorder logs."""
-    if not provenance.recorded_by and provenance.ticks is None:
+    if provenance.ticks is None:
         return []
     return [("Sampling", _ticks(results)), ("Messages of the daemon", "; ".join(provenance.events) or "no warning")]
 

@@ -11,6 +11,7 @@ from flightpower.analysis.pages.sections.flight import (
     _air,
     _log,
     _place,
+    _recorder,
     _ticks,
     _wind,
     balance_section,
@@ -97,6 +98,21 @@ def test_the_log_s_size_and_missed_instants_are_told() -> None:
     facts = SimpleNamespace(duration_s=600.0, log_bytes=12_340_000, log_sha256="abc")
     assert _log(SimpleNamespace(log="a.mcap"), facts) == "a.mcap, 600 s, 12.3 MB, SHA-256 abc"  # type: ignore[arg-type]
     assert _ticks(facts_of(ticks=990, ticks_missed=10)) == "10 of 1000 sampling instants were missed"  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("recorded_by", "ticks", "vehicle", "shown"),
+    [
+        ("1.2", 990, "", "flightpower 1.2"),
+        ("PX4", None, "", "PX4"),
+        ("PX4", None, "ab12", "PX4 ab12 (hash of its serial number)"),
+        ("", None, "ab12", "autopilot ab12 (hash of its serial number)"),
+        ("", None, "", "not known"),
+    ],
+)
+def test_who_recorded_a_log_is_named(recorded_by: str, ticks: int | None, vehicle: str, shown: str) -> None:
+    facts = SimpleNamespace(recorded_by=recorded_by, ticks=ticks)
+    assert _recorder(SimpleNamespace(vehicle=vehicle), facts) == shown  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("sigma", "shown"), [(12.0, 0), (1.0, 1), (0.12, 2), (0.012, 3), (0.0, 2)])

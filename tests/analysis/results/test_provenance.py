@@ -14,12 +14,13 @@ from flightpower.analysis.records.flight import AircraftResult, ConditionResult,
 from flightpower.analysis.results.files import to_json
 from flightpower.analysis.results.flight_found import autocorrelation, parameter_correlation, track
 from flightpower.analysis.results.previous import replaced
-from flightpower.analysis.results.provenance import provenance
+from flightpower.analysis.results.provenance import provenance, provenance_of_file
 from flightpower.analysis.sources.daemon import first_ns, fix_of_log
 from flightpower.analysis.sources.structure import receiver_notes
 from flightpower.flight.log_entries import LogEntry, entries_of
 from flightpower.flight.log_reader import Log
 from flightpower.flight.messages import Comparison, Event, Gps, Imu, Status, Tick
+from flightpower.sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
 START_NS = 5_000_000_000
 
@@ -28,7 +29,7 @@ def contents(propeller: str | None = None) -> SimpleNamespace:
     return SimpleNamespace(
         aircraft=SimpleNamespace(name="mine", propulsion=SimpleNamespace(propeller=propeller)),
         propeller=SimpleNamespace(name=propeller or "table"), probe=SimpleNamespace(source="tunnel.csv"),
-        thrust_stand=None, magnetometer=None, transducers=None, zero=None,
+        thrust_stand=None, airspeed=None, magnetometer=None, transducers=None, zero=None,
     )  # fmt: skip
 
 
@@ -85,6 +86,16 @@ def test_implausible_readings_last_until_they_are_plausible_again_or_the_log_end
     ])  # fmt: skip
     results = [(item.compared, item.start_s, item.end_s) for item in made(log).implausible]
     assert results == [(Comparison.AIRSPEED, 10.0, 20.0), (Comparison.MOTOR, 50.0, 60.0)]
+
+
+def test_a_log_of_an_autopilot_has_its_name(tmp_path: Path) -> None:
+    write_ulog(
+        tmp_path / "a.ulg",
+        UlogContents([UlogTopic("airspeed", np.arange(3, dtype=np.uint64), {"a": np.zeros(3, np.float32)})]),
+    )
+    (tmp_path / "table.csv").write_text("time_s,a\n" + "".join(f"{i},{i}\n" for i in range(50)))
+    named = [provenance_of_file(tmp_path / name, "given", None, "").recorded_by for name in ("a.ulg", "table.csv")]
+    assert named == ["PX4", ""]
 
 
 def written_with(provenance: Provenance) -> bytes:
