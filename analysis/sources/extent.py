@@ -53,7 +53,7 @@ def extent(path: Path) -> Extent:
         return Extent(LogKind.UNKNOWN)
     match form:
         case Format.ULOG:
-            return Extent(LogKind.PX4, None, _length(_ulog_times_s(first, last)))
+            return Extent(LogKind.PX4, _ulog_start_s(path), _length(_ulog_times_s(first, last)))
         case Format.PAPARAZZI:
             return Extent(LogKind.PAPARAZZI, None, _length(_line_times_s(first + b"\n" + last)))
         case Format.TELEMETRY:
@@ -86,6 +86,13 @@ def _edges(path: Path, count: int = 1 << 17) -> tuple[bytes, bytes]:
         size = path.stat().st_size
         stream.seek(max(count, size - count))
         return start, stream.read()
+
+
+def _ulog_start_s(path: Path, count: int = 1 << 20) -> float | None:
+    """Unix time of the start by the satellites. count: first bytes, some ten seconds, in which a receiver tells it."""
+    from flightpower.analysis.sources.px4 import start_unix_s  # loads pyulog
+
+    return start_unix_s(_edges(path, count)[0])
 
 
 def _ulog_times_s(first: bytes, last: bytes) -> list[float]:

@@ -42,6 +42,7 @@ TOPICS = (
     "differential_pressure", "esc_status", "rpm", "sensor_baro", "sensor_combined", "sensor_gps",
     "vehicle_acceleration", "vehicle_air_data", "vehicle_gps_position", "vehicle_status", "vehicle_thrust_setpoint",
 )  # fmt: skip
+RECEIVERS = ("vehicle_gps_position", "sensor_gps")
 AIRSPEED_TOPICS = (  # in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
     ("airspeed", ("indicated_airspeed_m_s",)),
@@ -127,6 +128,20 @@ def _opened(path: Path, topics: Collection[str] | None) -> BlockwiseULog:
         raise
     except Exception as error:  # a torn or altered file raises whatever its bytes lead to
         raise InputError(f"{path}: cannot be read as a PX4 log ({type(error).__name__}: {_line(error)})") from None
+
+
+def start_unix_s(beginning: bytes) -> float | None:
+    """Unix time of the start of a log by the satellites, from its first bytes; None where these have no fix."""
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            log = BlockwiseULog(io.BytesIO(beginning), RECEIVERS)
+        topics: dict[str, list[_Topic]] = {}
+        for data in log.data_list:
+            topics.setdefault(data.name, []).append(_Topic(data.data, int(data.multi_id)))
+        _, fix = _place(topics)
+    except Exception:  # whatever its bytes lead to: the analysis says what is wrong with it
+        return None
+    return None if fix.unix_at_zero_s is None else fix.unix_at_zero_s + 1e-6 * float(log.start_timestamp)
 
 
 def all_channels(path: Path) -> AllChannels:
@@ -314,7 +329,7 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
 def _receiver(topics: dict[str, list[_Topic]]) -> tuple[_Topic, str, str, NDArray[np.bool_]] | None:
     """The receiver with positions, the names of latitude and longitude, and its rows with a fix."""
     names = (("latitude_deg", "longitude_deg"), ("lat", "lon"))  # since 1.14, and before
-    for topic in (topic for name in ("vehicle_gps_position", "sensor_gps") for topic in topics.get(name, [])):
+    for topic in (topic for name in RECEIVERS for topic in topics.get(name, [])):
         for latitude, longitude in names:
             if topic.has(latitude) and topic.has(longitude):
                 fixed = topic.values("fix_type") >= 3 if topic.has("fix_type") else np.ones(len(topic.t_s), dtype=bool)

@@ -43,6 +43,23 @@ def test_a_px4_log_is_read_at_its_ends(tmp_path: Path) -> None:
     assert extent(path).length_s == pytest.approx(699.9, abs=0.1)
 
 
+def test_a_px4_log_has_the_date_that_its_receiver_told(tmp_path: Path) -> None:
+    """Also compressed. The first 20 s have no fix; without one the log says no date."""
+    t_us = (1e6 * np.arange(50.0, 110.0, 0.2)).astype(np.uint64)
+    began_s = 1_795_358_400.0  # 2026-11-22 14:40
+    for fixed in (True, False):
+        gps = {
+            "lat": np.full(len(t_us), 481_000_000, np.int32), "lon": np.full(len(t_us), 115_000_000, np.int32),
+            "alt": np.full(len(t_us), 500_000, np.int32),
+            "fix_type": np.where(fixed & (t_us > 70e6), 3, 0).astype(np.uint8),
+            "time_utc_usec": (1e6 * began_s + (t_us - t_us[0])).astype(np.uint64),
+        }  # fmt: skip
+        write_ulog(tmp_path / "a.ulg", UlogContents([UlogTopic("vehicle_gps_position", t_us, gps)]))
+        (tmp_path / "a.ulg.gz").write_bytes(gzip.compress((tmp_path / "a.ulg").read_bytes()))
+        for name in ("a.ulg", "a.ulg.gz"):
+            assert extent(tmp_path / name).start_s == (pytest.approx(began_s, abs=1.0) if fixed else None), name
+
+
 def test_telemetry_of_paparazzi_also_compressed(tmp_path: Path) -> None:
     lines = "".join(f"{k / 2:.3f} 20 ENERGY 55 11.5 1.7\n" for k in range(20, 20_000)).encode()
     for path in (tmp_path / "flight.data", tmp_path / "flight.data.gz"):
