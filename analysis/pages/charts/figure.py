@@ -54,6 +54,7 @@ class Axis:
     limits : values at its ends, if not those of what is drawn     from_zero : zero is among the values drawn
     ticks : labels by value, in place of round values     step : between ticks     most_ticks : of round values
     grid : lines across the panel     logarithmic : powers of ten at equal distances
+    decimals : of what the cursor reads
     """
 
     name: str = ""
@@ -65,6 +66,7 @@ class Axis:
     step: float | None = None
     most_ticks: int = 9
     grid: bool = True
+    decimals: int | None = None  # None for those that tell a hundredth of the range
 
     @property
     def title(self) -> str:

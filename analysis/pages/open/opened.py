@@ -101,6 +101,7 @@ class OpenedFlight(ABC):
         options = self._options(values, folder)
         kept = [path.name for path in self._write_inputs(values, folder) if path]
         done = analyze_log(self.path, folder, options, lambda _: None, self.command(values))
+        self.__dict__.pop("shown", None)  # what is opened next begins with what was written
         return {"said": _summary_lines(done), "kept": kept, "command": self.command(values)}
 
     def command(self, values: Values) -> str:

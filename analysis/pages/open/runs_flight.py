@@ -26,17 +26,26 @@ from flightpower.analysis.flight import (
     with_runs,
 )
 from flightpower.analysis.maneuvers.kinds import KINDS, Maneuvers
-from flightpower.analysis.maneuvers.runs_file import ManeuverEntry, NoCurve, entry_text, head, mistake_in
+from flightpower.analysis.maneuvers.runs_file import ManeuverEntry, NoCurve, entry_text, head, mistake_in, to_toml
 from flightpower.analysis.options import Options
 from flightpower.analysis.pages.open import form
 from flightpower.analysis.pages.open.folder_files import polars_in
-from flightpower.analysis.pages.open.opened import OpenedFlight, columns, condition_at, curve_json, shares
+from flightpower.analysis.pages.open.opened import (
+    OpenedFlight,
+    columns,
+    condition_at,
+    curve_json,
+    report_folder,
+    shares,
+)
 from flightpower.analysis.pages.open.pictures import curve_chart, map_chart, rows_of_runs, strips
 from flightpower.analysis.pages.open.request import FieldError, Json, Run, Values
 from flightpower.analysis.records.flight import Kind, PowerPoint
 from flightpower.analysis.sources.daemon import all_channels, events, times_ns
 from flightpower.analysis.sources.recording import AllChannels, Channel, in_order
 from flightpower.flight.aircraft import parse_aircraft
+from flightpower.flight.errors import InputError
+from flightpower.flight.files import read_text
 from flightpower.flight.log_reader import Log
 from flightpower.flight.propeller_files import load_propeller
 from flightpower.flight.shipped_propellers import shipped_propellers
@@ -76,6 +85,7 @@ class RunsFlight(OpenedFlight):
             "strips": self.strips({}),
             "events": [event._asdict() for event in self._events],
             "runs": self._found(measured),
+            "edited_runs": self._edited(measured),
             "propellers": shipped_propellers(),
             "propeller": measured.propeller.name,
         }
@@ -191,6 +201,22 @@ class RunsFlight(OpenedFlight):
             return _runs(with_runs(measured, None).maneuvers)
         except NoCurve as error:
             return _runs(error.maneuvers)
+
+    def _edited(self, measured: Measured) -> list[Json]:
+        """The runs of the report's runs.toml, where it is not what the analysis found; none where it cannot be used."""
+        path = report_folder(self.path) / "runs.toml"
+        try:
+            found, text = with_runs(measured, None).maneuvers, read_text(path) if path.is_file() else ""
+        except NoCurve as error:
+            found, text = error.maneuvers, read_text(path)
+        except InputError:
+            return []
+        if text in ("", to_toml(found, self.path.name)):
+            return []
+        try:
+            return _runs(with_runs(measured, path).maneuvers)
+        except InputError:  # of another log, or of an edit that is no list: the page shows what the analysis found
+            return []
 
     def _runs_file(self, values: Values, path: Path) -> Path | None:
         """The list of runs as a file. Raises InputError for a kind that there is none of."""

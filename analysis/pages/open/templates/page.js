@@ -129,6 +129,7 @@ async function show(file) {
     runs = flight.left_out.map(([start_s, end_s]) => ({kind: BY_HAND, start_s, end_s, keep: false, why: BY_HAND}));
     edited = true;
   }
+  if (flight.edited_runs && flight.edited_runs.length) [runs, edited] = [flight.edited_runs, true];
   if (flight.remembered) changed = {...(Object.keys(flight.remembered).length ? flight.remembered : typed)};
   at("title").textContent = file;
   for (const [name, on] of [["whole", whole()], ["by-runs", !whole()]]) at("flight").classList.toggle(name, on);

@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from flightpower.analysis.maneuvers.runs_file import load
+from flightpower.analysis.flight import with_runs
+from flightpower.analysis.maneuvers.runs_file import load, to_toml
 from flightpower.analysis.options import Options
 from flightpower.analysis.pages.open import form, runs_flight
 from flightpower.analysis.pages.open.flights import Folder
@@ -242,6 +243,32 @@ def test_what_was_typed_stays_text_number_or_list(log: RunsFlight) -> None:
     text = log.aircraft_text(Values("log.mcap", aircraft=typed))
     assert 'title = "\\"]] = 3"\n' in text and 'imu_position = ["1 cm", "0 m", "0 m"]\n' in text
     assert form.parse_aircraft(text, "form").title == '"]] = 3'
+
+
+@pytest.mark.slow
+def test_edited_runs_are_there_when_the_log_is_opened_again(log: RunsFlight) -> None:
+    """Those of the report's runs.toml, whoever edited it; none where it is what the analysis found, or no list."""
+    runs_file = log.path.parent / "log.report" / "runs.toml"
+    runs_file.parent.mkdir(exist_ok=True)
+    before = runs_file.read_bytes() if runs_file.exists() else None
+    try:
+        runs_file.unlink(missing_ok=True)
+        again = RunsFlight(log.path, log.workspace, log.log)
+        found = again.shown["runs"]
+        assert again.shown["edited_runs"] == []
+        kept = [Run(run["kind"], run["start_s"], run["end_s"], run["keep"]) for run in found]
+        moved = [msgspec.structs.replace(run, start_s=run.start_s + 0.4) if run.keep else run for run in kept]
+        runs_file.write_text(runs_text(moved, log.path.name), "utf-8")
+        edited = RunsFlight(log.path, log.workspace, log.log).shown["edited_runs"]
+        starts_s = [run["start_s"] for run in edited if run["keep"]]
+        assert starts_s == pytest.approx([run.start_s for run in moved if run.keep], abs=0.011) and starts_s
+        measured = again._measured(Values(""))
+        runs_file.write_text(to_toml(with_runs(measured, None).maneuvers, log.path.name), "utf-8")
+        assert again._edited(measured) == []
+        runs_file.write_text("no list", "utf-8")
+        assert again._edited(measured) == []
+    finally:
+        runs_file.unlink() if before is None else runs_file.write_bytes(before)
 
 
 def test_the_list_of_runs_is_the_file_that_analyze_reads(tmp_path: Path) -> None:
