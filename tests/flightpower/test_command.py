@@ -94,7 +94,7 @@ def test_help_of_a_side_that_is_not_installed_is_shown_where_it_can_be(monkeypat
     """`fleet` loads what its extra installs when it runs; a module that cannot be loaded says what to install."""
     monkeypatch.setattr(umbrella, "find_spec", lambda name: None if name == "fsspec" else object())
     shown = CliRunner().invoke(umbrella.app, ["fleet", "--help"])
-    assert shown.exit_code == 0 and "Keep the statistics of flights" in shown.output
+    assert shown.exit_code == 0 and "Add flights to the dataset of a fleet" in shown.output
     with pytest.raises(InputError, match="fsspec not installed"):
         umbrella.load("fleet")
     monkeypatch.setattr(umbrella.importlib, "import_module", Mock(side_effect=ImportError("no fsspec")))

@@ -227,7 +227,7 @@ WRONG = {
     "flightpower new tray -o tray.toml": "tray.toml: exists already",
     # files that are something else, values that cannot be, names that lead nowhere
     "flightpower plan nexstar --wind-kt '5 furlong'": "--wind-kt 5 furlong: should be at least 0 and",
-    "flightpower plan nexstar --wind-from 90": "--wind-from 90: without --heading of the legs",
+    "flightpower plan nexstar --wind-from 90": "--wind-from 90: means nothing without --heading of the legs",
     "flightpower plan nexstar --heading north": "--heading north: should be at least -360 and at",
     "flightpower plan nexstar --heading 90 --wind-from 400": "--wind-from 400: should be at least 0 and at",
     "flightpower plan nexstar --stall '0 m/s'": "--stall 0 m/s: should be above 0 and at most",
@@ -245,7 +245,7 @@ WRONG = {
     "flightpower plan nexstar -o loop/x": "loop/x/plan.toml: cannot be written (File",
     "flightpower route m.plan --results missing.json --wind 0": "m.plan: not a plan of QGroundControl (could not",
     "flightpower route empty.plan --results missing.json --wind 0": "empty.plan: not a plan of QGroundControl (lacks",
-    "flightpower route x.kml --results missing.json --wind 0": "x.kml: has 0 lines (LineString); save the one",
+    "flightpower route x.kml --results missing.json --wind 0": "x.kml: has 0 lines (LineString); save only the one",
     "flightpower route bad.kml --results missing.json --wind 0": "bad.kml: not XML of INAV, and no KML (unclosed",
     "flightpower route w.waypoints --results missing.json --wind 0": "w.waypoints: line 2: not a mission item (4",
     "flightpower route a.png --results missing.json --wind 0": "a.png: not a text file in UTF-8: give another",
