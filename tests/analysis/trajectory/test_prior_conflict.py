@@ -222,4 +222,4 @@ def test_without_velocity_and_sideslip_a_path_that_is_not_found_has_a_reason(
     monkeypatch.setattr(flight_steps, "trajectory_with", lambda *_, **__: first)
     flight_path = flight_steps.flight_path(SimpleNamespace(progress=lambda _: None, data=None, name="flight.mcap"))
     assert flight_path.as_measured
-    assert ("cannot tell bank from the yaw gyro's bias" in flight_path.notes[-1]) is is_reported
+    assert ("cannot separate bank from the yaw gyro's bias" in flight_path.notes[-1]) is is_reported
