@@ -106,6 +106,18 @@ def test_there_and_back_shows_the_play_of_the_linkage() -> None:
     assert table.hysteresis_deg == 1.0
 
 
+@pytest.mark.parametrize(("neighbor_deg", "is_clear"), [(5.0, True), (2.0, False)])
+def test_the_smallest_step_has_to_stand_out_of_the_play(neighbor_deg: float, is_clear: bool) -> None:
+    """A play of 1.5 deg: two means of positions differ by chance by 1.96 times as much, however far others are."""
+    holds = surfaces.held_pulses(*session((1500.0, 1000.0, 1500.0, 2000.0)))
+    angles = (0.0, -22.0, 1.5, 0.75 + neighbor_deg)
+    if is_clear:
+        assert surfaces.surface_table(holds, angles).hysteresis_deg == 1.5
+    else:
+        with pytest.raises(InputError, match=r"neighboring positions only by 2\.0 deg"):
+            surfaces.surface_table(holds, angles)
+
+
 def test_the_section_is_one_that_an_aircraft_file_takes() -> None:
     from flightpower.flight.aircraft import load_aircraft, parse_aircraft
 

@@ -8,7 +8,9 @@ from flightpower.analysis.air.tubing import air
 from flightpower.analysis.calibrations.tubing import (
     Lag,
     LineLag,
+    Misfit,
     _crossing,
+    _deviance,
     _interval,
     _minimum,
     _misfit,
@@ -53,6 +55,19 @@ def test_the_times_of_steps_and_lags_shift_and_scale_with_the_record() -> None:
     assert fit_lag(*find_steps(t + 1000.0, value)).lag_s == pytest.approx(lag.lag_s, rel=1e-6)
     higher = fit_lag(*find_steps(t, 3 * value + 50.0))
     assert (higher.lag_s, higher.noise) == pytest.approx((lag.lag_s, 3 * lag.noise), rel=1e-6)
+
+
+def test_a_lag_that_leaves_more_instants_possible_is_as_much_more_likely() -> None:
+    """Normal likelihoods of a step's instant: their integrals are as their widths, -2 ln of it the deviance."""
+    instants, variance = np.linspace(-1, 1, 2001)[None], 4.0
+
+    def of_width(width_s: float, least: float) -> Misfit:
+        return Misfit(instants, variance * (least + (instants / width_s) ** 2))
+
+    narrow, wide, worse = _deviance([of_width(0.05, 3.0), of_width(0.1, 3.0), of_width(0.1, 5.0)], variance)
+    assert narrow == pytest.approx(3.0 - 2 * np.log(0.05 * np.sqrt(2 * np.pi)), rel=1e-6)
+    assert wide - narrow == pytest.approx(-2 * np.log(2), rel=1e-6)
+    assert worse - wide == pytest.approx(2.0, rel=1e-6)
 
 
 def test_an_instant_and_a_level_that_fit_exactly_leave_nothing() -> None:

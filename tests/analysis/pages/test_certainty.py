@@ -166,3 +166,5 @@ def test_the_certificate_lists_each_run_and_the_answer_names_the_largest_differe
         section = certainty_section(replace(results, runs_against_others=some))
         assert section.certificate is not None and len(section.certificate.rows) == len(some)
         assert dict(section.checks.rows)["Do the runs agree with each other?"].startswith(answer)
+        differences = dict(zip(section.certificate.header, zip(*section.certificate.rows, strict=True), strict=True))
+        assert differences["difference, %"] == ("+0.7", "-10.0")[: len(some)], "0.5 and -7 W of 70"

@@ -4,7 +4,9 @@ import pytest
 
 from flightpower.analysis.performance.request import Request, parse_request
 from flightpower.analysis.performance.settings import ASKED
+from flightpower.flight.atmosphere import temperature_at
 from flightpower.flight.errors import InputError
+from flightpower.flight.units import TROPOPAUSE_M
 
 
 def test_nothing_asked_is_the_default() -> None:
@@ -71,3 +73,11 @@ def test_a_weight_that_is_none(text: str) -> None:
 def test_a_height_that_is_none(text: str) -> None:
     with pytest.raises(InputError, match=r"--density-altitudes.*below 11000 m"):
         parse_request(density_altitudes=text)
+
+
+def test_heights_end_where_the_standard_atmosphere_ceases_to_be_colder() -> None:
+    """At 216.65 K, 11 km."""
+    assert temperature_at(TROPOPAUSE_M) == pytest.approx(216.65)
+    assert parse_request(density_altitudes="10999 m").density_altitudes_m == pytest.approx((10999.0,))
+    with pytest.raises(InputError, match="below 11000 m"):
+        parse_request(density_altitudes="11001 m")

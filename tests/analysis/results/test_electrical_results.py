@@ -12,6 +12,7 @@ from flightpower.analysis.methods.whole_flight.airspeed_gps import AirspeedError
 from flightpower.analysis.methods.whole_flight.drag import DragWithheld
 from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions
 from flightpower.analysis.methods.whole_flight.parameters import DRAG, unpack
+from flightpower.analysis.methods.whole_flight.settings import GPS
 from flightpower.analysis.methods.whole_flight.simulated_truth import SimulatedTruth
 from flightpower.analysis.performance.autopilot_parameters import flight_values
 from flightpower.analysis.records.flight import (
@@ -43,7 +44,14 @@ EFFICIENCY = Uncertain(np.log(0.7 - 0.01 * (V - 10.0)), np.diag((0.02 + 0.01 * a
 FLOWN = SimpleNamespace(flown=np.ones(3000, dtype=bool))
 
 
-def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | None = 3.0, scale: float = 0.02):
+def estimate(
+    *,
+    share: float = 0.03,
+    noise_W: float = 1e-6,
+    wind_mps: float | None = 3.0,
+    scale: float = 0.02,
+    rho_sigma: float = 0.0,
+):
     """A curve whose error is one scale of all power, as large as this share, and noise."""
     power = Uncertain(POWER_W, noise_W**2 * np.eye(len(V)), {"current": share * POWER_W})
     curve = Curve(kind=Kind.ELECTRICAL, condition=Condition(30.0, 1.2, 0.5), V_mps=V, power_W=power)
@@ -51,7 +59,7 @@ def estimate(*, share: float = 0.03, noise_W: float = 1e-6, wind_mps: float | No
         V_mps=V, power_W=POWER_W, curve=curve, residual_W=np.array([3.0, -4.0]),
         standard_error_W=power.standard_error,
         conditions=SimpleNamespace(idle_power_W=4.0, idle_sigma_W=1.0),
-        rho_sigma=0.0, among_flights=power,
+        rho_sigma=rho_sigma, among_flights=power,
         shown_efficiency=EFFICIENCY,
         airspeed=AirspeedErrors(scale, 0.0, np.diag([0.01**2, 4.0]), wind_mps, 10.0),
     )  # fmt: skip
@@ -258,6 +266,13 @@ def test_powers_and_the_factor_of_airspeed_have_intervals_of_95_per_cent() -> No
     assert result.airspeed_factor.value == pytest.approx(1 / 1.02)
     assert result.airspeed_factor.hi - result.airspeed_factor.value == pytest.approx(NORMAL_95 * 0.01)
     assert values(wind_mps=None).airspeed_factor is None
+
+
+def test_half_an_error_of_the_density_is_one_of_the_airspeed_as_far_as_gps_shows_it() -> None:
+    """V goes with 1/sqrt(rho); of a scale of 4 % a priori GPS leaves 1 %."""
+    by_density = (1 - (0.01 / GPS.scale_sigma) ** 2) * 0.06 / 2
+    factor = values(rho_sigma=0.06).airspeed_factor
+    assert factor.hi - factor.value == pytest.approx(NORMAL_95 * np.hypot(0.01, by_density))
 
 
 @pytest.mark.parametrize(("electrical_W", "is_reported"), [(110.0, False), (116.0, True), (84.0, True)])
