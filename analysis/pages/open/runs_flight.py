@@ -206,16 +206,16 @@ class RunsFlight(OpenedFlight):
         """The runs of the report's runs.toml, where it is not what the analysis found; none where it cannot be used."""
         path = report_folder(self.path) / "runs.toml"
         try:
-            found, text = with_runs(measured, None).maneuvers, read_text(path) if path.is_file() else ""
+            maneuvers, text = with_runs(measured, None).maneuvers, read_text(path) if path.is_file() else ""
         except NoCurve as error:
-            found, text = error.maneuvers, read_text(path)
+            maneuvers, text = error.maneuvers, read_text(path)
         except InputError:
             return []
-        if text in ("", to_toml(found, self.path.name)):
+        if text in ("", to_toml(maneuvers, self.path.name)):
             return []
         try:
             return _runs(with_runs(measured, path).maneuvers)
-        except InputError:  # of another log, or of an edit that is no list: the page shows what the analysis found
+        except InputError:  # of another log, or of an edit that is no list: the page shows what the analysis identified
             return []
 
     def _runs_file(self, values: Values, path: Path) -> Path | None:

@@ -152,7 +152,7 @@ def test_a_probe_elsewhere_pulls_at_the_sensor_errors_as_the_estimator_finds(nex
 
 
 def test_keys_that_the_aircraft_file_lacks_widen_a_plans_interval(nexstar, acceleration, stated_variance, stated):
-    """By half of the variance at most: a value assumed a standard deviation off is no other polar."""
+    """Scores explain half of the variance at most: a value assumed a standard deviation off is no other polar."""
     known = replace(nexstar, aircraft=replace(nexstar.aircraft, uncertainty=stated))
     for key in ("probe.upwash_per_CL", "probe.position", "imu_position"):
         assert 1.0001 < variance_of_drag(acceleration, without_keys(known, key)) / stated_variance < 1.5, key

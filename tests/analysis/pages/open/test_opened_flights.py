@@ -247,16 +247,16 @@ def test_what_was_typed_stays_text_number_or_list(log: RunsFlight) -> None:
 
 @pytest.mark.slow
 def test_edited_runs_are_there_when_the_log_is_opened_again(log: RunsFlight) -> None:
-    """Those of the report's runs.toml, whoever edited it; none where it is what the analysis found, or no list."""
+    """Those of the report's runs.toml, whoever edited it; none where it is what the analysis own_runs, or no list."""
     runs_file = log.path.parent / "log.report" / "runs.toml"
     runs_file.parent.mkdir(exist_ok=True)
     before = runs_file.read_bytes() if runs_file.exists() else None
     try:
         runs_file.unlink(missing_ok=True)
         again = RunsFlight(log.path, log.workspace, log.log)
-        found = again.shown["runs"]
+        own_runs = again.shown["runs"]
         assert again.shown["edited_runs"] == []
-        kept = [Run(run["kind"], run["start_s"], run["end_s"], run["keep"]) for run in found]
+        kept = [Run(run["kind"], run["start_s"], run["end_s"], run["keep"]) for run in own_runs]
         moved = [msgspec.structs.replace(run, start_s=run.start_s + 0.4) if run.keep else run for run in kept]
         runs_file.write_text(runs_text(moved, log.path.name), "utf-8")
         edited = RunsFlight(log.path, log.workspace, log.log).shown["edited_runs"]
