@@ -129,6 +129,7 @@ def test_the_log_opens_with_the_stock_reader_and_explains_itself(flown: Path) ->
         assert seen[topic][value] is not None, topic
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_analysis_does_not_look_at_what_the_simulator_flies(flown: Path, results: Results, tmp_path: Path) -> None:
     """The aircraft file's [aerodynamics] doubled: the same curve to the last digit. (The four keys are without.)"""

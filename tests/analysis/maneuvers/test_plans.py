@@ -88,13 +88,21 @@ def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turbulence_kt", [*(pytest.param(kt, marks=pytest.mark.thorough) for kt in (0.0, 3.0)), 15.0])
-def test_each_acceleration_and_deceleration_flown_is_found_as_one(probe, turbulence_kt: float) -> None:
+@pytest.mark.parametrize(
+    ("plan", "count", "turbulence_kt"),
+    [
+        ("two-pairs", 4, 15.0),
+        *(pytest.param("full-test-flight", 11, kt, marks=pytest.mark.thorough) for kt in (0.0, 3.0, 15.0)),
+    ],
+)
+def test_each_acceleration_and_deceleration_flown_is_found_as_one(
+    probe, plan: str, count: int, turbulence_kt: float
+) -> None:
     """In gusts, too, that change the sign of what speed does every few seconds."""
-    flight = flown(probe, "full-test-flight", turbulence_kt)
+    flight = flown(probe, plan, turbulence_kt)
     result = find(flight.table, flight.still).of("acceleration", "deceleration")
     segments = flight.segments[flight.segments["kind"] == "run"]
-    assert len(segments) == 11
+    assert len(segments) == count
     shares = []
     for i, (_, segment) in enumerate(segments.iterrows()):
         kind = "deceleration" if i % 2 else "acceleration"

@@ -270,7 +270,7 @@ def test_a_draft_by_physics(tmp_path: Path) -> None:
             "voltage": TRUE["voltage_V"] * 1000, "current": TRUE["current_A"], "rpm": TRUE["motor_rpm"],
         }
     )  # fmt: skip
-    result = drafted(tmp_path, table.iloc[:2000])
+    result = drafted(tmp_path, table.iloc[:1000])
     units = {name: (unit, factor) for name, (_, unit, factor) in result.items()}
     assert units["time"] == ("ms", 1)
     assert units["true_airspeed"] == ("knot", 1)

@@ -28,13 +28,11 @@ pytestmark = needs(SHARED)
 MIDDLE = slice(1, 6)  # 16 to 26 m/s
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "most", "widest"),
-    [
-        ("arduplane-4.6-dev-sitl-calm.BIN.gz", 5, 7),
-        pytest.param("arduplane-4.6-dev-sitl-4mps.BIN.gz", 8, 12, marks=pytest.mark.thorough),
-    ],
+    [("arduplane-4.6-dev-sitl-calm.BIN.gz", 5, 7), ("arduplane-4.6-dev-sitl-4mps.BIN.gz", 8, 12)],
 )
 def test_power_under_an_energy_controller(name: str, most: float, widest: float) -> None:
     """Laps at ten airspeeds under TECS, calm and in wind with turbulence: the truth is that of calm air."""

@@ -72,9 +72,9 @@ def test_a_log_is_shown_with_strips_modes_track_and_curve_without_a_word_typed(l
     assert all(word in track for word in (">north<", ">wind, ", " m<")), "north, wind and scale"
 
 
-def test_the_guess_is_near_enough_for_a_picture_and_is_never_written(log: WholeFlight) -> None:
+def test_the_guess_is_near_enough_for_a_picture_and_is_never_written(folder: Folder) -> None:
     """The guessed mass may be wrong by a factor of three; power of level flight is measured, and hardly follows it."""
-    name = log.path.name
+    log, name = opened(folder), "flight.BIN"
     guessed, known = log.curve(Values(name)), log.curve(Values(name, aircraft=AIRCRAFT))
     assert known["guessed"] == {} and known["mass_kg"] == pytest.approx(3.84)
     assert 1 / 3 < guessed["mass_kg"] / 3.84 < 3
