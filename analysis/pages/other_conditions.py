@@ -187,9 +187,8 @@ def _node(model: PerformanceModel, condition: Condition) -> Json:
     }
     if full is not None:
         along_N, sine = full.power.value / full.V, full.climb.value / full.V
-        thrust_N = full_throttle_thrust(model, full.V, condition.rho)
         node |= {
-            "along": _short(along_N / thrust_N, 5),
+            "along": _short(along_N / full.thrust_N, 5),
             "drag_over_weight": _short(along_N / condition.weight_N - sine, 5),
             "maximum_speed_error": _error(full.maximum_speed.standard_error),
             "best_climb_error": _error(full.best_climb.standard_error),

@@ -30,11 +30,13 @@ from flightpower.flight.units import TROPOPAUSE_M
 class FullThrottlePerformance:
     """Full throttle at one weight and density; NaN where the motor does not turn the propeller.
 
-    V : (k,) [m/s]     power : available [W], (k,)     climb : rate of climb [m/s], (k,)
+    V : (k,) [m/s]     thrust_N : along the propeller's axis, (k,)     power : available [W], (k,)
+    climb : rate of climb [m/s], (k,)
     covered : by the propeller's table, (k,)     maximum_speed, best_climb : [m/s]; NaN where there is none
     """
 
     V: Array
+    thrust_N: Array
     power: UncertainValue
     climb: UncertainValue
     covered: NDArray[np.bool_]
@@ -55,10 +57,11 @@ def full_throttle_performance(
     smallest_CL, largest_CL = model.flown_CL
     fastest = PERFORMANCE.fastest_sought * speed_at(smallest_CL, condition)
     V = np.linspace(speed_at(largest_CL, condition), fastest, speeds)
-    n, power_W, climb = _climb(model.sigma_points, model.propeller, V, condition)
+    n, thrust_N, power_W, climb = _climb(model.sigma_points, model.propeller, V, condition)
     best = int(np.argmax(np.nan_to_num(climb[0], nan=-np.inf)))
     return FullThrottlePerformance(
         V=V,
+        thrust_N=thrust_N[0],
         power=from_sigma_points(power_W),
         climb=from_sigma_points(climb),
         covered=model.propeller.covers(V / (n[0] * model.propeller.diameter_m), 60 * n[0]),
@@ -69,11 +72,15 @@ def full_throttle_performance(
     )
 
 
-def _climb(parameters: SigmaPoints, propeller: Propeller, V: Array, condition: Condition) -> tuple[Array, Array, Array]:
-    """n [rev/s], power available T V cos(alpha) [W] (3.47) and rate of climb V sin(gamma) [m/s], each (2m + 1, k)."""
+def _climb(
+    parameters: SigmaPoints, propeller: Propeller, V: Array, condition: Condition
+) -> tuple[Array, Array, Array, Array]:
+    """n [rev/s], thrust [N], power available T V cos(alpha) [W] (3.47) and rate of climb V sin(gamma) [m/s], each
+    (2m + 1, k).
+    """
     n, thrust_N = _thrust(parameters, propeller, V, condition.rho)
     sine, along_path_N = climb_angle(parameters, thrust_N, V, condition)
-    return n, along_path_N * V, V * sine
+    return n, thrust_N, along_path_N * V, V * sine
 
 
 def full_throttle_thrust(model: PerformanceModel, V: Array, rho: float) -> Array:
@@ -130,7 +137,7 @@ def ceilings_m(model: PerformanceModel, condition: Condition, climbs_mps: tuple[
     best = np.empty((n_points, len(heights_m)))
     for i in range(n_points):
         point = {name: values[i] for name, values in model.sigma_points.items()}
-        best[i] = np.fmax.reduce(_climb(point, model.propeller, V, conditions)[2], axis=1)
+        best[i] = np.fmax.reduce(_climb(point, model.propeller, V, conditions)[-1], axis=1)
     return [from_sigma_points(_last_crossings(heights_m, best - climb)) for climb in climbs_mps]
 
 

@@ -39,7 +39,8 @@ def level(battery_W: np.ndarray) -> LevelFlight:
 def full_throttle(maximum: float = 22.0, covered_to: float = 30.0) -> FullThrottlePerformance:
     speeds = np.linspace(12.0, 24.0, 25)
     return FullThrottlePerformance(
-        V=speeds, power=uncertain(10 * speeds, 4.0), climb=uncertain((maximum - speeds) / 4, 0.1),
+        V=speeds, thrust_N=10 + 0 * speeds, power=uncertain(10 * speeds, 4.0),
+        climb=uncertain((maximum - speeds) / 4, 0.1),
         covered=speeds <= covered_to, maximum_speed=uncertain(maximum, 0.2), best_climb=uncertain(2.5, 0.1),
         best_climb_speed=12.0,
     )  # fmt: skip
