@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from flightpower.analysis.missions.plan_settings import MARGINS
 from flightpower.analysis.records.flight import (
     UNKNOWN_SPEED,
     AvailableResult,
@@ -95,7 +96,8 @@ def _optimum(results: WithCurves, question: str, optimum: SpeedInterval, note: s
     slowest = results.slowest_flown
     if optimum.reason is SpeedReason.BELOW_SLOWEST and slowest:
         return HeadlineAnswer(question, ", the slowest flown", not_slower(results), slowest.speed_mps)
-    return HeadlineAnswer(question, optimum_remark(optimum), note, _known_speed(optimum))
+    speed_mps = _known_speed(optimum)
+    return HeadlineAnswer(question, optimum_remark(optimum), note + near_stall(results, speed_mps), speed_mps)
 
 
 def not_slower(results: WithCurves) -> str:
@@ -105,13 +107,30 @@ def not_slower(results: WithCurves) -> str:
         return "Do not fly slower than this: no slower flight was measured."
     margin = stall_margin_percent(slowest)
     stall = f"at least {margin:.0f} % above the stall" if margin else "its margin to the stall is not known"
-    return f"Do not fly slower than {slowest.speed_mps:.1f} m/s: no slower flight was measured; {stall}."
+    text = f"Do not fly slower than {slowest.speed_mps:.1f} m/s: no slower flight was measured; {stall}."
+    return text + (near_stall(results, slowest.speed_mps) if margin else "")
+
+
+def near_stall(results: WithCurves, speed_mps: float | None) -> str:
+    """The slowest speed to hold, as in a plan, in a sentence, for a speed below it; empty for another."""
+    slowest = results.slowest_flown
+    if slowest is None or speed_mps is None:
+        return ""
+    hold_mps = MARGINS.slowest * MARGINS.hold * _fastest_stall_mps(slowest)
+    if speed_mps >= hold_mps:
+        return ""
+    return f" Hold no speed below {math.ceil(10 * hold_mps) / 10:.1f} m/s."
+
+
+def _fastest_stall_mps(slowest: SlowestFlown) -> float:
+    """The speed of the largest lift coefficient that the wing carried: it stalls no faster."""
+    return slowest.speed_mps * math.sqrt(slowest.lift_coefficient / slowest.largest_lift_coefficient)
 
 
 def stall_margin_percent(slowest: SlowestFlown) -> int:
     """Least margin of speed to the stall, rounded down to whole percents: by the largest lift coefficient that the wing
     carried, with the motor's power of that moment."""
-    return math.floor(100 * (math.sqrt(slowest.largest_lift_coefficient / slowest.lift_coefficient) - 1))
+    return math.floor(100 * (slowest.speed_mps / _fastest_stall_mps(slowest) - 1))
 
 
 def optimum_speed_text(optimum: SpeedInterval, curve: CurveResult | None = None) -> str:
@@ -144,9 +163,11 @@ def _endurance(results: WithCurves, use: PerformanceResult) -> HeadlineAnswer:
     note = f"{interval_text(flown.endurance_s.times(1 / 60), 'min', 0)} {_battery(results, use)}."
     if flown.extrapolated:
         note += f" {BEYOND_TABLE}"
+    speed = flown.endurance_speed_mps
     if flown.endurance_at_slowest:
         note += f" Power still decreases there. {not_slower(results)}"
-    speed = flown.endurance_speed_mps
+    else:
+        note += near_stall(results, speed.value)
     remark = _best_speed_remark(speed, flown.endurance_at_slowest, flown.endurance_at_fastest)
     return HeadlineAnswer("Best endurance", remark, note, speed.value)
 
@@ -154,9 +175,8 @@ def _endurance(results: WithCurves, use: PerformanceResult) -> HeadlineAnswer:
 def _range(results: WithCurves, use: PerformanceResult) -> HeadlineAnswer:
     flown = use.loadings[0]
     note = f"{interval_text(flown.range_m.times(1e-3), 'km', 1)} {_battery(results, use)}, in still air."
-    if flown.range_at_slowest:
-        note += f" {not_slower(results)}"
     speed = flown.range_speed_mps
+    note += f" {not_slower(results)}" if flown.range_at_slowest else near_stall(results, speed.value)
     remark = _best_speed_remark(speed, flown.range_at_slowest, flown.range_at_fastest)
     return HeadlineAnswer("Best range", remark, note, speed.value)
 

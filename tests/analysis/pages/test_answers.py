@@ -7,7 +7,13 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from flightpower.analysis.pages.answers import end_remark, headline_answers, not_slower, optimum_speed_text
+from flightpower.analysis.pages.answers import (
+    end_remark,
+    headline_answers,
+    near_stall,
+    not_slower,
+    optimum_speed_text,
+)
 from flightpower.analysis.pages.sections.curve import at_whole_speeds, curve_section
 from flightpower.analysis.pages.sections.flight import decimals, sensors_section
 from flightpower.analysis.pages.sections.performance import ceilings, loading_rows, speed_rows, to_csv, to_markdown
@@ -24,6 +30,7 @@ from flightpower.analysis.records.flight import (
     PowerPoint,
     Results,
     SensorError,
+    SlowestFlown,
     SpeedInterval,
 )
 
@@ -175,3 +182,18 @@ def test_the_terminal_shows_curve_answers_and_every_warning(with_battery: Result
     assert "note: The log is torn [bold]here[/bold]." in text
     assert f"note: {results.disagreements[0].text}" in text
     assert "report: flight.report/report.html" in text
+
+
+def test_a_speed_near_the_stall_is_not_one_to_hold(with_battery: Results, use: PerformanceResult) -> None:
+    """The wing carried 1.0816 times the lift coefficient of 12 m/s: it stalls at 11.54 m/s or slower, and a plan holds
+    nothing below 1.08 times 1.04 of that, 12.96 m/s."""
+    slowest = SlowestFlown(speed_mps=12.0, lift_coefficient=1.0, largest_lift_coefficient=1.04**2)
+    results = replace(with_battery, slowest_flown=slowest)
+    assert near_stall(results, 12.95) == " Hold no speed below 13.0 m/s."
+    assert near_stall(results, 12.97) == near_stall(results, None) == ""
+    assert not_slower(results).endswith(" 4 % above the stall. Hold no speed below 13.0 m/s.")
+    unknown = replace(results, slowest_flown=replace(slowest, largest_lift_coefficient=1.0))
+    assert not_slower(unknown).endswith("its margin to the stall is not known.")
+    slow = replace(use, loadings=[replace(use.loadings[0], endurance_speed_mps=Interval(value=12.5, lo=12.0, hi=13.0))])
+    endurance, far, _ = headline_answers(replace(results, use=slow))
+    assert "Hold no speed below 13.0 m/s." in endurance.note and "Hold" not in far.note

@@ -93,7 +93,8 @@ def test_a_best_speed_that_was_not_flown_is_replaced_by_the_slowest_with_its_mar
     for shown in (results, replace(results, use=None)):
         endurance = headline_answers(shown)[0]
         assert endurance.speed_mps is not None and round(endurance.speed_mps - slowest.speed_mps, 1) == 0
-        assert endurance.note.endswith("no slower flight was measured; at least 4 % above the stall.")
+        assert "no slower flight was measured; at least 4 % above the stall. Hold no speed below" in endurance.note
+        assert endurance.note.endswith(" 16.0 m/s.")
         at_most = replace(slowest, largest_lift_coefficient=1.004 * slowest.lift_coefficient)
         note = headline_answers(replace(shown, slowest_flown=at_most))[0].note
         assert note.endswith("its margin to the stall is not known.")
