@@ -219,8 +219,8 @@ def test_what_fails_for_a_while_is_asked_again(monkeypatch, failures: int, reque
         return "there"
 
     if answered:
-        assert addresses._asked("s3://fleet/", ask) == "there"
+        assert addresses._answer_of("s3://fleet/", ask) == "there"
     else:
         with pytest.raises(InputError):
-            addresses._asked("s3://fleet/", ask)
+            addresses._answer_of("s3://fleet/", ask)
     assert calls == requested and sum(pauses) < 10

@@ -39,7 +39,7 @@ from flightpower.analysis.methods.whole_flight.parameters import (
     Source,
     unpack,
 )
-from flightpower.analysis.methods.whole_flight.settings import WINDOWS
+from flightpower.analysis.methods.whole_flight.settings import GPS, WINDOWS
 from flightpower.analysis.methods.whole_flight.thrust_balance import MotorConstants, ThrustBalance
 from flightpower.analysis.sources import recording
 from flightpower.analysis.sources.grid import resampled
@@ -237,7 +237,9 @@ def test_gps_is_compared_once_a_second_and_at_as_many_points_as_asked(monkeypatc
     heading = 0.1 * t
     gps = dict(zip(recording.GPS, (V_MPS * np.cos(heading), V_MPS * np.sin(heading), 0 * t), strict=True))
     table = pd.DataFrame({"pressure_Pa": RHO / 2 * V_MPS**2 + 0 * t, "rho": RHO, **gps}, index=t)
-    flight = SimpleNamespace(table=table, flown=np.ones(len(t), dtype=bool), zero_sigma_Pa=0.7)
+    flight = SimpleNamespace(
+        table=table, flown=np.ones(len(t), dtype=bool), zero_sigma_Pa=0.7, airspeed_scale_sigma=GPS.scale_sigma
+    )
     apart: list[float] = []
     original = airspeed_gps.correlation
 
@@ -251,7 +253,7 @@ def test_gps_is_compared_once_a_second_and_at_as_many_points_as_asked(monkeypatc
     apart.clear()
     airspeed_errors(flight, most_points=60)  # type: ignore[arg-type]
     assert apart[0] == pytest.approx(5.0)
-    few = SimpleNamespace(table=table, flown=t < 10.0, zero_sigma_Pa=0.7)
+    few = SimpleNamespace(table=table, flown=t < 10.0, zero_sigma_Pa=0.7, airspeed_scale_sigma=GPS.scale_sigma)
     assert airspeed_errors(few).wind_mps is None, "ten points determine no wind"  # type: ignore[arg-type]
 
 

@@ -92,7 +92,9 @@ def test_the_airspeed_s_scale_is_covered_whichever_velocity_is_disturbed(noise_P
         table = pd.DataFrame(
             {"pressure_Pa": pressure, "rho": rho} | dict(zip(recording.GPS, gps, strict=True)), index=t
         )
-        flight = SimpleNamespace(table=table, flown=np.ones(len(t), dtype=bool), zero_sigma_Pa=3.0)
+        flight = SimpleNamespace(
+            table=table, flown=np.ones(len(t), dtype=bool), zero_sigma_Pa=3.0, airspeed_scale_sigma=GPS.scale_sigma
+        )
         errors = airspeed_errors(flight, most_points=150)  # type: ignore[arg-type]
         z.append((errors.scale - scale) / np.sqrt(errors.covariance[0, 0]))
     assert np.mean(np.abs(z) < NORMAL_95) >= 0.8 and abs(np.mean(z)) < 1.2
