@@ -23,15 +23,15 @@ AIRCRAFT, PROPELLER, PROBE = "aircraft.toml", "propeller.csv", "probe.json"
 
 
 def check_output(output: Path, replace: bool) -> None:
-    """Raise InputError if writing would replace something else than an earlier simulation."""
+    """Raise InputError if writing would replace something else than an earlier simulation, whole or cut short."""
     if output.exists() and not output.is_dir():
         raise InputError(f"{output}: not a folder; give another one")
-    if (output / UNFINISHED).exists():  # of a simulation that was killed
-        return check_writable(output / LOG)
+    cut_short = (output / UNFINISHED).exists()  # a simulation that was killed
     taken = [name for name in OUTPUT_FILES if (output / name).exists()]
     if taken and not replace:
-        raise InputError(f"{output}: already contains {taken[0]}; give another folder, or --replace")
-    if taken and not (output / TRUTH).exists():
+        state = " of a simulation that was cut short" if cut_short else ""
+        raise InputError(f"{output}: already contains {taken[0]}{state}; give another folder, or --replace")
+    if taken and not cut_short and not (output / TRUTH).exists():
         raise InputError(f"{output}: contains a log without {TRUTH}, so not a simulated flight; give another folder")
     check_writable(output / LOG)
 
