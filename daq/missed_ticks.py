@@ -2,7 +2,7 @@
 
 from collections import deque
 
-from flightpower.daq.recording_status import RECENT_S
+from flightpower.daq.recording_status import RECENT_S, ticks_missed
 from flightpower.daq.sampling_loop import GridTick
 from flightpower.flight.messages import Event
 
@@ -30,7 +30,7 @@ class MissedTicks:
         longest_s = self._longest * self._period_ns / 1e9
         stalled = self._longest * self._period_ns >= STALL_NS
         longest = f"{longest_s:.1f} s" if longest_s >= 0.1 else "less than 0.1 s"
-        text = f"{self._unreported} ticks missed, {longest} in a row: stop other programs on this computer"
+        text = f"{ticks_missed(self._unreported)}, {longest} in a row: stop other programs on this computer"
         self._unreported = self._longest = 0
         self._reported_ns = now_ns
         return [Event(severity="error" if stalled else "warning", sensor="daq", text=text)]

@@ -18,6 +18,11 @@ LEAST_RATE = 0.9  # of the tray's rate
 RECENT_S = 10.0  # ticks missed this long ago are reported
 
 
+def ticks_missed(number: int) -> str:
+    """ "1 tick missed", "2 ticks missed"."""
+    return f"{number} {'tick' if number == 1 else 'ticks'} missed"
+
+
 def readable(text: str) -> str:
     """A text that can be written everywhere: names of files may hold bytes that are no characters (PEP 383)."""
     return text.encode("utf-8", "backslashreplace").decode()
@@ -79,7 +84,7 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
         if self.rate_Hz < LEAST_RATE * self.grid_Hz:
             messages.append(f"{self.rate_Hz:.1f} of {self.grid_Hz:.1f} Hz")
         if self.recent_missed:
-            messages.append(f"{self.recent_missed} ticks missed in {RECENT_S:.0f} s")
+            messages.append(f"{ticks_missed(self.recent_missed)} in {RECENT_S:.0f} s")
         return messages
 
     @property

@@ -36,7 +36,8 @@ def status(**changes) -> RecordingStatus:
     ({"rate_Hz": 22.4}, "recording 1 min, 22 Hz: 22.4 of 25.0 Hz"),
     ({"ticks": 601, "missed": 900, "rate_Hz": 2.4}, "recording 1 min, 2 Hz: 2.4 of 25.0 Hz"),
     ({"ticks": 1500, "missed": 1}, "recording 1 min, 25 Hz, all well"),  # long ago
-    ({"ticks": 1500, "missed": 1, "recent_missed": 1}, "recording 1 min, 25 Hz: 1 ticks missed in 10 s"),
+    ({"ticks": 1500, "missed": 1, "recent_missed": 1}, "recording 1 min, 25 Hz: 1 tick missed in 10 s"),
+    ({"ticks": 1500, "missed": 2, "recent_missed": 2}, "recording 1 min, 25 Hz: 2 ticks missed in 10 s"),
     ({"age_s": 2.9}, "recording 1 min, 25 Hz, all well"),
     ({"age_s": 3.1}, "No news from the daemon for 3 s"),
     ({"trouble": ["supply"]}, "recording 1 min, 25 Hz: supply"),

@@ -330,6 +330,8 @@ def test_a_counter_that_is_silent_while_the_motor_stands_has_not_failed():
 def test_missed_ticks_are_news_at_most_every_five_seconds_and_a_stall_is_an_error():
     missed = MissedTicks(40_000_000)
     assert missed.add(GridTick(1, 0, 0), 0) == []
+    (single,) = MissedTicks(40_000_000).add(GridTick(5, 0, 1), 0)
+    assert single.text.startswith("1 tick missed, less than 0.1 s in a row")
     (first,) = missed.add(GridTick(5, 0, 3), 10**9)
     assert first.severity == "warning" and first.text.startswith("3 ticks missed, 0.1 s in a row")
     assert missed.add(GridTick(8, 0, 2), 2 * 10**9) == []
