@@ -9,6 +9,7 @@ import pandas as pd
 
 from flightpower.analysis.air.settings import GROUND
 from flightpower.analysis.sources.recording import AIRSPEED_PRESSURE, Channel, FlightRecording
+from flightpower.flight.aircraft import Aircraft
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import JsonFormat, sha256_of
 
@@ -16,11 +17,16 @@ FORMAT = "flightpower-airspeed-1"
 
 
 class AirspeedScale(msgspec.Struct, frozen=True, kw_only=True):
-    """The content of the file that `calibrate airspeed` writes; its wind belongs to that flight and is not used."""
+    """The content of the file that `calibrate airspeed` writes; its wind belongs to that flight and is not used.
+
+    aircraft, installation : their names in that flight's log; earlier files have none, nor those of autopilots' logs
+    """
 
     format: str = FORMAT
     source: str  # name of the log
     log_sha256: str = ""
+    aircraft: str | msgspec.UnsetType = msgspec.UNSET
+    installation: str | msgspec.UnsetType = msgspec.UNSET
     scale: float  # fraction by which airspeed reads high
     scale_error: float  # 1 sigma
 
@@ -48,6 +54,24 @@ class AirspeedScale(msgspec.Struct, frozen=True, kw_only=True):
                 f"{where}: was determined from this very flight, which would count twice; leave --airspeed out, as"
                 " `analyze` estimates the scale itself"
             )
+
+    def notes_on_aircraft(self, aircraft: Aircraft, where: str) -> list[str]:
+        """A note if the scale was determined with another installation than that of this flight.
+
+        Raises InputError naming `where` if it was determined with another aircraft. What has no name is not compared.
+        """
+        if self.aircraft and self.aircraft != aircraft.name:
+            raise InputError(
+                f"{where}: was determined with the aircraft {self.aircraft}, and this flight is of {aircraft.name};"
+                f" leave --airspeed out, or run `calibrate airspeed` on a flight of {aircraft.name}"
+            )
+        installation = aircraft.installation.name
+        if self.installation and installation and self.installation != installation:
+            return [
+                f"{where}: the scale of airspeed was determined with the installation {self.installation}, and this"
+                f" flight has {installation}: if the probe was moved in between, leave --airspeed out."
+            ]
+        return []
 
 
 def _check(scale: AirspeedScale, where: str) -> None:

@@ -82,10 +82,12 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
     )
     if missing or aircraft is None:
         raise _not_in_log(log, missing)
-    installation = aircraft.installation.name or _installation_of_tray(log)
+    aircraft = with_installation_of(log, aircraft)
     notes = damage(log)
     if replacements.airspeed is not None:
-        replacements.airspeed.check_other_flight(log.path, replacements.files.get("airspeed.json", "--airspeed"))
+        where = replacements.files.get("airspeed.json", "--airspeed")
+        replacements.airspeed.check_other_flight(log.path, where)
+        notes += replacements.airspeed.notes_on_aircraft(aircraft, where)
     if replacements.weight_N is not None:
         aircraft = aircraft.weighing(replacements.weight_N)
     propeller = replacements.propeller or _propeller(log, aircraft, recorded)
@@ -101,7 +103,7 @@ def contents(log: Log, replacements: Replacements = Replacements()) -> LogConten
     notes += [of_table] if of_table else []
     zero = ZERO_FILE.parsed_if_any(log.attachments.get("zero.json"), f"{log.path}: zero.json")
     return LogContents(
-        replace(aircraft, installation=replace(aircraft.installation, name=installation)),
+        aircraft,
         propeller,
         replacements.probe or PROBE_FILE.parsed(log.attachments["probe.json"], "probe.json"),
         replacements.magnetometer
@@ -160,15 +162,19 @@ def _propeller(log: Log, aircraft: Aircraft, recorded: Aircraft | None) -> Prope
     raise _not_in_log(log, ["propeller.csv"])
 
 
-def _installation_of_tray(log: Log) -> str:
-    """[installation] name of the tray file; empty where there is none."""
+def with_installation_of(log: Log, aircraft: Aircraft) -> Aircraft:
+    """The aircraft with the [installation] name of the log's tray file, where its own file has none."""
+    if aircraft.installation.name:
+        return aircraft
     try:
         tray = tomllib.loads(log.attachments.get("tray.toml", b"").decode("utf-8", errors="replace"))
     except tomllib.TOMLDecodeError:
-        return ""
+        return aircraft
     section = tray.get("installation")
     name = section.get("name") if isinstance(section, dict) else None
-    return name if isinstance(name, str) else ""
+    if not isinstance(name, str):
+        return aircraft
+    return replace(aircraft, installation=replace(aircraft.installation, name=name))
 
 
 def _of_another_table(aircraft: Aircraft, propeller: Propeller) -> str:

@@ -15,6 +15,7 @@ from flightpower.flight.files import sha256_of
 
 if TYPE_CHECKING:
     from flightpower.analysis.trajectory.consistency import AirspeedCalibration
+    from flightpower.flight.aircraft import Aircraft
 
 
 @calibration(OptionalFile)
@@ -62,7 +63,7 @@ def airspeed(
     if not flight.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")
     calibration = calibrate(flight.table, trajectory_with(flight, flight.data))
-    return _calibrated(calibration, list(flight.notes), log)
+    return _calibrated(calibration, list(flight.notes), log, flight.aircraft)
 
 
 def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration":
@@ -95,9 +96,13 @@ def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration"
     )
 
 
-def _calibrated(calibration: "AirspeedCalibration", notes: list[str], log: Path) -> Calibrated:
+def _calibrated(
+    calibration: "AirspeedCalibration", notes: list[str], log: Path, aircraft: "Aircraft | None" = None
+) -> Calibrated:
+    flown = {"aircraft": aircraft.name, "installation": aircraft.installation.name} if aircraft else {}
+    named = {key: name for key, name in flown.items() if name}
     content = {name: value for name, value in calibration._asdict().items() if name != "unsupported"}
-    content = {"format": FORMAT, "source": log.name, "log_sha256": sha256_of(log), **content}
+    content = {"format": FORMAT, "source": log.name, "log_sha256": sha256_of(log), **named, **content}
     return Calibrated(summary(calibration, notes), content, unsupported=calibration.unsupported)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from msgspec import structs
 
 from flightpower.analysis.air.airspeed_scale import AIRSPEED_FILE
-from flightpower.analysis.air.contents import propeller_of
+from flightpower.analysis.air.contents import propeller_of, with_installation_of
 from flightpower.analysis.flight import Progress
 from flightpower.analysis.methods.thrust_prior import stand_measurements
 from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate, flown_aircraft
@@ -74,6 +74,8 @@ def analyze_daemon_log(
     if given is None and text is not None:
         given = parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
     table = None
+    if given is not None:
+        given = with_installation_of(log, given)
     if given is not None and options.propeller is None:
         with contextlib.suppress(InputError):  # drag is then withheld
             table = propeller_of(log, given)
@@ -115,14 +117,19 @@ def analyze_recording(
         raise
     recording = replace(recording, air_temperature_K=options.air_temperature_K)
     airspeed = AIRSPEED_FILE.load(options.airspeed) if options.airspeed else None
+    of_airspeed: list[str] = []
     if airspeed is not None:
         airspeed.check_other_flight(path, str(options.airspeed))
+        if given is not None:
+            of_airspeed = airspeed.notes_on_aircraft(given, str(options.airspeed))
         recording = airspeed.corrected_recording(recording)
     progress("finding the flight")
     flight = flight_table(recording, flown.weight_N, flown.wing_area_m2, options.left_out_s)
     if airspeed is not None:
         remains = PRIORS.calibrated["V_scale"]
-        flight = flight._replace(airspeed_scale_sigma=math.hypot(airspeed.scale_error, remains))
+        flight = flight._replace(
+            airspeed_scale_sigma=math.hypot(airspeed.scale_error, remains), notes=[*flight.notes, *of_airspeed]
+        )
     progress("balancing energy")
     electrical = estimate(flight, flown.weight_N, flown.wing_area_m2, flown.span_m, str(path))
     progress("balancing thrust")

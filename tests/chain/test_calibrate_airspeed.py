@@ -25,6 +25,7 @@ def test_wind_and_scale_are_those_of_the_flight(flown: Path, tmp_path: Path) -> 
     # Along the one heading an error of the scale at 18 m/s is one of the wind.
     assert content["wind_mps"] == pytest.approx(np.hypot(north, east), abs=0.3 + 4 * 18 * content["scale_error"])
     assert content["format"] == "flightpower-airspeed-1"
+    assert content["aircraft"] == "nexstar"
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import msgspec
 import pytest
 from flights import tunnel_probe
 
+from flightpower.analysis.air.airspeed_scale import AirspeedScale
 from flightpower.analysis.air.contents import Replacements, contents
 from flightpower.flight.aircraft import load_aircraft
 from flightpower.flight.errors import InputError
@@ -40,3 +41,24 @@ def test_a_damaged_propeller_table_in_a_log_is_said_to_be_the_log_s() -> None:
     })  # fmt: skip
     with pytest.raises(InputError, match=r"^flight\.mcap: its propeller\.csv is damaged; give --propeller"):
         contents(log)
+
+
+def test_a_scale_of_airspeed_belongs_to_an_aircraft_and_to_an_installation() -> None:
+    """That of the tray file counts where the aircraft file names none."""
+    log = Log(Path("flight.mcap"), attachments={
+        "aircraft.toml": load_aircraft("nexstar").text.encode(),
+        "propeller.csv": load_propeller("apc-12x8e").to_csv().encode(),
+        "probe.json": msgspec.json.encode(tunnel_probe()),
+        "tray.toml": b'[installation]\nname = "may"',
+    })  # fmt: skip
+
+    def notes(aircraft: str, installation: str) -> list[str]:
+        scale = AirspeedScale(
+            source="a.mcap", scale=0.01, scale_error=0.002, aircraft=aircraft, installation=installation
+        )
+        return contents(log, Replacements(airspeed=scale)).notes
+
+    assert any("the installation april, and this flight has may" in note for note in notes("nexstar", "april"))
+    assert not any("installation" in note for note in notes("nexstar", "may"))
+    with pytest.raises(InputError, match=r"^--airspeed: was determined with the aircraft foamie, .* is of nexstar; "):
+        notes("foamie", "may")

@@ -13,6 +13,7 @@ from flightpower.analysis.pipeline import analyze
 from flightpower.analysis.sources.open import open_source
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import sha256_of
+from flightpower.flight.units import GRAVITY_MPS2
 from tests.analysis.sources.flown_table import AREA_M2, MAP, MASS_KG, SPAN_M, flown_table, map_text, written
 
 SCALE, ERROR = 0.05, 0.004
@@ -81,3 +82,43 @@ def test_a_log_without_airspeed_has_no_use_for_it(tmp_path: Path) -> None:
     path = written(tmp_path, flown_table(), map_text(without))
     with pytest.raises(InputError, match="--airspeed: has no effect, since the log lacks airspeed"):
         analyze(open_source(path), Options(**AIRCRAFT, airspeed=scale_file(tmp_path)))  # type: ignore[arg-type]
+
+
+def aircraft_file(folder: Path, name: str, installation: str = "") -> Path:
+    path = folder / "aircraft.toml"
+    named = f'\n[installation]\nname = "{installation}"\n' if installation else ""
+    text = f"""name = "{name}"
+[geometry]
+wing_area = "{AREA_M2} m^2"
+span = "{SPAN_M} m"
+[mass]
+weight = "{MASS_KG * GRAVITY_MPS2} N"
+"""
+    path.write_text(text + named)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("of_file", "installation", "differs"),
+    [
+        ({}, "may", False),  # a file of an earlier version
+        ({"aircraft": "mine"}, "may", False),
+        ({"aircraft": "mine", "installation": "may"}, "may", False),
+        ({"aircraft": "mine", "installation": "april"}, "", False),
+        ({"aircraft": "mine", "installation": "april"}, "may", True),
+    ],
+)
+def test_another_installation_is_noted(
+    of_file: dict[str, str], installation: str, differs: bool, tmp_path: Path
+) -> None:
+    path = written(tmp_path, flown_table(), map_text(BARE))
+    options = Options(aircraft=aircraft_file(tmp_path, "mine", installation), airspeed=scale_file(tmp_path, **of_file))
+    warnings = analyze(open_source(path), options).results.warnings
+    assert any("with the installation april, and this flight has may" in text for text in warnings) == differs
+
+
+def test_the_scale_of_another_aircraft_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, flown_table(), map_text(BARE))
+    options = Options(aircraft=aircraft_file(tmp_path, "mine"), airspeed=scale_file(tmp_path, aircraft="yours"))
+    with pytest.raises(InputError, match=r"airspeed.json: .* aircraft yours, .* of mine; leave --airspeed out, or run"):
+        analyze(open_source(path), options)
