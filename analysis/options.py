@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -49,9 +49,9 @@ def refuse_drag_options(log: Path, why: str, **given: object) -> None:
         raise InputError(f"{log}: {names}: has no effect, since {why}; leave it out")
 
 
-def refuse_autopilot_options(log: Path, **given: object) -> None:
+def refuse_autopilot_options(log: Path, options: "Options") -> None:
     """Raises InputError for an option that a log with an aircraft file of its own has no use for."""
-    if names := _given(given):
+    if names := options.of_autopilots:
         raise InputError(f"{log}: {names}: only for logs of autopilots; give --weight, or --aircraft FILE")
 
 
@@ -70,6 +70,8 @@ ATTACHMENTS = {
     "airspeed": "airspeed.json",
     "zero": "zero.json",
 }
+
+OF_AUTOPILOTS = ("mass_kg", "wing_area_m2", "span_m", "air_temperature_K")
 
 
 STRETCH = re.compile(r"\s*([\d.]+)\s*(?:s\s*)?(?:to|-|–)\s*([\d.]+)\s*s?\s*")
@@ -326,6 +328,15 @@ class Options(LogOptions):
     def flown_weight_N(self) -> float | None:
         """Weight by --weight or --mass; None if neither is given."""
         return self.weight_N if self.mass_kg is None else self.mass_kg * GRAVITY_MPS2
+
+    @property
+    def of_autopilots(self) -> str:
+        """The options given that only a log without an aircraft file of its own has a use for; empty without any."""
+        return _given({name.rpartition("_")[0]: getattr(self, name) for name in OF_AUTOPILOTS})
+
+    def with_own_aircraft(self) -> "Options":
+        """The options without those that only a log without an aircraft file of its own has a use for."""
+        return replace(self, **dict.fromkeys(OF_AUTOPILOTS))
 
     def for_drag(self) -> dict[str, object]:
         """The options that only the analysis of runs has a use for, by name; None where not given."""

@@ -5,7 +5,7 @@ import io
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import TracebackType
@@ -44,19 +44,27 @@ PRELOAD = (
 
 @dataclass(frozen=True)
 class FlightAnalysis:
-    """`analyze_log` with its options, for other processes."""
+    """`analyze_log` with its options, for other processes.
+
+    mixed : whether the options of autopilots' logs are not for logs with an aircraft file of their own
+    """
 
     options: Options
+    mixed: bool = False
 
     def __call__(self, log: Path, folder: Path, runs: Path | None, progress: Step) -> None:
-        analyze_log(log, folder, replace(self.options, runs=runs), progress)
+        analyze_log(log, folder, replace(self.options_of(log), runs=runs), progress)
+
+    def options_of(self, log: Path) -> Options:
+        """The options that are for this log."""
+        return self.options.with_own_aircraft() if self.mixed and _has_aircraft(log) else self.options
 
     def under(self, root: Path) -> "FlightAnalysis":
         given = {field.name: getattr(self.options, field.name) for field in fields(Options)}
         moved: dict[str, Any] = {name: below(root, value) for name, value in given.items() if isinstance(value, Path)}
         if self.options.propeller:
             moved["propeller"] = str(below(root, Path(self.options.propeller)))
-        return FlightAnalysis(replace(self.options, **moved))
+        return replace(self, options=replace(self.options, **moved))
 
 
 def settings(options: Options) -> str:
@@ -85,7 +93,9 @@ def analyze_logs(
     options.replacements()  # a wrong file is refused once, not for each log
     modules = {type(file_system(log.address)[0]).__module__ for log in listing.logs if isinstance(log, RemoteLog)}
     preload = (*PRELOAD, *sorted(modules))
-    work = Work(FlightAnalysis(options), settings(options), lambda log: files_used(log, options), preload)
+    note = own_aircraft_note(listing.logs, options)
+    analysis = FlightAnalysis(options, mixed=bool(note))
+    work = Work(analysis, settings(options) + (", mixed" if note else ""), lambda log: files_used(log, options), preload)
     stderr = Console(stderr=True)
     # Meanwhile this process has nothing else to do: what the report needs is loaded before the last flight has ended.
     # Waited for at the end: C++ libraries abort a process that ends while a thread loads them.
@@ -94,12 +104,36 @@ def analyze_logs(
         with ProgressOnConsole(stderr, quiet) as monitor:
             campaign = run(listing, output, work, monitor, jobs=jobs or _processors(), scheduler=scheduler)
             monitor.finished(campaign)
-        for note in campaign.notes:
-            stderr.print(f"note: {note}", highlight=False, markup=False, soft_wrap=True)
+        for line in [*campaign.notes, *filter(None, [note])]:
+            stderr.print(f"note: {line}", highlight=False, markup=False, soft_wrap=True)
         if not campaign.folders:
             raise InputError(f"{output}: none of the {len(campaign.failures)} logs can be used")
         verdict = _pool(campaign, output, quiet, options.request)
     return ExitCode.FAILURE if campaign.failures else verdict
+
+
+def own_aircraft_note(logs: Sequence[Log], options: Options) -> str:
+    """What options of autopilots' logs are for, where other logs have an aircraft file; empty where none is given, or
+    no log at hand is an autopilot's, or none has an aircraft file.
+    """
+    if not (names := options.of_autopilots):
+        return ""
+    at_hand = [log for log in logs if isinstance(log, Path)]
+    own = sum(_has_aircraft(log) for log in at_hand)
+    if not own or not any(_of_autopilot(log) for log in at_hand):
+        return ""
+    return f"{names}: for the logs of autopilots; {own} of {len(logs)} logs keep the aircraft file that they hold"
+
+
+def _of_autopilot(log: Path) -> bool:
+    try:
+        return autopilot_of(log) is not None
+    except InputError:
+        return False  # the analysis says so
+
+
+def _has_aircraft(log: Path) -> bool:
+    return "aircraft.toml" in _attachments(log)
 
 
 def _load_report() -> None:

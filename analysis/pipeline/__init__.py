@@ -80,13 +80,7 @@ def analyze(
         raise InputError(
             f"{source.path}: --leave-out: has no effect, since the curve is by runs; leave runs out with --runs FILE"
         )
-    refuse_autopilot_options(
-        source.path,
-        mass=options.mass_kg,
-        wing_area=options.wing_area_m2,
-        span=options.span_m,
-        air_temperature=options.air_temperature_K,
-    )
+    refuse_autopilot_options(source.path, options)
     replacements = options.replacements()
     from flightpower.analysis.maneuvers.runs_file import NoCurve
     from flightpower.analysis.pipeline.runs import analyze_runs

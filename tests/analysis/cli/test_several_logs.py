@@ -1,6 +1,7 @@
 """`analyze` of several logs and `analyze compare`: what is refused, and which files the results depend on."""
 
 import json
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -13,11 +14,18 @@ from typer.testing import CliRunner
 
 from flightpower.analysis.cli.analyze import app
 from flightpower.analysis.cli.compare import app as compare_app
-from flightpower.analysis.cli.several_logs import FlightAnalysis, ProgressOnConsole, _attachments, files_used, settings
+from flightpower.analysis.cli.several_logs import (
+    FlightAnalysis,
+    ProgressOnConsole,
+    _attachments,
+    files_used,
+    own_aircraft_note,
+    settings,
+)
 from flightpower.analysis.flights.campaign.campaign import Campaign, flight_folders_of, read_flights
 from flightpower.analysis.flights.campaign.processes import Outcome
 from flightpower.analysis.flights.pool import pool_results
-from flightpower.analysis.options import Options
+from flightpower.analysis.options import Options, refuse_autopilot_options
 from flightpower.flight.aircraft import load_aircraft
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_writer import LogWriter
@@ -90,6 +98,23 @@ def test_results_depend_on_the_files_that_are_read(tmp_path: Path) -> None:
     assert files_used(log_of(tmp_path / "both.mcap", aircraft_toml=own, propeller_csv="rpm"), Options()) == []
     (tmp_path / "junk.mcap").write_text("junk")
     assert files_used(tmp_path / "junk.mcap", Options()) == []
+
+
+def test_mass_is_for_the_logs_of_autopilots_beside_logs_with_an_aircraft_file(tmp_path: Path) -> None:
+    """Of logs of one kind it is as of a single log, which with an aircraft file of its own refuses it."""
+    tray, autopilot = log_of(tmp_path / "tray.mcap", aircraft_toml="x"), tmp_path / "log.ulg"
+    autopilot.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8))
+    given = Options(mass_kg=4.1, span_m=2.0, propeller="APC 12x6")
+    note = own_aircraft_note([tray, autopilot], given)
+    assert note == "--mass, --span: for the logs of autopilots; 1 of 2 logs keep the aircraft file that they hold"
+    mixed = FlightAnalysis(given, mixed=True).under(Path("/"))
+    assert mixed.options_of(tray) == replace(mixed.options, mass_kg=None, span_m=None)
+    assert mixed.options_of(autopilot).mass_kg == 4.1
+    assert FlightAnalysis(given).options_of(tray) == given
+    for logs, options in (([tray], given), ([autopilot], given), ([tray, autopilot], Options(propeller="APC 12x6"))):
+        assert not own_aircraft_note(logs, options)
+    with pytest.raises(InputError, match=r"--mass, --span: only for logs of autopilots"):
+        refuse_autopilot_options(tray, given)
 
 
 def test_settings_are_values_and_names_of_files_without_their_folders() -> None:
