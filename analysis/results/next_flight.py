@@ -165,7 +165,7 @@ def next_flight(
     cause = f"{remedy.share} ({remedy.part})" if remedy.part else remedy.share
     sentences = [
         f"{remedy.when}: {remedy.sentence}. The interval is widest at {missing.speed_mps:.1f} m/s,"
-        f" ±{missing.percent:.1f} %, most of it from {cause}; if that were known twice as well, it would be"
+        f" ±{missing.percent:.1f} %, the largest part of it from {cause}; if that were known twice as well, it would be"
         f" ±{missing.percent_without:.1f} %."
     ]
     if trajectory.gust_mps > GUSTS.dominate_mps and missing.cause in GUSTS_HIDE:

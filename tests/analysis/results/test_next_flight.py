@@ -76,7 +76,7 @@ def test_the_largest_part_is_named_and_half_its_error_leaves_a_quarter_of_it(
     assert result.percent == pytest.approx(half_width, rel=1e-3)
     assert result.percent_without == pytest.approx(half_width * np.sqrt(0.6 + 0.4 / 4), rel=1e-3)
     (sentence, *_) = next_flight(flown({"alpha_bias": 0.01}), polar, AT, CL, sources).sentences  # type: ignore[arg-type]
-    assert f"most of it from {largest}" in sentence
+    assert f"the largest part of it from {largest}" in sentence
     unknown = Polar(A, np.full((3, 3), np.nan))
     assert missing_information(flown({}), unknown, AT, CL, sources) is None  # type: ignore[arg-type]
 
