@@ -336,7 +336,7 @@ class Options(LogOptions):
 
     def with_own_aircraft(self) -> "Options":
         """The options without those that only a log without an aircraft file of its own has a use for."""
-        return replace(self, **dict.fromkeys(OF_AUTOPILOTS))
+        return replace(self, mass_kg=None, wing_area_m2=None, span_m=None, air_temperature_K=None)
 
     def for_drag(self) -> dict[str, object]:
         """The options that only the analysis of runs has a use for, by name; None where not given."""

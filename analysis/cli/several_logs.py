@@ -95,7 +95,8 @@ def analyze_logs(
     preload = (*PRELOAD, *sorted(modules))
     note = own_aircraft_note(listing.logs, options)
     analysis = FlightAnalysis(options, mixed=bool(note))
-    work = Work(analysis, settings(options) + (", mixed" if note else ""), lambda log: files_used(log, options), preload)
+    values = settings(options) + (", mixed" if note else "")
+    work = Work(analysis, values, lambda log: files_used(log, options), preload)
     stderr = Console(stderr=True)
     # Meanwhile this process has nothing else to do: what the report needs is loaded before the last flight has ended.
     # Waited for at the end: C++ libraries abort a process that ends while a thread loads them.
