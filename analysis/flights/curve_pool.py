@@ -94,7 +94,11 @@ class CurvePool(Pool):
     def curve(self) -> Curve:
         first, *_ = self.curves
         idle_W = float(np.mean([curve.idle_W for curve in self.curves]))
-        return replace(first, V_mps=self.V_mps, power_W=self.mean(self.V_mps), idle_W=idle_W)
+        power_W = self.mean(self.V_mps)
+        ends = {(curve.V_mps[0], curve.V_mps[-1]) for curve in self.curves}
+        if len(ends) > 1:
+            power_W = power_W.through(_smoothing(self.V_mps, power_W.standard_error))
+        return replace(first, V_mps=self.V_mps, power_W=power_W, idle_W=idle_W)
 
     @cached_property
     def ends_mps(self) -> tuple[float, float]:
@@ -288,6 +292,16 @@ def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = Non
     V = np.linspace(low, high, CURVES.points)
     flown = np.any([curve.covers(V) for curve in curves], axis=0)
     return CurvePool(tuple(flights), condition, tuple(curves), V[flown])
+
+
+def _smoothing(V: Array, error_W: Array) -> Array:
+    """The smooth curve (n, n) through powers with these standard errors (n,): 1/V, 1, V, V^2 and V^3 by least squares.
+
+    Where a flight begins or ends, the mean of the flights has a step, and the least power would lie there.
+    """
+    u = V / np.mean(V)
+    terms = np.stack([1 / u, np.ones(len(u)), u, u**2, u**3], axis=1)
+    return np.asarray(terms @ np.linalg.pinv(terms / error_W[:, None]) / error_W)
 
 
 def curve_difference(pool: CurvePool, other: CurvePool, shares_errors: bool) -> CurveDifference:

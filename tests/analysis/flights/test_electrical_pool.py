@@ -312,6 +312,33 @@ def test_pools_contain_the_truth_as_often_as_they_say(count: int) -> None:
     assert 0.92 < np.mean(inside) < 0.98
 
 
+def test_a_flight_that_begins_amid_the_curve_makes_no_step_in_it() -> None:
+    """Power rises from 13 m/s on. The mean of both falls where the flight with less power begins, at 14 m/s."""
+    pool = electrical_pool([flight("a", 0.03), flight("b", -0.03, speeds=V[V > 13.9])])
+    at = pool.curve.V_mps
+    rising = at > 13.0
+    assert np.diff(power_of(at)[rising]).min() > 0 and np.diff(pool.mean(at).value[rising]).min() < -1.0
+    assert np.diff(pool.curve.power_W.value[rising]).min() > 0
+    alike = electrical_pool([flight("a"), flight("b", speeds=V[V > 13.9])])
+    assert alike.curve.power_W.value == pytest.approx(power_of(alike.curve.V_mps), rel=2e-4)
+
+
+def test_pools_of_flights_over_different_speeds_contain_the_truth_as_often_as_they_say() -> None:
+    rng, inside = np.random.default_rng(7), []
+    shape = np.exp(-(((V[:, None] - V) / 3.0) ** 2))
+    for _ in range(150):
+        errors = rng.multivariate_normal(np.zeros(len(V)), OWN**2 * shape, 3, method="eigh")
+        errors += SHARED * rng.standard_normal()
+        begins = [0, *rng.integers(0, 6, 2)]
+        flights = [
+            flight(f"{i}", error[begin:], speeds=V[begin:])
+            for i, (error, begin) in enumerate(zip(errors, begins, strict=True))
+        ]
+        curve = electrical_pool(flights).curve
+        inside.append(np.abs(curve.power_W.value - power_of(curve.V_mps)) < NORMAL_95 * curve.power_W.standard_error)
+    assert 0.91 < np.mean(inside) < 0.985  # 150 draws of some four independent speeds each: 0.95 within 0.03
+
+
 def test_curves_meet_at_one_weight_and_density() -> None:
     """A heavy flight in thin air and a light one in dense air are the same curve at their mean."""
     slow, fast = V * np.sqrt(0.9 * RHO / 1.25), V * np.sqrt(1.1 * RHO / 1.15)
