@@ -4,6 +4,7 @@ How much of the flight the propeller table covers.
 """
 
 from collections.abc import Set
+from enum import StrEnum
 
 import numpy as np
 import pandas as pd
@@ -63,6 +64,26 @@ def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
     )
     known = CL[aloft].dropna()
     return float(np.percentile(known, 99.9)) if len(known) else np.inf
+
+
+class TableLimit(StrEnum):
+    """What a propeller's table has an end of."""
+
+    MOTOR_SPEED = "motor speed"
+    ADVANCE_RATIO = "advance ratio"
+
+
+def limits_left(rows_flown: pd.DataFrame, propeller: Propeller, V: Array) -> list[TableLimit]:
+    """The limits of the propeller table that were left in flight near speeds V (k,), at more than a few samples.
+
+    rows_flown : of the runs, columns V_mps, n_revps and propeller_covered
+    """
+    near = (np.abs(rows_flown["V_mps"].to_numpy() / np.asarray(V)[:, None] - 1) < FLOWN.nearby).any(axis=0)
+    outside = ~rows_flown["propeller_covered"].to_numpy(dtype=bool)[near]
+    rpm = 60 * rows_flown["n_revps"].to_numpy()[near]
+    by_motor = outside & ~((propeller.rows[0].rpm <= rpm) & (rpm <= propeller.rows[-1].rpm))
+    samples = {TableLimit.MOTOR_SPEED: by_motor, TableLimit.ADVANCE_RATIO: outside & ~by_motor}
+    return [limit for limit, left in samples.items() if left.sum() > STATISTICS.unmentioned_share * len(left)]
 
 
 def thrust_known(rows_flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:

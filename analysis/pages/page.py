@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from flightpower.analysis.maneuvers.flown import TableLimit, limits_left
 from flightpower.analysis.methods.interval_sources import variance_by_source
 from flightpower.analysis.methods.whole_flight.fit import samples_of
 from flightpower.analysis.methods.whole_flight.settings import CURVE
@@ -25,7 +26,7 @@ from flightpower.analysis.pages.sections.summary import summary_section, verdict
 from flightpower.analysis.performance.analysis import Performance
 from flightpower.analysis.pipeline.runs import Analysis
 from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
-from flightpower.analysis.records.flight import Results
+from flightpower.analysis.records.flight import Kind, Results
 
 Drawn = Figure | Sequence[Figure]  # one, or several side by side
 
@@ -88,6 +89,12 @@ def _figures_of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, Drawn]:
     }
 
 
+def limits_in_dashes(analysis: Analysis) -> list[TableLimit]:
+    """The limits of the propeller table that the flight left at the speeds where power required is dashed."""
+    V = np.array([point.speed_mps for point in analysis.results.power_required if point.extrapolated])
+    return limits_left(analysis.rows_flown, analysis.propeller, V)
+
+
 def run_fits(analysis: Analysis) -> dict[str, Drawn]:
     """The fit of each run, by its name."""
     return {fit.run: flight.run_fit(*fit) for fit in analysis.drag.main.fits}
@@ -102,12 +109,13 @@ def render(
     runs: Mapping[str, object] | None = None,
     replaced: str = "",
     predicted: str = "",
+    limits: Sequence[TableLimit] = (),
 ) -> str:
     """The page as one HTML file.
 
     figures: by name (`figures_by_name`); run_fits: by the name of the run. performance: for the controls of weight, air
     and battery. runs: what the page knows of each (`embedded_runs`). replaced: what the report replaces.
-    predicted: how a predicted polar compares.
+    predicted: how a predicted polar compares. limits: of the propeller table, left where the curve is dashed.
     """
     return render_page(
         "report.html",
@@ -117,6 +125,7 @@ def render(
         provenance=provenance_section(results),
         replaced=replaced,
         predicted=predicted,
+        dashes=power.dashes(results, limits) if results.kind is Kind.POWER_REQUIRED else "",
         performance=performance_section(results, results.use),
         other_conditions=other_conditions_section(performance),
         methods=methods_section(results),

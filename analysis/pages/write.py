@@ -68,6 +68,7 @@ def write_report(
         of_runs = {
             "performance": analysis.performance,
             "runs": embedded_runs(analysis),
+            "limits": page.limits_in_dashes(analysis),
             "predicted": comparison(predicted, results) if predicted else "",
         }
     before = replaced(folder, results, files)

@@ -7,6 +7,7 @@ import numpy as np
 
 from flightpower.analysis.curve import Polar, drag_and_error
 from flightpower.analysis.estimation.noise import NORMAL_95
+from flightpower.analysis.maneuvers.flown import TableLimit
 from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS
 from flightpower.analysis.methods.interval_sources import Share
 from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate
@@ -99,6 +100,37 @@ def _continuation(results: Results, fastest: float) -> list[Mark]:
     CL = at.weight_N / (q * S)
     power = q * S * V * (polar.A0 + polar.A1 * CL + polar.A2 * CL**2)
     return [Line(x=V, y=power, color=BLUE, width=3, dash=Dash.LONG, name=REQUIRED, value="{y:.1f} W, not flown")]
+
+
+OF_TABLE = {
+    TableLimit.MOTOR_SPEED: "at motor speeds that the propeller table does not reach",
+    TableLimit.ADVANCE_RATIO: (
+        "beyond the advance ratios J = V/(nD) of the propeller table (true airspeed V, motor speed n,"
+        " propeller diameter D)"
+    ),
+}
+
+
+def dashes(results: Results, limits: Sequence[TableLimit] = ()) -> str:
+    """What the dashed parts of the figure of power required are, as a sentence; empty where there are none.
+
+    limits : of the propeller table, that the flight left where power required is dashed
+    """
+    required = results.power_required
+    fastest = required[-1].speed_mps
+    available = [point for point in results.use.available.power_available if point.extrapolated] if results.use else []
+    reasons = []
+    if _continuation(results, fastest) or any(_faster(point, fastest) for point in available):
+        reasons.append("beyond the fastest speed flown")
+    if any(point.extrapolated for point in required):
+        reasons += [OF_TABLE[limit] for limit in limits] or ["outside the propeller table"]
+    if any(not _faster(point, fastest) for point in available):
+        reasons.append("at full throttle outside the propeller table")
+    return f"Dashed: extrapolated {', or '.join(reasons)}." if reasons else ""
+
+
+def _faster(point: PowerPoint, fastest_mps: float) -> bool:
+    return point.speed_mps > fastest_mps * (1 + 1e-9)
 
 
 def _speed(optimum: SpeedInterval, curve: tuple[Array, Array], color: str, symbol: Symbol, name: str) -> list[Mark]:

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flightpower.analysis.maneuvers.flown import thrust_coverage, thrust_known
+from flightpower.analysis.maneuvers.flown import TableLimit, limits_left, thrust_coverage, thrust_known
 from flightpower.flight.errors import InputError
 from flightpower.flight.propeller_files import load_propeller
 
@@ -60,3 +60,20 @@ def test_the_curve_is_flagged_where_less_than_half_of_the_samples_near_a_speed_a
     for covered_of_ten, known in ((4, False), (6, True)):
         data = pd.DataFrame({"V_mps": V, "propeller_covered": np.arange(400) % 10 < covered_of_ten})
         assert thrust_known(data, np.array([18.0])).tolist() == [known]
+
+
+def test_the_limit_that_was_left_is_named_at_the_speeds_where_it_was() -> None:
+    """Slow, the motor turns at 3000 rpm, of a table from 4000; fast, J is 1.1, of a table to 0.9."""
+    propeller = load_propeller("apc-12x8e")
+    first, last = propeller.rows[0].rpm, propeller.rows[-1].rpm
+    V = np.linspace(12, 24, 121)
+    rpm = np.where(V < 16, 0.8 * first, (first + last) / 2)
+    J = np.where(V > 20, 1.1, 0.5)
+    data = pd.DataFrame({"V_mps": V, "J": J, "n_revps": rpm / 60})
+    data["propeller_covered"] = (V >= 16) & (V <= 20)
+    assert limits_left(data, propeller, np.array([13.0])) == [TableLimit.MOTOR_SPEED]
+    assert limits_left(data, propeller, np.array([23.0])) == [TableLimit.ADVANCE_RATIO]
+    assert limits_left(data, propeller, np.array([13.0, 23.0])) == [*TableLimit]
+    assert limits_left(data, propeller, np.array([18.0])) == limits_left(data, propeller, np.array([])) == []
+    too_fast = data.assign(n_revps=1.1 * last / 60)
+    assert limits_left(too_fast, propeller, np.array([13.0])) == [TableLimit.MOTOR_SPEED]

@@ -4,13 +4,21 @@ import numpy as np
 from msgspec.structs import replace
 
 from flightpower.analysis.curve import Condition, Cost, Polar, polar_curve
+from flightpower.analysis.maneuvers.flown import TableLimit
 from flightpower.analysis.pages import page
 from flightpower.analysis.pages.answers import headline_answers, optimum_speed_text
 from flightpower.analysis.pages.charts.figure import Dash, Figure, Line
 from flightpower.analysis.pages.charts.flight import run_fit
 from flightpower.analysis.pages.charts.power import every_method, power_required
 from flightpower.analysis.pages.wording import listed_methods
-from flightpower.analysis.records.flight import ParameterResult, PathResult, RejectedResult, Results, SensorError
+from flightpower.analysis.records.flight import (
+    Kind,
+    ParameterResult,
+    PathResult,
+    RejectedResult,
+    Results,
+    SensorError,
+)
 from flightpower.analysis.results.files import to_csv
 
 T = np.linspace(0.0, 1.0, 5)
@@ -89,6 +97,30 @@ def test_the_caption_names_the_circles_where_there_are_some(results: Results) ->
     without = replace(results, methods=[method for method in results.methods if not method.points])
     assert "Circles: steady points, with the thrust" in page.render(results, drawings(results), {})
     assert "Circles: steady points, with the thrust" not in page.render(without, drawings(without), {})
+
+
+def test_the_caption_names_why_a_curve_is_dashed(results: Results, with_battery: Results) -> None:
+    """Power required of these results is dashed above 20 m/s, their highest level speed is 25, and 24 was flown."""
+
+    def caption(of: Results, *limits: TableLimit) -> str:
+        return (
+            page.render(of, drawings(of), {}, limits=limits).partition("Band: 95 % interval.")[2].partition("</p>")[0]
+        )
+
+    by_motor, by_J = "at motor speeds that the propeller table does not reach", "beyond the advance ratios J = V/(nD)"
+    text = caption(results, TableLimit.MOTOR_SPEED)
+    assert f"Dashed: extrapolated {by_motor}." in text and "fastest" not in text and "J =" not in text
+    text = caption(with_battery, TableLimit.ADVANCE_RATIO)
+    assert f"Dashed: extrapolated beyond the fastest speed flown, or {by_J}" in text and by_motor not in text
+    assert "full throttle" not in text
+    curve = results.curves[Kind.POWER_REQUIRED]
+    inside = [replace(point, extrapolated=False) for point in curve.points]
+    flown = replace(results, curves={Kind.POWER_REQUIRED: replace(curve, points=inside)})
+    assert "Dashed" not in caption(flown)
+    assert with_battery.use is not None
+    available = replace(with_battery.use.available, power_available=curve.points, maximum_speed_mps=None)
+    at_full = replace(with_battery, curves=flown.curves, use=replace(with_battery.use, available=available))
+    assert "Dashed: extrapolated at full throttle outside the propeller table." in caption(at_full)
 
 
 def test_methods_that_agree_are_said_to_agree(results: Results) -> None:
