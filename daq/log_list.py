@@ -3,20 +3,23 @@
 Only the index and one chunk of each log are read, so that a full card is listed in seconds.
 """
 
+import io
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 import msgspec
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
+from mcap.records import Channel
 from mcap.summary import Summary
 
 from flightpower.daq.disk_space import is_finished
 from flightpower.daq.log_names import all_logs
 from flightpower.daq.log_recovery import MAX_RECORD_BYTES, chunk_of
 from flightpower.flight.errors import InputError
-from flightpower.flight.log_index import CHUNK_HEAD, MAGIC, RECORD_HEAD
+from flightpower.flight.log_index import CHUNK_HEAD, MAGIC, MESSAGE_INDEX_HEAD, RECORD_HEAD
 from flightpower.flight.log_reader import CUT
 from flightpower.flight.log_writer import MESSAGE_HEAD
 from flightpower.flight.messages import Time
@@ -73,21 +76,64 @@ def listed(path: Path) -> ListedLog:
 
 def unfinished(path: Path, size: int) -> ListedLog:
     """A log that is being recorded, or whose end is missing: from the first to the last whole chunk."""
-    times_ns: list[tuple[int, int]] = []
+    chunks: list[_WholeChunk] = []
+    declared: list[tuple[int, int]] = []  # where the content of a channel's record begins, its length
     with path.open("rb") as stream:
         at = len(MAGIC)
         while at + RECORD_HEAD.size + CHUNK_HEAD.size <= size:
             stream.seek(at)
             head = stream.read(RECORD_HEAD.size + CHUNK_HEAD.size)
             opcode, length = RECORD_HEAD.unpack_from(head)
-            at += RECORD_HEAD.size + length
+            content, at = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
             if opcode == Opcode.CHUNK and at <= size:
                 begin_ns, end_ns, _, _ = CHUNK_HEAD.unpack_from(head, RECORD_HEAD.size)
-                times_ns.append((begin_ns, end_ns))
-    if not times_ns:
-        return ListedLog(path, size, None, False, 0.0, CUT)
-    begin, duration_s = datetime.fromtimestamp(times_ns[0][0] / 1e9, UTC), (times_ns[-1][1] - times_ns[0][0]) / 1e9
-    return ListedLog(path, size, begin, False, duration_s, f"{CUT}: {duration_s:.1f} s read")
+                chunks.append(_WholeChunk(begin_ns, end_ns, content, length, set()))
+            elif opcode == Opcode.CHANNEL:
+                declared.append((content, length))
+            elif opcode == Opcode.MESSAGE_INDEX and chunks:
+                channel, _ = MESSAGE_INDEX_HEAD.unpack_from(head, RECORD_HEAD.size)
+                chunks[-1].channels.add(channel)
+        if not chunks:
+            return ListedLog(path, size, None, False, 0.0, CUT)
+        offset_ns = _offset_of_unfinished_ns(stream, chunks, declared)
+    begin = datetime.fromtimestamp((chunks[0].begin_ns + (offset_ns or 0)) / 1e9, UTC)
+    duration_s = (chunks[-1].end_ns - chunks[0].begin_ns) / 1e9
+    return ListedLog(path, size, begin, offset_ns is not None, duration_s, f"{CUT}: {duration_s:.1f} s read")
+
+
+class _WholeChunk(NamedTuple):
+    """A chunk of a log without an index. content: where it begins; channels: that the records after it name."""
+
+    begin_ns: int
+    end_ns: int
+    content: int
+    length: int
+    channels: set[int]
+
+
+def _offset_of_unfinished_ns(
+    stream: BinaryIO, chunks: list[_WholeChunk], declared: list[tuple[int, int]]
+) -> int | None:
+    """What to add to the log's times to get UTC [ns], from the last chunk that has /time; None without GPS.
+
+    declared: places of the records of channels. Also None where one of them or that chunk is damaged.
+    """
+
+    def content(at: int, length: int) -> bytes:
+        stream.seek(at)
+        return stream.read(min(length, MAX_RECORD_BYTES))
+
+    try:
+        channels = [Channel.read(ReadDataStream(io.BytesIO(content(*place)))) for place in declared]
+        of_time = {channel.id for channel in channels if channel.topic == TIME_TOPIC}
+        for chunk in reversed(chunks):
+            if not of_time.isdisjoint(chunk.channels):
+                return _offset_ns(chunk_of(content(chunk.content, chunk.length))[1], of_time)
+    except OSError:
+        raise
+    except Exception:  # whatever damaged records make the decoders raise: begin and length are known without them
+        pass
+    return None
 
 
 def satellites_minus_log_time_ns(stream: BinaryIO, summary: Summary) -> int | None:

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +134,13 @@ def test_logs_are_listed_by_the_satellites_time(flight, tmp_path):
     assert f"the file is {CUT}: {read_log(logs[1].path).duration_s:.1f} s read" in summarize(logs[1].path).lines
     assert logs[0].by_satellites and f"{logs[0].begin:%Y-%m-%d %H:%M}" in ("2016-05-14 09:29", "2016-05-14 09:30")
     assert logs[0].duration_s == pytest.approx(SECONDS, abs=0.1)
+    assert logs[1].by_satellites and logs[1].begin == logs[0].begin
+    (tmp_path / "log-0005.mcap").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "log-0006.mcap").write_bytes(whole[: len(whole) // 2].replace(b"/time", b"/tim\xff", 1))
+    early, damaged = list_logs(tmp_path)[-2:]
+    assert early.by_satellites and abs(early.begin - logs[0].begin) < timedelta(milliseconds=100)
+    assert early.duration_s < 0.9 * logs[0].duration_s
+    assert not damaged.by_satellites and damaged.begin.year == 2023 and damaged.state.startswith(CUT)
     assert any("2016-05-14 09:" in line and "satellites' time" in line for line in summarize(recording.path).lines)
 
 
