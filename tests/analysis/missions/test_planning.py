@@ -295,6 +295,14 @@ def test_the_simulator_reads_the_plan(plan: FlightPlan):
     assert planned.air.turbulence_mps == pytest.approx(5.144, abs=0.01)
 
 
+def test_the_rehearsal_is_turned_with_its_wind_so_that_the_first_leg_points_north(plan: FlightPlan):
+    """A leg toward 250 degrees in wind from 280: in the simulator toward 0, in wind from 30, on the right as there."""
+    request = replace(plan.request, heading_deg=250.0, wind_from_deg=280.0)
+    planned = parse_plan(simulator_plan(plan.maneuvers, plan.aircraft, request), "planned")
+    assert planned.heading_rad == 0.0
+    assert np.degrees(planned.air.wind_from_rad) == pytest.approx(30.0)
+
+
 def test_the_mission_is_what_ground_stations_load(plan: FlightPlan, tmp_path, monkeypatch):
     """Fields of QGroundControl's plan format; commands as pymavlink numbers them; the text as pymavlink reads it."""
     monkeypatch.delenv("MAVLINK20", raising=False)  # pymavlink looks at it again where it loads a mission
