@@ -1,6 +1,7 @@
 """The report page of an analysis: its sections and figures put into the template `report.html`."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from flightpower.analysis.performance.analysis import Performance
 from flightpower.analysis.pipeline.runs import Analysis
 from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
 from flightpower.analysis.records.flight import Kind, Results
+from flightpower.analysis.results.next_flight import Sources
 
 Drawn = Figure | Sequence[Figure]  # one, or several side by side
 
@@ -70,8 +72,7 @@ def figures_by_name(
         figures["track"] = flight.ground_track(results.track, analysis.maneuvers.maneuvers, results.air)
     if results.interval_parts:
         V = np.linspace(results.power_required[0].speed_mps, results.power_required[-1].speed_mps, 9)
-        variances = variance_by_source(analysis.drag.main, analysis.aircraft, analysis.condition, V)
-        figures["parts"] = power.interval_by_source(results.power_required, V, variances)
+        figures["parts"] = power.interval_by_source(results.power_required, V, sources_of(analysis)(V))
     if results.use:
         figures["loadings"] = power.loadings(results.use)
         figures["efficiency"] = power.efficiency(results.use)
@@ -95,6 +96,11 @@ def limits_in_dashes(analysis: Analysis) -> list[TableLimit]:
     return limits_left(analysis.rows_flown, analysis.propeller, V)
 
 
+def sources_of(analysis: Analysis) -> Sources:
+    """Variance of power by source, at the flight's weight and density."""
+    return partial(variance_by_source, analysis.drag.main, analysis.aircraft, analysis.condition)
+
+
 def run_fits(analysis: Analysis) -> dict[str, Drawn]:
     """The fit of each run, by its name."""
     return {fit.run: flight.run_fit(*fit) for fit in analysis.drag.main.fits}
@@ -110,18 +116,20 @@ def render(
     replaced: str = "",
     predicted: str = "",
     limits: Sequence[TableLimit] = (),
+    sources: Sources | None = None,
 ) -> str:
     """The page as one HTML file.
 
     figures: by name (`figures_by_name`); run_fits: by the name of the run. performance: for the controls of weight, air
     and battery. runs: what the page knows of each (`embedded_runs`). replaced: what the report replaces.
     predicted: how a predicted polar compares. limits: of the propeller table, left where the curve is dashed.
+    sources: variance of power by source (`sources_of`).
     """
     return render_page(
         "report.html",
         summary=summary_section(results),
         verdict=verdict_section(results),
-        certainty=certainty_section(results),
+        certainty=certainty_section(results, sources),
         provenance=provenance_section(results),
         replaced=replaced,
         predicted=predicted,

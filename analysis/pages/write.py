@@ -70,6 +70,7 @@ def write_report(
             "runs": embedded_runs(analysis),
             "limits": page.limits_in_dashes(analysis),
             "predicted": comparison(predicted, results) if predicted else "",
+            "sources": page.sources_of(analysis),
         }
     before = replaced(folder, results, files)
     figures = figures_by_name(analysis, predicted)

@@ -3,17 +3,17 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
 from scipy import special
 
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.pages.answers import stall_margin_percent
 from flightpower.analysis.pages.html_page import HtmlTable
-from flightpower.analysis.pages.sections.curve import shared_part
+from flightpower.analysis.pages.sections.curve import ERRORS_IN_COMMON, in_percent, shared_part, shares_of_shared
 from flightpower.analysis.pages.sections.flight import CHANNELS, decimals
 from flightpower.analysis.pages.sections.summary import reference_point
 from flightpower.analysis.records.flight import UNKNOWN_SPEED, IntervalPart, Kind, Results
 from flightpower.analysis.results.evidence import noise_limit
+from flightpower.analysis.results.next_flight import BY_SHARE, REMEDIES, Sources
 from flightpower.analysis.settings import EVIDENCE
 from flightpower.analysis.trajectory.settings import PRIOR_CHECK
 
@@ -27,13 +27,14 @@ class CertaintySection(NamedTuple):
     stall: str
 
 
-def certainty_section(results: Results) -> CertaintySection:
+def certainty_section(results: Results, sources: Sources | None = None) -> CertaintySection:
+    """sources : variance of power by source, where it is known: `variance_by_source`"""
     return CertaintySection(
-        shared_part=shared_part(results),
+        shared_part=shared_part(results, sources),
         withheld=results.withheld,
         checks=HtmlTable(("question", "answer"), _checks(results)),
         certificate=certificate(results),
-        next_flight=next_flight(results),
+        next_flight=next_flight(results, sources),
         stall=stall_margin(results) if results.kind is Kind.POWER_REQUIRED else "",
     )
 
@@ -150,7 +151,7 @@ class Halving(NamedTuple):
     by_more_runs: bool
 
 
-def halving(results: Results) -> Halving | None:
+def halving(results: Results, sources: Sources | None = None) -> Halving | None:
     """What it would take to halve the interval at the reference speed; None where its parts are not known.
 
     Noise averages over runs, n times as many runs divide its square by n; the part that all runs share remains.
@@ -172,7 +173,8 @@ def halving(results: Results) -> Halving | None:
     four = math.hypot(part.noise_W / 2, part.systematic_W)
     return Halving(
         f"{start}, more runs of this kind are not enough: ±{_watts(part.systematic_W)} is common to all runs and does"
-        f" not shrink with more of them. Four times the runs would give ±{_watts(four)}. {_largest_shared(results)}",
+        f" not shrink with more of them. Four times the runs would give ±{_watts(four)}."
+        f" {_largest_shared(results, sources, part.speed_mps)}",
         by_more_runs=False,
     )
 
@@ -191,44 +193,16 @@ def more_runs_to_halve(part: IntervalPart, runs: int) -> int | None:
     return math.ceil(runs * (part.noise_W**2 / left - 1))
 
 
-def _largest_shared(results: Results) -> str:
-    """How much of the shared part comes from the propeller table, and what else it consists of."""
-    share = thrust_share(results)
-    rest = "airspeed, angle of attack, alignment, weight"
-    if share is None:
-        return f"What is common to all runs are errors of the propeller table and of the sensors ({rest})."
-    if share > 0.5:
-        return (
-            f"{100 * share:.0f} % of the variance comes from the thrust of the propeller table: a table"
-            " measured with this propeller and motor, or decelerations with the propeller"
-            " stopped or folded, reduce it most."
-        )
-    return (
-        f"{100 * share:.0f} % of the variance comes from the thrust of the propeller table; the rest of what is common"
-        f" to all runs comes from the sensors ({rest}): the command calibrate airspeed, a finer"
-        " probe calibration, and flights on other days with the instruments reinstalled reduce it."
-    )
-
-
-def thrust_share(results: Results) -> float | None:
-    """Share of the variance of power at the reference speed that follows from the errors of thrust; None if unknown.
-
-    The variance explained by the two parameters of thrust: c' C^-1 c over that of power, with their covariance C and
-    their covariance c with the drag coefficient.
-    """
-    correlation = results.parameter_correlation
-    errors = {parameter.name: parameter.standard_error for parameter in results.parameters}
-    if correlation is None or not all(errors.get(name, 0.0) > 0 for name in correlation.names):
-        return None
-    sigma = np.array([errors[name] for name in correlation.names])
-    covariance = np.array(correlation.matrix) * np.outer(sigma, sigma)
-    at, test = reference_point(results).point, results.test
-    CL = test.weight_N / (test.air_density_kgpm3 / 2 * at.speed_mps**2 * results.aircraft.wing_area_m2)
-    powers = np.array([1.0, CL, CL**2])
-    n = len(powers)
-    with_thrust = powers @ covariance[:n, n:]
-    explained = with_thrust @ np.linalg.pinv(covariance[n:, n:]) @ with_thrust
-    return float(np.clip(explained / (powers @ covariance[:n, :n] @ powers), 0, 1))
+def _largest_shared(results: Results, sources: Sources | None, speed_mps: float) -> str:
+    """What the part that all runs share consists of, the largest first, and what reduces that."""
+    shares = shares_of_shared(sources, speed_mps)
+    if not shares:
+        return f"What is common to all runs are {ERRORS_IN_COMMON}."
+    text = f"Of the variance at that speed, {in_percent(shares)}."
+    lowers = BY_SHARE.get(next(iter(shares)))  # that of the angle of attack has its sentences by its two errors
+    if lowers is None or lowers == results.next_flight_lowers:
+        return text
+    return f"{text} {REMEDIES[lowers].when}: {REMEDIES[lowers].sentence}."
 
 
 def stall_margin(results: Results) -> str:
@@ -251,14 +225,14 @@ def stall_margin(results: Results) -> str:
     )
 
 
-def next_flight(results: Results) -> list[str]:
+def next_flight(results: Results, sources: Sources | None = None) -> list[str]:
     """What to fly next, the most useful first.
 
     The sentences of the results come first: they say what narrows the interval most. How many more runs halve it is
     told only where they say nothing, and what a sensor error lacked only where they do not name that error.
     """
     advice = list(results.next_flight)
-    to_halve = halving(results)
+    to_halve = halving(results, sources)
     if to_halve and not (advice and to_halve.by_more_runs):
         advice.append(to_halve.text)
     if results.balance:

@@ -1,16 +1,18 @@
 """The power-required curve in numbers, the drag polar, and how all methods compare."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from msgspec import UNSET
 
+from flightpower.analysis.methods.interval_sources import Share
 from flightpower.analysis.pages.answers import optimum_speed_text
 from flightpower.analysis.pages.html_page import HtmlTable
 from flightpower.analysis.pages.wording import every, listed_methods, meaning, short_name
 from flightpower.analysis.records.flight import UNKNOWN_SPEED, Kind, PitchRateResult, PowerPoint, Results
+from flightpower.analysis.results.next_flight import Sources
 from flightpower.analysis.settings import FLOWN
 from flightpower.flight.atmosphere import FOOT_POUND_PER_SECOND_W
 from flightpower.flight.units import FOOT_M
@@ -142,7 +144,36 @@ def _curve_table(results: Results) -> HtmlTable:
     )
 
 
-def shared_part(results: Results) -> str:
+ERRORS_IN_COMMON = (
+    "errors of the sensors, of the propeller table, of the alignment of the axes and of weight, and air that rises or"
+    " sinks"
+)
+
+
+def shares_of_shared(sources: Sources | None, speed_mps: float) -> dict[Share, float]:
+    """Shares of the variance of power at a speed, of all that is common to the runs, the largest first.
+
+    Those below half a percent are left out; empty where the sources are not known apart.
+    """
+    if sources is None:
+        return {}
+    variances = {source: float(part[0]) for source, part in sources(np.array([speed_mps])).items()}
+    if Share.SHARED in variances:
+        return {}
+    total = sum(variances.values())
+    common = {source: variance / total for source, variance in variances.items() if source is not Share.NOISE}
+    return {source: share for source, share in sorted(common.items(), key=lambda item: -item[1]) if share >= 0.005}
+
+
+def in_percent(shares: Mapping[Share, float]) -> str:
+    """ "40 % comes from updraft, 9 % from airspeed"."""
+    first, *others = (f"from {source}" for source in shares)
+    percents = [f"{100 * share:.0f} %" for share in shares.values()]
+    rest = (f", {percent} {other}" for percent, other in zip(percents[1:], others, strict=True))
+    return f"{percents[0]} comes {first}{''.join(rest)}"
+
+
+def shared_part(results: Results, sources: Sources | None = None) -> str:
     """How much of the interval does not shrink with more data, and why; empty where it is not known."""
     parts = results.main.interval_parts
     if not parts:
@@ -155,10 +186,9 @@ def shared_part(results: Results) -> str:
             f"{shared} the whole flight, so that a longer flight does not reduce it: airspeed, current meter, mass,"
             " density"
         )
-    return (
-        f"{shared} all runs and does not shrink with more of them: errors of the sensors, of the propeller table, and"
-        " of the alignment of the axes"
-    )
+    shares = shares_of_shared(sources, middle.speed_mps)
+    causes = f"of the variance, {in_percent(shares)}" if shares else ERRORS_IN_COMMON
+    return f"{shared} all runs and does not shrink with more of them: {causes}"
 
 
 class MethodsSection(NamedTuple):

@@ -6,22 +6,19 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from flightpower.analysis.methods.interval_sources import Share
 from flightpower.analysis.pages.sections.certainty import (
-    _largest_shared,
     certainty_section,
     halving,
     more_runs_to_halve,
     next_flight,
     stall_margin,
-    thrust_share,
 )
 from flightpower.analysis.pages.sections.summary import reference_point, verdict_section
 from flightpower.analysis.records.flight import (
-    Correlation,
     CurveStatus,
     IntervalPart,
     Kind,
-    ParameterResult,
     PathResult,
     Results,
     RunAgainstOthers,
@@ -30,6 +27,7 @@ from flightpower.analysis.records.flight import (
     SlowestFlown,
 )
 from flightpower.analysis.results.evidence import with_trust
+from flightpower.analysis.results.next_flight import Sources
 
 
 def part(noise_W: float, systematic_W: float) -> IntervalPart:
@@ -84,25 +82,27 @@ def test_the_next_flight_of_the_results_is_told_first_and_nothing_twice(results:
     )
 
 
-def test_thrust_explains_as_much_as_it_is_correlated(results: Results) -> None:
-    """Drag known but for A0, and A0's error correlated by 0.6 with that of thrust: 0.36 of the variance."""
-    names = ["A0", "A1", "A2", "thrust_scale", "thrust_slope"]
-    errors = (0.002, 1e-12, 1e-12, 0.05, 0.05)
-    matrix = [[float(i == j) for j in range(5)] for i in range(5)]
-    matrix[0][3] = matrix[3][0] = 0.6
-    known = replace(
-        results,
-        parameters=[
-            ParameterResult(name=name, value=0.0, standard_error=error, unit="")
-            for name, error in zip(names, errors, strict=True)
-        ],
-        parameter_correlation=Correlation(names=names, matrix=matrix),
-    )
-    assert thrust_share(known) == pytest.approx(0.36, abs=1e-3)
-    assert thrust_share(results) is None
-    assert "reduce it most" not in _largest_shared(known), "most of it has other causes"
-    matrix[0][3] = matrix[3][0] = 0.8
-    assert thrust_share(known) == pytest.approx(0.64, abs=1e-3) and "reduce it most" in _largest_shared(known)
+def by_source(**watts2: float) -> Sources:
+    """The same variance [W^2] at each speed, by the name of the source."""
+    return lambda V: {Share[name]: np.full(len(V), variance) for name, variance in watts2.items()}
+
+
+def test_what_is_common_to_all_runs_is_named_by_its_parts_the_largest_first(results: Results) -> None:
+    """20 W^2 in all: 5 of noise, 9 of updraft, 5 of airspeed, 0.95 of thrust, and 0.05, a quarter of a percent."""
+    shared = drag(results, interval_parts=[part(1.0, 2.0)])
+    sources = by_source(NOISE=5.0, PROPELLER=0.95, AIRSPEED=5.0, UPDRAFT=9.0, WEIGHT=0.05)
+    parts = "45 % comes from updraft, 25 % from airspeed, 5 % from thrust of the propeller"
+    text = halving(shared, sources).text  # type: ignore[union-attr]
+    assert f"Of the variance at that speed, {parts}. The next twenty minutes: fly on another day" in text
+    section = certainty_section(shared, sources)
+    assert section.shared_part.endswith(f"of the variance, {parts}") and text in section.next_flight
+    told = replace(shared, next_flight_lowers="updraft")
+    assert halving(told, sources).text.endswith(f"{parts}.")  # type: ignore[union-attr]
+    thrust = by_source(NOISE=1.0, PROPELLER=2.0, UPDRAFT=1.0)
+    assert "have a table measured with this propeller" in halving(shared, thrust).text  # type: ignore[union-attr]
+    for unknown in (None, by_source(NOISE=1.0, SHARED=4.0)):
+        assert "errors of the sensors, of the propeller table" in halving(shared, unknown).text  # type: ignore[union-attr]
+        assert certainty_section(shared, unknown).shared_part.endswith("air that rises or sinks")
 
 
 def test_the_margin_to_the_stall_is_what_the_wing_has_carried(results: Results) -> None:
