@@ -28,8 +28,13 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from datetime import date
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
+
+if find_spec("plotly") is None:
+    print("evidence.py needs the development tools: .venv/bin/pip install -e '.[dev]'", file=sys.stderr)
+    sys.exit(2)
 
 import calibration
 import campaign_figures

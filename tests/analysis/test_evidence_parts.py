@@ -1,6 +1,8 @@
 """The run of all studies of docs/evidence (benchmarks/evidence.py): what a failing part does to the others."""
 
 import json
+import subprocess
+import sys
 
 import evidence
 import pytest
@@ -8,6 +10,13 @@ import typer
 from typer.testing import CliRunner
 
 from flightpower.analysis.records.flight import Trust
+
+
+def test_without_the_development_tools_one_line_says_so() -> None:
+    without = f"import runpy, sys; sys.modules['plotly'] = None; runpy.run_path({evidence.__file__!r}, run_name='x')"
+    done = subprocess.run([sys.executable, "-c", without], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "evidence.py needs the development tools: .venv/bin/pip install -e '.[dev]'\n"
 
 
 def studies(run: evidence.Run) -> evidence.Tables:
