@@ -476,18 +476,23 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
         limit = EVIDENCE.contradiction if name == UPDRAFT else of_installation  # the curve is corrected for it
         if abs(sigmas) <= limit:
             continue
-        subject, covered = SENSOR_ERROR_KINDS[name].title, _effect(name, results.pooling) < 1
+        subject, level, reason = SENSOR_ERROR_KINDS[name].title, _level(sigmas, limit), ""
+        if level is Trust.NOT_TO_BE_TRUSTED:
+            reason = f"; not to be trusted beyond {TRUST.beyond_doubt:g} times that"
+        elif not _effect(name, results.pooling) < 1:
+            level, reason = Trust.NOT_TO_BE_TRUSTED, "; its correction moves the curve out of the interval"
         yield Evidence(
             kind=EvidenceKind.SENSOR_ERROR,
-            level=Trust.NOT_TO_BE_TRUSTED if not covered else _level(sigmas, limit),
+            level=level,
             subject=name,
             figure=sigmas,
             unit="standard deviations",
             limit=limit,
             false_alarm_rate=float(2 * special.ndtr(-limit)) if name == UPDRAFT else TRUST.false_alarm_rate,
             text=(
-                f"The {subject} is {sigmas:+.1f} times the standard deviation assumed (limit {limit:.1f}). Usually"
-                f" {CULPRIT[name]}. If it cannot be fixed, enter a larger value in [uncertainty] of the aircraft file."
+                f"The {subject} is {sigmas:+.1f} times the standard deviation assumed (limit {limit:.1f}{reason})."
+                f" Usually {CULPRIT[name]}. If it cannot be fixed, enter a larger value in [uncertainty] of the"
+                " aircraft file."
             ),
         )
 
