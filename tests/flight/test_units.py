@@ -15,6 +15,9 @@ from flightpower.flight.units import COMMON_UNITS, _registry, read_table, split_
     [
         ("5.73 ft", "m", 1.746504),
         ("4.99 ft^2", "m^2", 0.463586169),
+        ("4.99 ft2", "m^2", 0.463586169),
+        ("4.99 sqft", "m^2", 0.463586169),
+        ("0.464 m2", "m^2", 0.464),
         ("8.47 lbf", "N", 37.67643715),
         ("2.4 inH2O", "Pa", 597.8138),
         ("15 knot", "m/s", 7.716666667),
@@ -30,10 +33,15 @@ def test_conversions(text, unit, value):
     assert to_si(text, unit, "key") == pytest.approx(value, rel=1e-6)
 
 
+# Spellings that pint does not have, as it does.
+NOT_OF_PINT = {"ft2": "ft^2", "sqft": "ft^2", "m2": "m^2"}
+
+
 @pytest.mark.parametrize("text", COMMON_UNITS)
 def test_the_units_converted_without_pint_are_pints(text):
     unit, factor = COMMON_UNITS[text]
-    assert factor == pytest.approx(_registry().Quantity(1.0, text).to(unit).magnitude, rel=1e-15)
+    pints = NOT_OF_PINT.get(text, text)
+    assert factor == pytest.approx(_registry().Quantity(1.0, pints).to(unit).magnitude, rel=1e-15)
     assert to_si(f"-2.5e1 {text}", unit, "key") == -25.0 * factor
 
 
