@@ -37,6 +37,8 @@ def compare(
     a flight are not to be trusted; lines on stderr say why. 2: the folders cannot be compared; one line on stderr says
     why, and nothing was written.
     """
+    if a.resolve() == b.resolve():
+        raise InputError(f"A and B are the same folder: {a}; give two")
     if output is not None:
         check_writable(output / "report.html")
         _check_no_other_results(output / "results.json")

@@ -171,9 +171,16 @@ def test_a_comparison_does_not_replace_the_results_of_a_flight(tmp_path: Path) -
     results = tmp_path / "a" / "results.json"
     results.parent.mkdir()
     results.write_text(json.dumps({"format": "flightpower-results-2"}))
-    outcome = CliRunner().invoke(compare_app, [str(tmp_path / "a"), str(tmp_path / "a"), "-o", str(tmp_path / "a")])
+    outcome = CliRunner().invoke(compare_app, [str(tmp_path / "a"), str(tmp_path / "b"), "-o", str(tmp_path / "a")])
     assert isinstance(outcome.exception, InputError) and "must not be replaced" in str(outcome.exception)
     assert json.loads(results.read_text()) == {"format": "flightpower-results-2"}
+
+
+def test_a_folder_is_not_compared_with_itself(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for other in ("a", "./a", str(tmp_path / "a")):
+        outcome = CliRunner().invoke(compare_app, ["a", other])
+        assert str(outcome.exception) == "A and B are the same folder: a; give two"
 
 
 def test_attachments_are_those_of_the_log_and_none_of_a_torn_one(tmp_path: Path) -> None:
