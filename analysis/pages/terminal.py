@@ -23,6 +23,7 @@ from flightpower.analysis.pages.wording import every
 from flightpower.analysis.records.fleet import FleetResults
 from flightpower.analysis.records.flight import Results
 from flightpower.analysis.records.pool import ComparisonResults, Configuration, PooledResults, of_each_kind
+from flightpower.flight.units import GRAVITY_MPS2
 
 
 def print_summary(results: Results, page: Path, console: Console) -> None:
@@ -63,7 +64,8 @@ def _left_out(results: PooledResults | Configuration) -> list[str]:
 def print_comparison(comparison: ComparisonResults, page: Path | None, console: Console) -> None:
     """Print the difference, the answers, and where the page is."""
     for one_kind in of_each_kind(comparison):
-        title = f"A: {one_kind.a.name}, B: {one_kind.b.name}, by {one_kind.kind.words}"
+        both_kg = one_kind.test.weight_N / GRAVITY_MPS2
+        title = f"A: {one_kind.a.name}, B: {one_kind.b.name}, by {one_kind.kind.words}, both at {both_kg:.2f} kg"
         _print_table(console, title, differences_table(one_kind.differences, 8))
         _print_answers(console, comparison_answers(one_kind))
         console.print(escape(one_kind.text), highlight=False)

@@ -28,6 +28,7 @@ from flightpower.analysis.records.pool import POOLED_FORMAT, LeftOutReason
 from flightpower.analysis.results.read import read_results
 from flightpower.flight.command_line import ExitCode
 from flightpower.flight.errors import InputError
+from flightpower.flight.units import GRAVITY_MPS2
 
 V = np.linspace(12.0, 20.0, 13)
 IDLE_W, OWN, SHARED = 4.0, 0.03, 0.02
@@ -247,8 +248,10 @@ def test_the_commands_give_both_kinds_as_python_does(tmp_path: Path, capsys: pyt
     assert page.count('id="other-power"') == 1
     words = [str(tmp_path / "a"), str(tmp_path / "b"), "-o", str(tmp_path / "c")]
     outcome = CliRunner().invoke(compare_command, words)
-    assert outcome.exit_code == ExitCode.DONE and "A: a, B: b, by electrical power" in outcome.output
     content = json.loads((tmp_path / "c" / "results.json").read_text())
+    kg = in_python.other_kind.test.weight_N / GRAVITY_MPS2  # type: ignore[union-attr]
+    assert outcome.exit_code == ExitCode.DONE
+    assert f"A: a, B: b, by electrical power, both at {kg:.2f} kg" in " ".join(outcome.output.split())
     assert content["a"]["logs"] == ["b", "c", "x"], "also those of the pool's second estimate"
     at = np.argmin([row["independent_half_width_percent"] for row in content["differences"]])
     assert content["differences"][at]["difference_percent"] == pytest.approx(8.0, abs=1.5)
