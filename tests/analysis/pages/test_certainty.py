@@ -96,8 +96,8 @@ def test_what_is_common_to_all_runs_is_named_by_its_parts_the_largest_first(resu
     assert f"Of the variance at that speed, {parts}. The next twenty minutes: fly on another day" in text
     section = certainty_section(shared, sources)
     assert section.shared_part.endswith(f"of the variance, {parts}") and text in section.next_flight
-    told = replace(shared, next_flight_lowers="updraft")
-    assert halving(told, sources).text.endswith(f"{parts}.")  # type: ignore[union-attr]
+    advised = replace(shared, next_flight_lowers="updraft")
+    assert halving(advised, sources).text.endswith(f"{parts}.")  # type: ignore[union-attr]
     thrust = by_source(NOISE=1.0, PROPELLER=2.0, UPDRAFT=1.0)
     assert "have a table measured with this propeller" in halving(shared, thrust).text  # type: ignore[union-attr]
     for unknown in (None, by_source(NOISE=1.0, SHARED=4.0)):

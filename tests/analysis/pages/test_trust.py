@@ -142,7 +142,7 @@ def test_sensor_errors_that_are_improbable_together_are_named_unless_one_is_told
 
 
 @pytest.mark.parametrize(
-    ("sigmas", "half_widths", "level", "said"),
+    ("sigmas", "half_widths", "level", "ending"),
     [
         (-4.8, 0.9, Trust.DOUBTFUL, ")"),
         (-4.8, 1.1, Trust.NOT_TO_BE_TRUSTED, "; its correction moves the curve out of the interval)"),
@@ -150,12 +150,12 @@ def test_sensor_errors_that_are_improbable_together_are_named_unless_one_is_told
     ],
 )
 def test_a_sensor_error_says_by_which_of_two_reasons_it_is_not_to_be_trusted(
-    results: Results, sigmas: float, half_widths: float, level: Trust, said: str
+    results: Results, sigmas: float, half_widths: float, level: Trust, ending: str
 ) -> None:
     errs = drag(replace(results, path=path(V_scale=sigmas)), statistics=with_error("V_scale", half_widths))
     (evidence,) = with_trust(errs).evidence
     assert evidence.level is level and evidence.limit is not None
-    assert f"assumed (limit {evidence.limit:.1f}{said}. Usually" in evidence.text
+    assert f"assumed (limit {evidence.limit:.1f}{ending}. Usually" in evidence.text
 
 
 def test_an_updraft_that_the_curve_is_corrected_for_is_told(results: Results) -> None:
