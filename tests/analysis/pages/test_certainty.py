@@ -83,7 +83,7 @@ def test_the_next_flight_of_the_results_is_told_first_and_nothing_twice(results:
 
 
 def by_source(**watts2: float) -> Sources:
-    """The same variance [W^2] at each speed, by the name of the source."""
+    """Each variance [W^2] is the same at each speed, by the name of its source."""
     return lambda V: {Share[name]: np.full(len(V), variance) for name, variance in watts2.items()}
 
 
