@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 
 from flightpower.analysis.curve import Condition, maximum_lift_to_drag, power_points
 from flightpower.analysis.estimation.noise import NORMAL_95
@@ -35,7 +36,7 @@ from flightpower.analysis.records.flight import (
 from flightpower.analysis.results.curves import condition_result, curve_result, power_statistics
 from flightpower.analysis.results.evidence import with_trust
 from flightpower.analysis.results.settings import RESULTS
-from flightpower.analysis.settings import CURVES
+from flightpower.analysis.settings import CURVES, EVIDENCE
 from flightpower.analysis.sources.grid_settings import FLIGHT
 from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
 from flightpower.flight.version import version
@@ -121,7 +122,7 @@ def against_field_table(
     electrical: CurveResult, required: Sequence[PowerPoint], table: Sequence[FieldRow]
 ) -> list[str]:
     """A sentence where battery power by the whole flight's energy and that of the field table, by drag, propeller and
-    motor, differ by more than their intervals; at the speed where that is clearest.
+    motor, differ by more than their errors do once in a thousand flights; at the speed where that is clearest.
 
     required : points of the curve that the table follows from, whose relative interval the table has at least
     """
@@ -137,13 +138,14 @@ def against_field_table(
     allowed = np.hypot((hi_W - lo_W) / 2 / power_W, (drag_hi_W - drag_lo_W) / 2 / drag_W)
     ratio = np.abs(np.log(power_W / table_W)) / allowed
     at = int(np.argmax(ratio))
-    if ratio[at] <= 1:
+    if ratio[at] * NORMAL_95 <= -special.ndtri(EVIDENCE.rare_false_alarms / 2):
         return []
+    share = (drag_hi_W[at] - drag_lo_W[at]) / 2 / drag_W[at]
     return [
         f"Two answers for the battery: at {V[at]:.0f} m/s the energy of the whole flight gives {power_W[at]:.0f} W"
         f" ({lo_W[at]:.0f} to {hi_W[at]:.0f}), and drag, propeller and motor, as in the field table,"
-        f" {table_W[at]:.0f} W; they differ by more than their intervals. Hold that speed for a minute, level, and"
-        " compare both with the meter."
+        f" {table_W[at]:.0f} W ({(1 - share) * table_W[at]:.0f} to {(1 + share) * table_W[at]:.0f}); their errors"
+        " explain this once in a thousand flights. Hold that speed for a minute, level, and compare with the meter."
     ]
 
 
