@@ -94,11 +94,7 @@ class CurvePool(Pool):
     def curve(self) -> Curve:
         first, *_ = self.curves
         idle_W = float(np.mean([curve.idle_W for curve in self.curves]))
-        power_W = self.mean(self.V_mps)
-        ends = {(curve.V_mps[0], curve.V_mps[-1]) for curve in self.curves}
-        if len(ends) > 1:
-            power_W = power_W.through(_smoothing(self.V_mps, power_W.standard_error))
-        return replace(first, V_mps=self.V_mps, power_W=power_W, idle_W=idle_W)
+        return replace(first, V_mps=self.V_mps, power_W=self.smooth_mean(), idle_W=idle_W)
 
     @cached_property
     def ends_mps(self) -> tuple[float, float]:
@@ -119,6 +115,12 @@ class CurvePool(Pool):
         """At each speed (n,) the mean of the curves that contain it, weighed by the inverse variance of their own
         errors; NaN where there is none. counts: how many flights like each there are, each with its own errors"""
         return total(self._parts(V, self._weights(V, counts), counts))
+
+    def smooth_mean(self, counts: Sequence[float] = ()) -> Uncertain:
+        """The mean at the speeds of the pool (n,), without the steps that it has where a flight begins or ends."""
+        power_W = self.mean(self.V_mps, counts)
+        ends = {(curve.V_mps[0], curve.V_mps[-1]) for curve in self.curves}
+        return power_W.through(_smoothing(self.V_mps, power_W.standard_error)) if len(ends) > 1 else power_W
 
     def some(self, numbers: Sequence[int]) -> "CurvePool":
         """The pool of some of the flights, by number."""
@@ -211,16 +213,20 @@ class CurvePool(Pool):
         return np.stack(values), ErrorParts(np.stack(own), np.stack(shared))
 
     def half_widths_percent(self, counts: Sequence[int], V: Array) -> Array:
-        power = self.mean(V, counts)
-        return np.asarray(100 * power.half_width / self.mean(V).value)
+        return np.asarray(100 * self._half_width(V, counts) / self.power(V)[0])
 
     def half_widths_alone_percent(self, number: int, V: Array) -> Array:
-        return np.asarray(100 * self.some([number]).mean(V).half_width / self.mean(V).value)
+        return np.asarray(100 * self.some([number])._half_width(V) / self.power(V)[0])
 
     def half_widths_without_percent(self, V: Array) -> Array:
         n = len(self.flights)
-        without = [self.some([j for j in range(n) if j != i]).mean(V).half_width for i in range(n)]
-        return np.nan_to_num(100 * np.stack(without) / self.mean(V).value, nan=np.inf)
+        without = [self.some([j for j in range(n) if j != i])._half_width(V) for i in range(n)]
+        return np.nan_to_num(100 * np.stack(without) / self.power(V)[0], nan=np.inf)
+
+    def _half_width(self, V: Array, counts: Sequence[float] = ()) -> Array:
+        """Of the smooth mean at speeds V (k,); NaN beyond those flown."""
+        half_width_W = self.smooth_mean(counts).half_width
+        return np.asarray(np.interp(V, self.V_mps, half_width_W, left=np.nan, right=np.nan))
 
     def deviations(self) -> list[tuple[Array, Array]]:
         V = self.speeds_mps

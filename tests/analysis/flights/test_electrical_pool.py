@@ -322,6 +322,8 @@ def test_a_flight_that_begins_amid_the_curve_makes_no_step_in_it() -> None:
     rising = at > 13.0
     assert np.diff(power_of(at)[rising]).min() > 0 and np.diff(pool.mean(at).value[rising]).min() < -1.0
     assert np.diff(pool.curve.power_W.value[rising]).min() > 0
+    half = 100 * pool.curve.power_W.half_width / pool.curve.power_W.value
+    assert pool.half_widths_percent([1, 1], at) == pytest.approx(half), "the page's table and figures agree"
     alike = electrical_pool([flight("a"), flight("b", speeds=V[V > 13.9])])
     assert alike.curve.power_W.value == pytest.approx(power_of(alike.curve.V_mps), rel=2e-4)
 
