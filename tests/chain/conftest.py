@@ -64,7 +64,7 @@ def laptop(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Laptop:
         "flightpower export": (at / "hop" / "log.mcap", "--to", "csv", "-o", at / "tables"),
         "flightpower analyze": (at / "missing-1.mcap", at / "missing-2.mcap", "-o", at / "several"),
         "flightpower plan": ("nexstar", "--minutes", "5", "-o", at / "plan"),
-        "flightpower analyze compare": (at / "four", at / "four", "-o", at / "compared"),
+        "flightpower analyze compare": (at / "four", flown / "log.report", "-o", at / "compared"),
     }  # fmt: skip
     lines = [[*name.split(), *map(str, arguments)] for name, arguments in commands.items()]
     return Laptop(at, dict(zip(commands, commands_without_posix(*lines), strict=True)))

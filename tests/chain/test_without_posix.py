@@ -11,7 +11,13 @@ from flightpower.flight.log_reader import read_log
 pytestmark = pytest.mark.xdist_group("chain")
 
 
-@pytest.mark.parametrize("name", ["flightpower new aircraft", "sim tunnel", "calibrate probe", "sim fly", "analyze"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "flightpower new aircraft", "sim tunnel", "calibrate probe", "sim fly", "analyze",
+        "flightpower analyze compare",
+    ],
+)  # fmt: skip
 def test_commands_of_the_laptop(laptop: Laptop, name: str) -> None:
     outcome = laptop.outcomes[name]
     assert outcome.returncode == 0, outcome.stderr
@@ -42,7 +48,6 @@ def test_calibrations_from_a_log(laptop: Laptop, name: str) -> None:
         ("flightpower export", "no acceleration or deceleration to analyze"),
         ("flightpower analyze", "none of the 2 logs can be used"),
         ("flightpower plan", "too short"),
-        ("flightpower analyze compare", "in both pools"),
     ],
 )
 def test_what_costs_seconds_is_refused_for_its_data_alone(laptop: Laptop, name: str, reason: str) -> None:
