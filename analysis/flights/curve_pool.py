@@ -224,7 +224,7 @@ class CurvePool(Pool):
         return np.nan_to_num(100 * np.stack(without) / self.power(V)[0], nan=np.inf)
 
     def _half_width(self, V: Array, counts: Sequence[float] = ()) -> Array:
-        """Of the smooth mean at speeds V (k,); NaN beyond those flown."""
+        """Half width [W] of the smooth mean at speeds V (k,); NaN beyond those flown."""
         half_width_W = self.smooth_mean(counts).half_width
         return np.asarray(np.interp(V, self.V_mps, half_width_W, left=np.nan, right=np.nan))
 
