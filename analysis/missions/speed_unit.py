@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 
-from flightpower.flight.units import FOOT_M, KNOT_MPS
+from flightpower.flight.units import to_si
 
 
 class SpeedUnit(StrEnum):
@@ -14,10 +14,9 @@ class SpeedUnit(StrEnum):
     KMH = "km/h"
 
 
-MPS_OF = {SpeedUnit.KNOT: KNOT_MPS, SpeedUnit.MPH: 5280 * FOOT_M / 3600, SpeedUnit.KMH: 1 / 3.6}
-
-
 def speed_text(speed_mps: float, unit: SpeedUnit) -> str:
     """A speed in m/s, and in the pilot's unit."""
     text = f"{speed_mps:.1f} m/s"
-    return text if unit is SpeedUnit.MPS else f"{text} ({speed_mps / MPS_OF[unit]:.1f} {unit})"
+    if unit is SpeedUnit.MPS:
+        return text
+    return f"{text} ({speed_mps / to_si(f'1 {unit}', 'm/s', 'speed'):.1f} {unit})"
