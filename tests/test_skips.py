@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.browser import HANGS_S
+
 CONFTEST = Path(__file__).with_name("conftest.py")
 SKIPS = """
 import pytest
@@ -31,7 +33,7 @@ def outcome(folder: Path, expected: str | None) -> subprocess.CompletedProcess[s
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # plugins take longer to import than the tests here
     environment["PYTHONPATH"] = str(CONFTEST.parents[1])
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=60)
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=HANGS_S)
 
 
 @pytest.mark.parametrize("expected", [None, "test_it.py::test_that_needs*: no fuse*"])
@@ -52,7 +54,7 @@ def test_a_list_that_is_missing_is_said(tmp_path: Path) -> None:
     (tmp_path / "conftest.py").write_text(CONFTEST.read_text("utf-8"), "utf-8")
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     environment |= {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONPATH": str(CONFTEST.parents[1])}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=HANGS_S)
     assert done.returncode == 4
     assert "--expected-skips absent: cannot be read" in done.stderr
 
@@ -65,6 +67,6 @@ def test_what_is_thorough_is_left_to_test_all(tmp_path: Path, options: list[str]
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", f"--rootdir={tmp_path}", *options]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     environment |= {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONPATH": str(CONFTEST.parents[1])}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=HANGS_S)
     assert done.returncode == code, done.stdout + done.stderr
     assert ("1 deselected" in done.stdout) is (code == 0)

@@ -27,6 +27,7 @@ from flightpower.hw_fakes.faults import Fault
 from flightpower.hw_fakes.tray import FakeTray, TrayVariant
 from flightpower.sim.output_folder import TRAY
 from flightpower.simulate import _record
+from tests.browser import HANGS_S
 
 EXAMPLE_TRAY = resources.files("flightpower.daq").joinpath("tray.example.toml").read_text("utf-8")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -112,7 +113,7 @@ def test_connections_that_ask_for_nothing_do_not_shut_others_out(sources):
         threading.Thread(target=server.run, daemon=True).start()
         address = listener.getsockname()
         idle = [socket.create_connection(address) for _ in range(150)]
-        with socket.create_connection(address, timeout=20) as phone:
+        with socket.create_connection(address, timeout=HANGS_S) as phone:
             phone.sendall(b"GET / HTTP/1.0\r\n\r\n")
             answer = phone.recv(12)
         for connection in idle:
@@ -131,7 +132,7 @@ def test_the_command_prints_the_address_at_which_the_page_answers(tmp_path):
         try:
             address = served.stdout.readline().strip()
             assert address == f"http://127.0.0.1:{port}/"
-            with urlopen(address, timeout=20) as answer:
+            with urlopen(address, timeout=HANGS_S) as answer:
                 assert "The daemon does not run" in answer.read().decode()
         finally:
             served.terminate()
@@ -180,7 +181,7 @@ def test_a_browser_shows_it(sources, tmp_path):
         address = f"http://127.0.0.1:{listener.getsockname()[1]}/"
         quiet = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync"]
         arguments = [*quiet, f"--user-data-dir={tmp_path}", "--enable-logging=stderr", "--dump-dom", address]
-        shown = subprocess.run([str(CHROMIUM), *arguments], capture_output=True, text=True, timeout=120)
+        shown = subprocess.run([str(CHROMIUM), *arguments], capture_output=True, text=True, timeout=HANGS_S)
         server.close()
     assert "baro failed" in shown.stdout or "No answer since" in shown.stdout
     assert ":CONSOLE" not in shown.stderr

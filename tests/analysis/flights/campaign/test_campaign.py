@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from stub_analysis import Stub
+from stub_analysis import SLOW_S, Stub
 
 from flightpower.analysis.flights.campaign.addresses import FoundLogs
 from flightpower.analysis.flights.campaign.campaign import Campaign, Work, run
@@ -141,7 +141,7 @@ def test_ctrl_c_ends_the_analyses_that_run_at_once(tmp_path: Path, work: Work) -
     out, begun = tmp_path / "out", time.monotonic()
     with exclusive(out), pytest.raises(KeyboardInterrupt):
         run(FoundLogs([*logs(tmp_path / "in", a="1", b="slow")]), out, work, Interrupted(), jobs=2)
-    assert time.monotonic() - begun < 30  # the slow one takes 60 s
+    assert time.monotonic() - begun < SLOW_S
     assert [path.name for path in out.iterdir() if path.name != ".lock"] == ["a"]
 
 
@@ -227,7 +227,7 @@ def test_a_killed_campaign_goes_on_where_it_stopped(tmp_path: Path, work: Work, 
     )
     search = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     with subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": search}) as process:
-        deadline = time.monotonic() + 50  # less than the slow ones take; a free machine needs 2 s
+        deadline = time.monotonic() + SLOW_S / 2  # a free machine needs 2 s
         while len(list(out.glob(".[cd]-*.partial/path.csv"))) < 2:
             assert process.poll() is None and time.monotonic() < deadline
             time.sleep(0.02)

@@ -15,6 +15,7 @@ import pytest
 from flightpower.analysis.pages.open.flights import Folder
 from flightpower.analysis.pages.open.request import LIMITS
 from flightpower.analysis.pages.open.server import LocalPage, server_of
+from tests.browser import HANGS_S
 from tests.unchanged.commands import flight
 
 HOST, TOKEN = "127.0.0.1:5555", "the-secret-of-this-page"
@@ -286,7 +287,7 @@ def test_the_body_of_a_request_that_is_refused_is_not_taken(
     address: tuple[str, int], sent: bytes, status: bytes
 ) -> None:
     """The answer comes before a byte of it, and the connection is closed."""
-    with socket.create_connection(address, timeout=20) as attacker:
+    with socket.create_connection(address, timeout=HANGS_S) as attacker:
         attacker.sendall(sent)
         answer = b""
         while part := attacker.recv(4096):
@@ -295,7 +296,7 @@ def test_the_body_of_a_request_that_is_refused_is_not_taken(
 
 
 def test_a_body_that_the_page_wants_is_taken(address: tuple[str, int], flown: bytes, opened: Folder) -> None:
-    with socket.create_connection(address, timeout=20) as reader:
+    with socket.create_connection(address, timeout=HANGS_S) as reader:
         announced = str(LIMITS.log_bytes - 1).encode()
         reader.sendall(head(of("file/new.mcap")).replace(announced, str(len(flown)).encode()) + flown)
         assert reader.recv(12) == b"HTTP/1.1 200"
@@ -306,7 +307,7 @@ def test_connections_that_ask_for_nothing_do_not_shut_the_reader_out(address: tu
     idle = [socket.create_connection(address) for _ in range(150)]
     for connection in idle[:75]:
         connection.sendall(b"GET /")
-    with socket.create_connection(address, timeout=20) as reader:
+    with socket.create_connection(address, timeout=HANGS_S) as reader:
         reader.sendall(f"GET {of('')} HTTP/1.1\r\nHost: {HOST}\r\n\r\n".encode())
         assert reader.recv(12) == b"HTTP/1.1 200"
     for connection in idle:

@@ -19,6 +19,7 @@ from flightpower.analysis.pages.open.runs_flight import RunsFlight
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_index import MAGIC
 from flightpower.flight.log_reader import Log
+from tests.browser import HANGS_S
 
 
 def test_logs_of_one_folder_are_opened_and_others_refused(tmp_path: Path) -> None:
@@ -105,12 +106,12 @@ def test_the_page_closes_with_the_terminal_and_leaves_nothing(
         assert page.stdout is not None
         address = page.stdout.readline().strip()
         assert address.startswith("http://127.0.0.1:") and len(address.split("/")[3]) >= 32, "this computer, a secret"
-        with urlopen(address, timeout=10) as answer:
+        with urlopen(address, timeout=HANGS_S) as answer:
             assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
         with pytest.raises(HTTPError):
-            urlopen(address.rsplit("/", 2)[0] + "/", timeout=10)
+            urlopen(address.rsplit("/", 2)[0] + "/", timeout=HANGS_S)
         page.send_signal(closing)
-        assert page.wait(20) in (0, 130)
+        assert page.wait(HANGS_S) in (0, 130)
     with pytest.raises(URLError):
-        urlopen(address, timeout=2)
+        urlopen(address, timeout=HANGS_S)
     assert [*(tmp_path / "temporary").iterdir()] == []
