@@ -40,11 +40,12 @@ def revps_for_thrust(
     V, thrust_N = np.broadcast_arrays(np.asarray(V, dtype=float), np.asarray(thrust_N, dtype=float))
     slowest: Array = V / (3 * propeller.diameter_m)  # J = 3: beyond zero thrust of any model propeller
 
-    def excess(n: Array) -> Array:
+    def excess_over_n(n: Array) -> Array:
+        """The excess of thrust over n, nearly a straight line: thrust is nearly a n^2 - b V n."""
         given_N = corrected_thrust(propeller, V, n, rho, thrust_scale=thrust_scale, thrust_slope=thrust_slope)
-        return given_N - thrust_N
+        return np.asarray((given_N - thrust_N) / n)
 
-    return _root(excess, slowest, 15 * slowest + 100.0)
+    return _root(excess_over_n, slowest, 15 * slowest + 100.0)
 
 
 def full_throttle_revps(
@@ -66,15 +67,27 @@ def full_throttle_revps(
 
 
 def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """The zero of a rising function between low and high, elementwise; NaN where it is not above zero at high."""
-    is_above = excess(high) > 0
-    low, high = np.broadcast_arrays(low, high)
-    for _ in range(18):  # to 0.001 rev/s; linear interpolation does the rest
-        middle = (low + high) / 2
-        above = excess(middle) > 0
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    at_low, at_high = excess(low), excess(high)
-    rise = at_high - at_low
-    no_root = np.where(high > low, np.nan, 0.0)  # a constant excess has none; bounds that have met are the root
-    step = np.divide((high - low) * at_low, rise, out=no_root, where=rise != 0)
-    return np.where(is_above, low - step, np.nan)
+    """The zero of a rising function between low and high, elementwise, to 1e-8 of it, by secants.
+
+    NaN where the function is not above zero at high, or nowhere below. Bisection takes over where a secant leaves the
+    bounds, or where secants do not end.
+    """
+    low, n = np.broadcast_arrays(low, high)
+    at_n, before, at_before = excess(n), low, excess(low)
+    high, was_above, was_below = n, at_n > 0, at_before <= 0
+    found = ~was_above
+    for step in range(60):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            secant = n - at_n * (n - before) / (at_n - at_before)
+        found = found | (at_n == 0)
+        inside = (secant >= low) & (secant <= high) & (step < 20)
+        after = np.where(found, n, np.where(inside, secant, (low + high) / 2))
+        found = found | (np.abs(after - n) <= 1e-9 * n)  # at a corner of the function the error is some steps
+        before, at_before, n = n, at_n, after
+        if found.all():
+            break
+        at_n = excess(n)
+        above = at_n > 0
+        was_below = was_below | (at_n <= 0)
+        low, high = np.where(above, low, n), np.where(above, n, high)
+    return np.where(was_above & was_below, n, np.nan)
