@@ -5,6 +5,7 @@ page interpolates what hardly changes along it: efficiency, thrust over density,
 required go exactly with weight and density at equal lift coefficient.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,8 +14,20 @@ from flightpower.analysis.curve import Condition, speed_at
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.pages.charts.style import ORANGE
 from flightpower.analysis.performance.analysis import Performance
-from flightpower.analysis.performance.climb import full_throttle_performance, full_throttle_thrust
-from flightpower.analysis.performance.level_flight import PerformanceModel, best_endurance, best_range, level_flight
+from flightpower.analysis.performance.climb import (
+    FullThrottlePerformance,
+    full_throttle_performance,
+    full_throttle_performances,
+    full_throttle_thrust,
+)
+from flightpower.analysis.performance.level_flight import (
+    LevelFlight,
+    PerformanceModel,
+    best_endurance,
+    best_range,
+    level_flight,
+    level_flights,
+)
 from flightpower.flight.arrays import Array
 from flightpower.flight.atmosphere import height_at, pressure_at
 from flightpower.flight.units import (
@@ -121,7 +134,7 @@ def embedded_grid(model: PerformanceModel, flown: Condition, densities: tuple[fl
     rhos = _nodes(flown.rho, densities)
     as_flown = level_flight(model, flown, _speeds(model, flown))
     return {
-        "nodes": [[_node(model, flown._replace(weight_N=W, rho=rho)) for rho in rhos] for W in weights],
+        "nodes": [_nodes_at(model, [flown._replace(weight_N=W, rho=rho) for rho in rhos]) for W in weights],
         "log_weight": [float(np.log(weights[0])), float(np.log(weights[1] / weights[0]))],
         "log_density": [float(np.log(rhos[0])), float(np.log(rhos[1] / rhos[0]))],
         "V": _short(as_flown.V, 7),
@@ -167,12 +180,18 @@ def _speeds(model: PerformanceModel, condition: Condition) -> Array:
     return np.linspace(speed_at(largest_CL, condition), speed_at(smallest_CL, condition), GRID.speeds)
 
 
-def _node(model: PerformanceModel, condition: Condition) -> Json:
+def _nodes_at(model: PerformanceModel, conditions: Sequence[Condition]) -> list[Json]:
+    flights = level_flights(model, conditions, np.array([_speeds(model, condition) for condition in conditions]))
+    full: Sequence[FullThrottlePerformance | None] = [None] * len(conditions)
+    if _throttle(model):
+        full = full_throttle_performances(model, conditions, GRID.speeds)
+    return [_node(*at) for at in zip(flights, full, [condition.weight_N for condition in conditions], strict=True)]
+
+
+def _node(flight: LevelFlight, full: FullThrottlePerformance | None, weight_N: float) -> Json:
     """At speeds of equal lift coefficient: power required over that of the battery, its relative error, whether the
     propeller's table covers it; errors of the best speeds; of the climb at full throttle the share of thrust along the
     path, and drag over weight."""
-    flight = level_flight(model, condition, _speeds(model, condition))
-    full = full_throttle_performance(model, condition, GRID.speeds) if _throttle(model) else None
     sustained = np.ones(GRID.speeds, dtype=bool)
     if full is not None:
         level = ~(np.interp(flight.V, full.V, full.climb.value) < 0)
@@ -189,7 +208,7 @@ def _node(model: PerformanceModel, condition: Condition) -> Json:
         along_N, sine = full.power.value / full.V, full.climb.value / full.V
         node |= {
             "along": _short(along_N / full.thrust_N, 5),
-            "drag_over_weight": _short(along_N / condition.weight_N - sine, 5),
+            "drag_over_weight": _short(along_N / weight_N - sine, 5),
             "maximum_speed_error": _error(full.maximum_speed.standard_error),
             "best_climb_error": _error(full.best_climb.standard_error),
         }

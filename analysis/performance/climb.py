@@ -7,6 +7,7 @@ numbers of thin air are left out.
 Units: V and climb in m/s, thrust in N, power in W, n in rev/s.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from flightpower.analysis.curve import Condition, power_points, speed_at
 from flightpower.analysis.estimation.noise import NORMAL_95
-from flightpower.analysis.performance.level_flight import PerformanceModel, climb_angle
+from flightpower.analysis.performance.level_flight import PerformanceModel, at_each_speed, climb_angle
 from flightpower.analysis.performance.propagation import SigmaPoints, UncertainValue, from_sigma_points
 from flightpower.analysis.performance.settings import PERFORMANCE
 from flightpower.analysis.records.flight import AvailableResult, Interval
@@ -54,21 +55,39 @@ def full_throttle_performance(
     model: PerformanceModel, condition: Condition, speeds: int = CURVES.fine_points
 ) -> FullThrottlePerformance:
     """Power available, climb and highest level speed, of a model whose full throttle is known."""
+    (performance,) = full_throttle_performances(model, [condition], speeds)
+    return performance
+
+
+def full_throttle_performances(
+    model: PerformanceModel, conditions: Sequence[Condition], speeds: int
+) -> list[FullThrottlePerformance]:
+    """`full_throttle_performance` for each condition, computed in one step."""
     smallest_CL, largest_CL = model.flown_CL
-    fastest = PERFORMANCE.fastest_sought * speed_at(smallest_CL, condition)
-    V = np.linspace(speed_at(largest_CL, condition), fastest, speeds)
-    n, thrust_N, power_W, climb = _climb(model.sigma_points, model.propeller, V, condition)
-    best = int(np.argmax(np.nan_to_num(climb[0], nan=-np.inf)))
+    slowest, fastest = (np.array([speed_at(CL, c) for c in conditions]) for CL in (largest_CL, smallest_CL))
+    V = np.linspace(slowest, PERFORMANCE.fastest_sought * fastest, speeds, axis=1)
+    n, thrust_N, power_W, climb = _climb(model.sigma_points, model.propeller, V.ravel(), at_each_speed(conditions, V))
+    covered = model.propeller.covers(V.ravel() / (n[0] * model.propeller.diameter_m), 60 * n[0])
+    return [
+        _performance(V[i], thrust_N[0, rows], power_W[:, rows], climb[:, rows], covered[rows])
+        for i, rows in enumerate(slice(i * speeds, (i + 1) * speeds) for i in range(len(conditions)))
+    ]
+
+
+def _performance(
+    V: Array, thrust_N: Array, power_W: Array, climb: Array, covered: NDArray[np.bool_]
+) -> FullThrottlePerformance:
+    """What follows at one condition. power_W, climb: (2m + 1, k)"""
     return FullThrottlePerformance(
         V=V,
-        thrust_N=thrust_N[0],
+        thrust_N=thrust_N,
         power=from_sigma_points(power_W),
         climb=from_sigma_points(climb),
-        covered=model.propeller.covers(V / (n[0] * model.propeller.diameter_m), 60 * n[0]),
+        covered=covered,
         # At the highest level speed the climb turns into a descent for the last time.
         maximum_speed=from_sigma_points(_last_crossings(V, climb)),
         best_climb=from_sigma_points(np.fmax.reduce(climb, axis=1)),
-        best_climb_speed=float(V[best]),
+        best_climb_speed=float(V[np.argmax(np.nan_to_num(climb[0], nan=-np.inf))]),
     )
 
 
@@ -98,28 +117,23 @@ def _thrust(parameters: SigmaPoints, propeller: Propeller, V: Array, rho: float)
 
 
 def _last_crossings(x: Array, y: Array) -> Array:
-    """Where each sigma point's y (2m + 1, k) falls through zero for the last time over x (k,).
+    """Where each sigma point's y (2m + 1, k) falls through zero for the last time over x (k,), linear between points.
 
     A sigma point that does not cross within x is taken to first order: the estimate's crossing shifted by the
     difference of y over the slope there. NaN where the estimate itself does not cross.
     """
-    crossings = np.array([_last_crossing(x, values) for values in y])
-    crossing = crossings[0]
-    if np.isfinite(crossing):
-        i = min(int(np.searchsorted(x, crossing)), len(x) - 1)
-        slope = (y[0, i] - y[0, i - 1]) / (x[i] - x[i - 1])
-        nearby = crossing - np.array([np.interp(crossing, x, values) for values in y]) / slope
-        crossings = np.where(np.isfinite(crossings), crossings, nearby)
-    return crossings
-
-
-def _last_crossing(x: Array, y: Array) -> float:
-    """Where y falls through zero for the last time, linear between points; NaN if it does not."""
-    falls = np.flatnonzero((y[:-1] > 0) & (y[1:] <= 0))
-    if not len(falls):
-        return np.nan
-    i = falls[-1]
-    return float(x[i] + (x[i + 1] - x[i]) * y[i] / (y[i] - y[i + 1]))
+    falls = (y[:, :-1] > 0) & (y[:, 1:] <= 0)
+    crosses, at = np.asarray(falls.any(axis=1)), np.arange(len(y))
+    last = falls.shape[1] - 1 - np.argmax(falls[:, ::-1], axis=1)
+    above, below = y[at, last], y[at, last + 1]
+    share = np.divide(above, above - below, out=np.full(len(y), np.nan), where=crosses)
+    crossings = x[last] + (x[last + 1] - x[last]) * share
+    if crosses[0] and not crosses.all():
+        i = last[0]
+        slope = (y[0, i + 1] - y[0, i]) / (x[i + 1] - x[i])
+        there = y[:, i] + share[0] * (y[:, i + 1] - y[:, i])
+        crossings = np.where(crosses, crossings, crossings[0] - there / slope)
+    return np.asarray(crossings)
 
 
 def ceilings_m(model: PerformanceModel, condition: Condition, climbs_mps: tuple[float, ...]) -> list[UncertainValue]:
@@ -129,16 +143,14 @@ def ceilings_m(model: PerformanceModel, condition: Condition, climbs_mps: tuple[
     voltage is that of the flight. condition: its weight counts, its density does not.
     """
     heights_m = np.linspace(0.0, TROPOPAUSE_M, 23)  # 500 m apart: climb is linear between
-    rho = density(pressure_at(heights_m), temperature_at(heights_m))[:, None]
+    rhos = density(pressure_at(heights_m), temperature_at(heights_m))
+    conditions = [condition._replace(rho=float(rho)) for rho in rhos]
     smallest_CL, largest_CL = model.flown_CL
-    conditions = condition._replace(rho=rho)
-    V = speed_at(np.linspace(largest_CL, smallest_CL, 25), conditions)
-    n_points = len(model.sigma_points["A0"])
-    best = np.empty((n_points, len(heights_m)))
-    for i in range(n_points):
-        point = {name: values[i] for name, values in model.sigma_points.items()}
-        best[i] = np.fmax.reduce(_climb(point, model.propeller, V, conditions)[-1], axis=1)
-    return [from_sigma_points(_last_crossings(heights_m, best - climb)) for climb in climbs_mps]
+    CL = np.linspace(largest_CL, smallest_CL, 25)
+    V = np.array([speed_at(CL, at_height) for at_height in conditions])
+    *_, climb = _climb(model.sigma_points, model.propeller, V.ravel(), at_each_speed(conditions, V))
+    best = np.fmax.reduce(climb.reshape(len(climb), *V.shape), axis=2)
+    return [from_sigma_points(_last_crossings(heights_m, best - least)) for least in climbs_mps]
 
 
 NOT_KNOWN = AvailableResult(

@@ -13,6 +13,7 @@ the battery power; best endurance and range with a battery follow, in still air.
 Units: thrust and drag in N, V in m/s, angles in rad.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -153,6 +154,18 @@ class LevelFlight:
 
 def level_flight(model: PerformanceModel, condition: Condition, V: Array) -> LevelFlight:
     """Power at speeds V (k,) [m/s]."""
+    (flight,) = level_flights(model, [condition], V[None])
+    return flight
+
+
+def at_each_speed(conditions: Sequence[Condition], V: Array) -> Condition:
+    """Weights, densities and wing areas (c k,) of conditions (c,) that have the speeds V (c, k)."""
+    return Condition(*np.repeat(np.array(conditions), V.shape[1], axis=0).T)
+
+
+def level_flights(model: PerformanceModel, conditions: Sequence[Condition], speeds: Array) -> list[LevelFlight]:
+    """Power at speeds (c, k) [m/s] for each of c conditions, computed in one step."""
+    condition, V = at_each_speed(conditions, speeds), speeds.ravel()
     parameters, propeller, train = model.sigma_points, model.propeller, model.power_train
     CL, thrust_N = lift_coefficient(V, condition), steady_thrust(parameters, V, condition)
     correction = {name: parameters[name] for name in ("thrust_scale", "thrust_slope")}
@@ -162,17 +175,26 @@ def level_flight(model: PerformanceModel, condition: Condition, V: Array) -> Lev
     shaft_W, thrust_power_W = train.shaft_power(table_shaft_W, parameters), thrust_N * V
     covered = propeller.covers(V / (n[0] * propeller.diameter_m), 60 * n[0])
     flown = inside(CL, model.flown_CL)
-    return LevelFlight(
-        V=V,
-        required=from_sigma_points(drag(parameters, V, CL, condition) * V),
-        shaft=from_sigma_points(shaft_W),
-        battery=from_sigma_points(battery_W),
-        propeller=from_sigma_points(thrust_power_W / shaft_W),
-        motor=from_sigma_points(shaft_W / battery_W),
-        overall=from_sigma_points(thrust_power_W / battery_W),
-        inside=covered & flown,
-        battery_at_sigma_points=battery_W,
+    required, shaft, battery = (
+        from_sigma_points(power_W) for power_W in (drag(parameters, V, CL, condition) * V, shaft_W, battery_W)
     )
+    shares = (thrust_power_W / shaft_W, shaft_W / battery_W, thrust_power_W / battery_W)
+    of_propeller, of_motor, overall = (from_sigma_points(share) for share in shares)
+    k = speeds.shape[1]
+    return [
+        LevelFlight(
+            V=V[rows],
+            required=required.at(rows),
+            shaft=shaft.at(rows),
+            battery=battery.at(rows),
+            propeller=of_propeller.at(rows),
+            motor=of_motor.at(rows),
+            overall=overall.at(rows),
+            inside=(covered & flown)[rows],
+            battery_at_sigma_points=battery_W[:, rows],
+        )
+        for rows in (slice(i * k, (i + 1) * k) for i in range(len(conditions)))
+    ]
 
 
 @dataclass(frozen=True)
@@ -206,8 +228,7 @@ def _optimum(flight: LevelFlight, sustained: NDArray[np.bool_], objective: Array
 
     Every sigma point has its own optimum: the value there is known better than the speed.
     """
-    maxima = [_maximum(flight.V, values) for values in np.where(sustained, objective, np.nan)]
-    speed, best = (from_sigma_points(values) for values in zip(*maxima, strict=True))
+    speed, best = (from_sigma_points(values) for values in _maxima(flight.V, np.where(sustained, objective, np.nan)))
     power_W = [np.interp(float(speed.value), flight.V, values) for values in flight.battery_at_sigma_points]
     margin = 1.01 * (flight.V[1] - flight.V[0])
     return Optimum(
@@ -220,13 +241,17 @@ def _optimum(flight: LevelFlight, sustained: NDArray[np.bool_], objective: Array
     )
 
 
-def _maximum(x: Array, y: Array) -> tuple[float, float]:
-    """Place and height of the maximum, by a parabola through the highest point and its neighbors."""
-    if np.isnan(y).all():
-        return np.nan, np.nan
-    i = int(np.nanargmax(y))
-    if i in (0, len(x) - 1) or not np.isfinite(y[i - 1 : i + 2]).all():
-        return float(x[i]), float(y[i])
-    before, after = y[i - 1] - y[i], y[i + 1] - y[i]
-    shift = (before - after) / (2 * (before + after)) if before + after < 0 else 0.0
-    return float(x[i] + shift * (x[1] - x[0])), float(y[i] + (after - before) * shift / 4)
+def _maxima(x: Array, y: Array) -> tuple[Array, Array]:
+    """Place and height (m,) of the maximum of each row of y (m, k) over even x (k,), NaN where none is known.
+
+    Each by a parabola through the highest point and its neighbors, where it has both.
+    """
+    at = np.arange(len(y))
+    highest = np.argmax(np.where(np.isnan(y), -np.inf, y), axis=1)
+    place, height = np.where(np.isnan(y).all(axis=1), np.nan, x[highest]), y[at, highest]
+    middle = np.clip(highest, 1, len(x) - 2)
+    before, after = y[at, middle - 1] - height, y[at, middle + 1] - height
+    bend = before + after
+    curved = (middle == highest) & (bend < 0) & np.isfinite(bend)
+    shift = np.divide(before - after, 2 * bend, out=np.zeros(len(y)), where=curved)
+    return place + shift * (x[1] - x[0]), height + np.where(curved, after - before, 0.0) * shift / 4

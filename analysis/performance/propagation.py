@@ -70,8 +70,8 @@ class UncertainValue(NamedTuple):
         """Upper end of the 95 % interval."""
         return self.value + NORMAL_95 * self.standard_error
 
-    def at(self, i: int) -> "UncertainValue":
-        """Element i of a quantity of shape (k,)."""
+    def at(self, i: int | slice) -> "UncertainValue":
+        """Element i, or some, of a quantity of shape (k,)."""
         return UncertainValue(self.value[i], self.standard_error[i])
 
     def interval_if_known(self) -> Interval | None:

@@ -8,7 +8,7 @@ import pytest
 from motor_data import RHO, full_throttle_run, height_of, incidence_of, model_of
 
 from flightpower.analysis.curve import lift_coefficient
-from flightpower.analysis.performance.climb import _last_crossing, ceilings_m, full_throttle_performance
+from flightpower.analysis.performance.climb import _last_crossings, ceilings_m, full_throttle_performance
 from flightpower.analysis.performance.full_throttle import fit_full_throttle
 from flightpower.analysis.performance.level_flight import PerformanceModel
 from flightpower.analysis.performance.propagation import ParameterVector, combine_independent, exact
@@ -126,5 +126,7 @@ def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, 
 
 
 def test_the_highest_level_speed_is_the_last_at_which_climb_becomes_descent() -> None:
-    assert _last_crossing(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, -1.0, 1.0, -3.0])) == pytest.approx(2.25)
-    assert np.isnan(_last_crossing(np.array([0.0, 1.0]), np.array([1.0, 0.5])))
+    """A sigma point that still climbs at the last speed is taken by the slope of the estimate, -4 per m/s there."""
+    V, climb = np.arange(4.0), np.array([[1.0, -1.0, 1.0, -3.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.5, 0.5]])
+    assert _last_crossings(V, climb) == pytest.approx([2.25, 1.5, 2.25 + (1.5 - 0.25) / 4])
+    assert np.isnan(_last_crossings(V, climb[[2, 0]])[0])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flightpower.analysis.performance.level_flight import LevelFlight, _maximum, best_endurance, best_range
+from flightpower.analysis.performance.level_flight import LevelFlight, _maxima, best_endurance, best_range
 from flightpower.analysis.performance.propagation import UncertainValue
 
 
@@ -59,5 +59,10 @@ def test_a_best_speed_outside_the_table_is_marked() -> None:
 
 
 def test_the_maximum_of_a_parabola_is_exact_between_points() -> None:
+    """Of each row by itself; at an end, or beside a point that is not known, it is the highest point."""
     x = np.arange(4.0)
-    assert _maximum(x, 5 - (x - 1.3) ** 2) == pytest.approx((1.3, 5.0))
+    beside_unknown = np.array([np.nan, 4.0, 3.0, np.nan])
+    rows = np.array([5 - (x - 1.3) ** 2, 5 - (x - 2.2) ** 2 / 4, x, beside_unknown, np.full(4, np.nan)])
+    places, heights = _maxima(x, rows)
+    assert places == pytest.approx([1.3, 2.2, 3.0, 1.0, np.nan], nan_ok=True)
+    assert heights == pytest.approx([5.0, 5.0, 3.0, 4.0, np.nan], nan_ok=True)
