@@ -2,8 +2,9 @@
 
 A whole test flight of 21 minutes. `--with before=HEAD~5` gives the ratio to an earlier version, by turns in one run;
 `--with hours=2` flies more runs of the plan, until it lasts so long; `--with log=FILE` takes this log.
-Processor seconds of one process with one thread; the least of the rounds, since other load only adds. A run before them
-is not measured: it leaves the compiled modules that later ones find. Modules move, so each version is measured by the
+Processor seconds of one process with one thread; the least of the rounds, since other load only adds. The last row is
+the command by the clock, with as many processes as it takes by itself. A run before the rounds is not measured: it
+leaves the compiled modules that later ones find. Modules move, so each version is measured by the
 steps that its own copy of this file names.
 """
 
@@ -13,6 +14,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -70,14 +72,20 @@ def measured_steps(code: Path) -> str:
 
 
 def measured(code: Path, log: Path, report: Path, modules: Path) -> dict:
-    """Seconds of each step and peak memory [MB] of the version whose code is there. modules: its compiled ones."""
+    """Seconds of each step and of the command, and peak memory [MB], of the version whose code is there.
+
+    modules: its compiled ones
+    """
     environment = os.environ | {"PYTHONPATH": str(code), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment |= {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(modules)}
     ran = subprocess.run(
         [sys.executable, "-c", measured_steps(code), log, report],
         cwd=code, env=environment, capture_output=True, text=True, check=True,
     )  # fmt: skip
-    return json.loads(ran.stdout)
+    begin = time.monotonic()
+    command = [sys.executable, "-m", "flightpower", "analyze", log, "-o", report]
+    subprocess.run(command, cwd=code, env=environment, capture_output=True, check=True)
+    return json.loads(ran.stdout) | {"command_s": time.monotonic() - begin}
 
 
 def flown(folder: Path, hours: float) -> Path:
@@ -125,6 +133,7 @@ def records(
     rows = {step: [timing["steps"].get(step, 0.0) for timing in best.values()] for step in now["steps"]}
     rows["all"] = [sum(timing["steps"].values()) for timing in best.values()]
     rows["peak memory, MB"] = [timing["MB"] for timing in best.values()]
+    rows["the command, by the clock"] = [min(timing["command_s"] for timing in ran) for ran in timings.values()]
     table: list[Record] = [{"step": "minutes of log", "now": rounded(now["duration_s"] / 60)}]
     for step, values in rows.items():
         cells = [rounded(value, 0 if "MB" in step else 2) for value in values]

@@ -13,6 +13,7 @@ def _command(module: str) -> Callable[[], None]:
         # Before NumPy is imported, which reads it. The matrices are small: two threads, which wait for each other, took
         # half as much processor time again.
         os.environ.setdefault("OMP_NUM_THREADS", "1")
+        os.environ.setdefault("FLIGHTPOWER_PROCESSES", "2")  # `flightpower.analysis.beside`
         try:
             importlib.import_module(module).main()
         except ModuleNotFoundError as error:

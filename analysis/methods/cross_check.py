@@ -168,8 +168,12 @@ class Disagreement(NamedTuple):
     warnings: list[str]
 
 
-def disagreement(polar: Polar, check: CrossCheck, condition: Condition, flown_CL: tuple[float, float]) -> Disagreement:
-    """The comparison of power curve and cross-check over the speeds flown."""
+def disagreement(
+    polar: Polar, check: CrossCheck | None, condition: Condition, flown_CL: tuple[float, float]
+) -> Disagreement:
+    """The comparison of power curve and cross-check, if there is one, over the speeds flown."""
+    if check is None:
+        return Disagreement(False, [])
     if not check.converged:
         left_out = f"The cross-check by output error did not converge and is left out: {check.verdict}."
         return Disagreement(False, [left_out])

@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from flightpower.analysis.beside import beside
 from flightpower.analysis.curve import unphysical
 from flightpower.analysis.flight import Reconstructed
 from flightpower.analysis.maneuvers.runs_file import NoCurve
-from flightpower.analysis.methods import cross_check, dynamic, likelihood
+from flightpower.analysis.methods import dynamic, likelihood
 from flightpower.analysis.methods.assumed_values import (
     AssumptionUncertainty,
     assumption_uncertainty,
@@ -18,7 +19,7 @@ from flightpower.analysis.methods.assumed_values import (
     with_transducer_uncertainty,
 )
 from flightpower.analysis.methods.comparison import DYNAMIC
-from flightpower.analysis.methods.cross_check import CrossCheck
+from flightpower.analysis.methods.cross_check import CrossCheck, disagreement, on_runs_alone
 from flightpower.analysis.methods.dynamic import DynamicEstimate
 from flightpower.analysis.methods.likelihood import LikelihoodEstimates
 from flightpower.analysis.methods.method import MethodEstimate
@@ -105,6 +106,7 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
     none does.
     """
     trajectory, aircraft = flight.trajectory, flight.aircraft
+    checking = beside(lambda: _cross_check(flight))
     by_runs, first, assumptions = estimate_by_runs(flight)
     flight.progress("applying all other methods")
     others = every_method(
@@ -126,8 +128,10 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
             raise NoCurve(text, flight.maneuvers, [first, *lower]) from None
     else:
         agreement = runs_against_others(others.one_by_one, flight.condition, aircraft.uncertainty)
-        check, differs, notes = _cross_checked(flight, by_runs)
-        notes = [*(assumptions.notes if assumptions else []), *by_runs.warnings, *notes]
+        flight.progress("cross-checking on the runs alone")
+        check, failures = checking()
+        differs, differences = disagreement(by_runs.polar, check, flight.condition, flight.flown_CL)
+        notes = [*(assumptions.notes if assumptions else []), *by_runs.warnings, *failures, *differences]
         curve = _Curve(by_runs, flight.flown_CL, [first], notes, agreement, None, check, differs)
     return DragEstimates(
         methods=[*others.by_method, *by_source.methods],
@@ -219,18 +223,16 @@ def without_model_errors(table: pd.DataFrame, trajectory: Trajectory) -> pd.Data
     )
 
 
-def _cross_checked(flight: Reconstructed, main: DynamicEstimate) -> tuple[CrossCheck | None, bool, list[str]]:
-    """The cross-check on the runs alone, whether it differs from the power curve, and warnings."""
-    flight.progress("cross-checking on the runs alone")
+def _cross_check(flight: Reconstructed) -> tuple[CrossCheck | None, list[str]]:
+    """The cross-check on the runs alone, and what it failed by."""
+    runs, trajectory = flight.maneuvers.level_runs, flight.trajectory
+    if not runs or trajectory.as_measured:
+        return None, []
+    table = without_model_errors(flight.table, trajectory)
     try:
-        check = cross_check.on_runs_alone(
-            without_model_errors(flight.table, flight.trajectory), flight.maneuvers.level_runs, flight.aircraft,
-            flight.propeller,
-            gust_mps=flight.trajectory.gust_mps, zeroed=flight.data.zeroed,
-        )  # fmt: skip
+        check = on_runs_alone(
+            table, runs, flight.aircraft, flight.propeller, gust_mps=trajectory.gust_mps, zeroed=flight.data.zeroed
+        )
     except (InputError, np.linalg.LinAlgError) as error:
-        return None, False, [f"The cross-check on the runs alone failed: {error}."]
-    if check is None:
-        return None, False, []
-    compared = cross_check.disagreement(main.polar, check, flight.condition, flight.flown_CL)
-    return check, compared.differs, compared.warnings
+        return None, [f"The cross-check on the runs alone failed: {error}."]
+    return check, []

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 
+from flightpower.analysis.beside import beside
 from flightpower.analysis.options import Options
 from flightpower.analysis.pages.lean_imports import import_lean
 from flightpower.analysis.pipeline import analyze
@@ -36,10 +37,10 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
     flight in which no maneuver gives a curve.
     """
     progress("reading the log")
-    source = open_source(log, options.columns)
-    # Wrong input is refused before the numerical libraries are loaded, which takes a second.
     check_writable(folder / "report.html")
+    reading = beside(lambda: open_source(log, options.columns))
     import_lean()
+    source = reading()
 
     def with_candidates(error: "NoCurve") -> str:
         if options.runs or not error.maneuvers.rejected:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flightpower.analysis.air.contents import Replacements
+from flightpower.analysis.beside import beside
 from flightpower.analysis.flight import Progress, as_measured, reconstructed, recorded, synchronized, with_runs
 from flightpower.analysis.methods.ladder import Estimated, by_simpler_method, estimated
 from flightpower.analysis.methods.whole_flight.method import WholeFlight, whole_flight
@@ -53,10 +54,11 @@ def analyze_runs(
     read = recorded(log, replacements, progress)
     measured = synchronized(read)
     flown = with_runs(measured, runs_file)
+    energy = beside(lambda: whole_flight(log, flown.aircraft, flown.propeller))
     path = reconstructed(flown)
     flight = estimated(path, by_likelihood=by_likelihood)
     flight.progress("balancing the energy of the whole flight")
-    whole = whole_flight(log, path.aircraft, path.propeller)
+    whole = energy()
     analysis = _analysis(flight, whole, request, command_line)
     if analysis.results.trust is not Trust.NOT_TO_BE_TRUSTED or not misfit(path.trajectory):
         return analysis

@@ -7,17 +7,16 @@ import socket
 import sys
 import tempfile
 import webbrowser
-from concurrent.futures import Future, ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import quote
 
 import typer
 
+from flightpower.analysis.beside import beside
 from flightpower.flight.command_line import application, run
 from flightpower.flight.errors import InputError
-from flightpower.flight.log_reader import Log, read_log
+from flightpower.flight.log_reader import read_log
 
 app = application(no_args_is_help=False)
 
@@ -54,7 +53,8 @@ def open_page(
     with _listening(port) as at, tempfile.TemporaryDirectory(prefix="flightpower-") as workspace:
         token = secrets.token_urlsafe(24)
         address = f"http://127.0.0.1:{at.getsockname()[1]}/{token}/" + (f"#{quote(first)}" if first else "")
-        reading = _read_apart(folder / first) if first.endswith(".mcap") else None
+        # Reading and importing both take most of a second.
+        reading = beside(lambda: read_log(folder / first)) if first.endswith(".mcap") else None
         print(f"{address}\nThe page of {folder.resolve()} is open until Ctrl-C.", flush=True)
         if browser:
             webbrowser.open(address)
@@ -69,19 +69,6 @@ def open_page(
         opened = Folder(folder, Path(workspace), {first: reading} if reading else {})
         names = [first] if first else list(opened.logs())
         serve(opened, at, token, names[0] if len(names) == 1 else "")
-
-
-def _read_apart(log: Path) -> Future[Log] | None:
-    """Read a log in another process while this one imports the libraries; None where a process cannot be forked.
-
-    Both take most of a second, and neither leaves the other the interpreter in one process.
-    """
-    if sys.platform != "linux":
-        return None
-    process = ProcessPoolExecutor(1, get_context("fork"), signal.signal, (signal.SIGTERM, signal.SIG_DFL))
-    reading = process.submit(read_log, log)
-    process.shutdown(wait=False)  # it ends once the log is read
-    return reading
 
 
 def _listening(port: int) -> socket.socket:

@@ -1,9 +1,7 @@
 """The flights of the folder that was opened: the last two stay in memory, with what was computed of them."""
 
 import unicodedata
-from collections.abc import Mapping
-from concurrent.futures import BrokenExecutor, Future
-from contextlib import suppress
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from flightpower.analysis.pages.open.folder_files import POLARS, listed, logs_in, polars_in
@@ -20,15 +18,15 @@ from flightpower.flight.log_reader import Log
 NOT_IN_NAMES = '/\\:*?"<>|'  # what some file system takes for something else
 
 
-def open_flight(path: Path, workspace: Path, reading: Future[Log] | None = None) -> OpenedFlight:
-    """A log by the curve that it gives. reading : the log, if another process reads it
+Reading = Callable[[], Log | FlightRecording]
+
+
+def open_flight(path: Path, workspace: Path, reading: Reading | None = None) -> OpenedFlight:
+    """A log by the curve that it gives. reading : returns the log, if it is being read
 
     Raises InputError where it cannot be read.
     """
-    source: Log | FlightRecording | None = None
-    with suppress(BrokenExecutor):
-        source = reading.result() if reading else None
-    source = source or open_source(path)
+    source = reading() if reading else open_source(path)
     method = way_of(source)
     if isinstance(source, Log) and is_table(path) and not method.without_drag:
         from flightpower.analysis.sources.table import refuse_without_method
@@ -50,7 +48,7 @@ class Folder:
     workspace : for files that the analysis reads while the user edits     reading : logs that are being read, by name
     """
 
-    def __init__(self, path: Path, workspace: Path, reading: Mapping[str, Future[Log]] = {}):
+    def __init__(self, path: Path, workspace: Path, reading: Mapping[str, Reading] = {}):
         self.path, self.workspace = path, workspace
         self._reading = dict(reading)
         self._opened: dict[str, OpenedFlight] = {}

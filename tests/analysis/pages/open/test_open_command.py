@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from concurrent.futures import BrokenExecutor, Future
 from contextlib import ExitStack
 from pathlib import Path
 from urllib.error import HTTPError, URLError
@@ -13,12 +12,12 @@ from urllib.request import urlopen
 
 import pytest
 
-from flightpower.analysis.pages.open.command import _read_apart, opened_folder
+from flightpower.analysis.pages.open.command import opened_folder
 from flightpower.analysis.pages.open.flights import open_flight
 from flightpower.analysis.pages.open.runs_flight import RunsFlight
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_index import MAGIC
-from flightpower.flight.log_reader import Log
+from flightpower.flight.log_reader import read_log
 from tests.browser import HANGS_S
 
 
@@ -60,25 +59,12 @@ def test_a_packed_log_and_a_table_are_opened(tmp_path: Path) -> None:
         assert opened_folder([tmp_path / name]) == (tmp_path, name)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="no process is forked elsewhere")
-def test_a_log_is_read_in_another_process_and_here_if_that_ends(flown: bytes, tmp_path: Path) -> None:
+def test_a_log_that_is_being_read_is_not_read_again(flown: bytes, tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     log.write_bytes(flown)
-    reading = _read_apart(log)
-    assert reading is not None
-    apart, ended = reading.result(20), Future[Log]()
-    ended.set_exception(BrokenExecutor("killed"))
-    taken, opened = (open_flight(log, tmp_path, item) for item in (reading, ended))
-    assert isinstance(taken, RunsFlight) and isinstance(opened, RunsFlight)
-    assert taken.log is apart
-    here = opened.log
-    for topic, entries in here.entries.items():
-        assert list(apart.entries[topic]) == list(entries)
-    assert apart.attachments == here.attachments
-    log.write_bytes(b"no log")
-    refused = _read_apart(log)
-    with pytest.raises(InputError, match="text, which is not read"):
-        open_flight(log, tmp_path, refused)
+    source = read_log(log)
+    opened = open_flight(log, tmp_path, lambda: source)
+    assert isinstance(opened, RunsFlight) and opened.log is source
 
 
 @pytest.mark.parametrize("closing", [signal.SIGHUP, signal.SIGINT])
