@@ -37,7 +37,7 @@ from flightpower.sim.integration import Stepper
 from flightpower.sim.log_faults import FAULTS
 from flightpower.sim.plan import DT_S, Plan, load_plan
 from flightpower.sim.plant import AircraftState, Commands, Deviations, plant_of
-from flightpower.sim.propulsion import power_train, throttle_for
+from flightpower.sim.propulsion import ThrustFactor, power_train, throttle_for
 from flightpower.sim.px4_log import IDLE_A, write_px4_log
 from flightpower.sim.sensors import FlightSensorTruth
 from flightpower.sim.sensors.budget import DrawnErrors
@@ -62,17 +62,32 @@ def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, 
     truth = flight.power_required
     faster = np.sqrt(truth["density_kgpm3"].iloc[0] / rho)
     drag_N = np.interp(V / faster, truth["speed_mps"], truth["drag_N"], left=np.nan)
-    plant, e = plant_of(aircraft), errors.values
-    power = []
+    e = errors.values
+    factor = ThrustFactor(1 + e.thrust_scale, e.thrust_slope_J)
+    return np.where(np.isfinite(drag_N), battery_power(aircraft, drag_N, V, rho, factor, idle_A=IDLE_A), np.nan)
+
+
+def battery_power(
+    aircraft: CompleteAircraft,
+    drag_N: Array,
+    V: Array,
+    rho: float,
+    factor: ThrustFactor = ThrustFactor(),
+    *,
+    idle_A: float = 0.0,
+) -> Array:
+    """Electrical power (n,) [W] by which the propeller overcomes drag (n,) at airspeeds V (n,), with a current beside
+    that of the motor."""
+    propeller, power = plant_of(aircraft).propeller, []
     for v, D in zip(V, drag_N, strict=True):
-        thrust, _ = plant.propeller.thrust_and_power(np.full_like(MOTOR_REVPS, v), MOTOR_REVPS, rho)
-        J = v / (MOTOR_REVPS * plant.propeller.diameter_m)
-        thrust = thrust * (1 + e.thrust_scale) * (1 + e.thrust_slope_J * (J - 0.5))
+        thrust, _ = propeller.thrust_and_power(np.full_like(MOTOR_REVPS, v), MOTOR_REVPS, rho)
+        J = v / (MOTOR_REVPS * propeller.diameter_m)
+        thrust = thrust * factor.scale * (1 + factor.slope_J * (J - 0.5))
         n = float(np.interp(D, thrust[np.argmin(thrust) :], MOTOR_REVPS[np.argmin(thrust) :]))
-        throttle = float(throttle_for(aircraft.propulsion, plant.propeller, V=v, n=n, rho=rho))
-        now = power_train(aircraft.propulsion, plant.propeller, V=v, n=n, throttle=throttle, rho=rho)
-        power.append(float(now.battery_voltage_V * (now.battery_current_A + IDLE_A)))
-    return np.where(np.isfinite(drag_N), power, np.nan)
+        throttle = float(throttle_for(aircraft.propulsion, propeller, V=v, n=n, rho=rho))
+        now = power_train(aircraft.propulsion, propeller, V=v, n=n, throttle=throttle, rho=rho)
+        power.append(float(now.battery_voltage_V * (now.battery_current_A + idle_A)))
+    return np.array(power)
 
 
 class _InTurningWind(_FlightSimulation):

@@ -1,17 +1,21 @@
 """A log of the daemon as the recording of an ordinary flight: without flow angles, with its electrical power."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 
 from flightpower.analysis.sources import recording
 from flightpower.analysis.sources.autopilot_settings import READABLE
-from flightpower.analysis.sources.daemon import COLUMNS, events, fix_of_log, samples
+from flightpower.analysis.sources.daemon import COLUMNS, events, fix_of_log, samples, speed_scale_of
 from flightpower.analysis.sources.position import places
-from flightpower.analysis.sources.recording import Channel, FlightRecording, in_order
+from flightpower.analysis.sources.recording import AIRSPEED_PRESSURE, Channel, FlightRecording, channel, in_order
 from flightpower.analysis.sources.rest import ZERO_FILE
 from flightpower.analysis.sources.table import TABLE
 from flightpower.flight.log_entries import NO_ENTRIES
 from flightpower.flight.log_reader import Log
 from flightpower.flight.messages import TOPICS_FOR_DRAG
+from flightpower.flight.runs import flying_Pa
 
 # By channel of a recording: topic and field.
 CHANNELS = {recording.AIRSPEED_PRESSURE: COLUMNS["q_c_Pa"], recording.MOTOR: COLUMNS["n_revps"]}
@@ -24,7 +28,7 @@ NOTE = "The pitot's pressure is taken as dynamic pressure: without flow angles t
 
 def recording_of(log: Log) -> FlightRecording:
     """The channels of a log of the daemon; its clock starts at the first airspeed, or at the first GPS without one."""
-    start_ns = next(log.entries[topic][0].time_ns for topic in ("/probe/airspeed", "/gps") if log.entries.get(topic))
+    start_ns = _start_ns(log)
     channels: dict[str, Channel] = {}
     for name, (topic, field) in CHANNELS.items():
         channel = Channel(*samples(log.entries.get(topic, NO_ENTRIES), field, start_ns))
@@ -53,6 +57,31 @@ def recording_of(log: Log) -> FlightRecording:
         events=in_order(events(log, start_ns)),
         fix=fix_of_log(log, start_ns),
     )
+
+
+def recording_with_air_data(log: Log, table: pd.DataFrame) -> FlightRecording:
+    """The recording of a log with flow angles: its airspeed's pressure is the dynamic pressure by the calibrated probe.
+
+    A probe's center port shows less the larger the angle of attack: a hemisphere's 5 % less at 8 deg. table : of
+    `air.air_data`. Outside the probe's calibrated angles there are no samples.
+    """
+    as_recorded = recording_of(log)
+    on_ground = table["q_c_Pa"].to_numpy() <= flying_Pa(speed_scale_of(table))
+    ground_Pa = np.where(on_ground, table["q_c_Pa"], np.nan)
+    pressure_Pa = np.where(table["flying"], table["qbar_Pa"], ground_Pa)
+    after_start_s = (log.entries["/imu"][0].time_ns - _start_ns(log)) / 1e9
+    pressure = channel(table.index.to_numpy() + after_start_s, pressure_Pa)
+    return replace(
+        as_recorded,
+        channels={**as_recorded.channels, AIRSPEED_PRESSURE: pressure},
+        notes=tuple(note for note in as_recorded.notes if note != NOTE),
+        zeroed=True,
+    )
+
+
+def _start_ns(log: Log) -> int:
+    """Log time of the first airspeed, or of the first GPS without one [ns]."""
+    return next(log.entries[topic][0].time_ns for topic in ("/probe/airspeed", "/gps") if log.entries.get(topic))
 
 
 def _place(log: Log, start_ns: int) -> dict[str, Channel]:

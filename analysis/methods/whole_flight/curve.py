@@ -146,15 +146,18 @@ def estimate(
     *,
     most_windows: int = WINDOWS.most,
     most_points: int = GPS.most_points,
+    airspeed: AirspeedErrors | None = None,
 ) -> ElectricalEstimate:
     """The curve of one flight. most_windows, most_points: of the energy balance and of airspeed against GPS.
+    airspeed: errors of a measured airspeed, where they are known better than by GPS alone.
 
     Raises InputError, beginning with `log`, where the flight does not determine one.
     """
     try:
         return _estimate(
-            flight, weight_N, wing_area_m2, span_m, log, most_windows=most_windows, most_points=most_points
-        )
+            flight, weight_N, wing_area_m2, span_m, log, most_windows=most_windows, most_points=most_points,
+            airspeed=airspeed,
+        )  # fmt: skip
     except (np.linalg.LinAlgError, ValueError) as error:
         raise InputError(
             f"{log}: no curve follows from this flight ({error}); airspeed, height or power hardly vary, or are noise"
@@ -170,13 +173,14 @@ def _estimate(
     *,
     most_windows: int,
     most_points: int,
+    airspeed: AirspeedErrors | None,
 ) -> ElectricalEstimate:
     rho = float(np.median(flight.table["rho"].to_numpy()[flight.flown]))
     conditions = FlightConditions(
         weight_N / g, wing_area_m2, rho, flight.idle_power_W, idle_sigma_W=flight.idle_sigma_W
     )
     if flight.first_wind_mps is None:
-        airspeed = airspeed_errors(flight, most_points)
+        airspeed = airspeed or airspeed_errors(flight, most_points)
         samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa)
         balance, fit, by_propeller = _fitted(samples, conditions, span_m, log, most_windows)
     else:

@@ -1,8 +1,8 @@
-"""Electrical power and drag from the energy of the whole flight in a log of the daemon.
+"""Electrical power and drag from the energy of the whole flight in a complete log of the daemon.
 
-The result needs neither flow angles nor motor speed. `whole_flight` gives the electrical curve, and one more drag
-polar, of a complete log. The balance is that of an ordinary flight, with longer windows and fewer samples: it costs
-little compared with the rest.
+`whole_flight` gives the electrical curve, and one more drag polar. The balance is that of an ordinary flight, with
+longer windows and fewer samples: it costs little compared with the rest. The airspeed is that of the calibrated probe,
+with the scale error that the trajectory shows.
 """
 
 from typing import NamedTuple
@@ -12,19 +12,19 @@ from numpy.polynomial.polynomial import polyfit
 
 from flightpower.analysis.curve import Polar
 from flightpower.analysis.estimation.model import NamedValues
+from flightpower.analysis.flight import Reconstructed
 from flightpower.analysis.methods.method import MethodDescription, MethodEstimate
 from flightpower.analysis.methods.thrust_prior import stand_measurements
+from flightpower.analysis.methods.whole_flight.airspeed_gps import AirspeedErrors
 from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, estimate
 from flightpower.analysis.methods.whole_flight.drag import DragEstimate, DragWithheld, ThrustSource, drag_estimate
 from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
 from flightpower.analysis.methods.whole_flight.flight_table import flight_table
 from flightpower.analysis.methods.whole_flight.settings import BESIDE_A_COMPLETE_LOG
-from flightpower.analysis.sources.daemon_recording import recording_of
-from flightpower.flight.aircraft import Aircraft
+from flightpower.analysis.sources.daemon_recording import recording_with_air_data
+from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
-from flightpower.flight.log_reader import Log
-from flightpower.flight.propeller import Propeller
 from flightpower.flight.units import GRAVITY_MPS2 as g
 
 WHOLE_FLIGHT = MethodDescription(
@@ -43,26 +43,38 @@ class WholeFlight(NamedTuple):
     method: MethodEstimate
 
 
-def whole_flight(log: Log, aircraft: Aircraft, propeller: Propeller) -> WholeFlight:
+def whole_flight(flight: Reconstructed) -> WholeFlight:
     """The electrical curve and the drag polar of a complete log, or a note of what is missing."""
+    log, aircraft, propeller = flight.log, flight.aircraft, flight.propeller
     if not log.entries.get("/battery"):
         return WholeFlight(None, MethodEstimate(WHOLE_FLIGHT, notes=("the log has no voltage and current",)))
     weight_N, geometry = aircraft.mass.weight_N, aircraft.geometry
     electrical: ElectricalEstimate | None = None
     try:
-        recording = recording_of(log)
-        flight = flight_table(recording, weight_N, geometry.wing_area_m2).thinned(BESIDE_A_COMPLETE_LOG.every)
+        recording = recording_with_air_data(log, flight.table)
+        table = flight_table(recording, weight_N, geometry.wing_area_m2).thinned(BESIDE_A_COMPLETE_LOG.every)
         electrical = estimate(
-            flight, weight_N, geometry.wing_area_m2, geometry.span_m, str(log.path),
+            table, weight_N, geometry.wing_area_m2, geometry.span_m, str(log.path),
             most_windows=BESIDE_A_COMPLETE_LOG.most_windows, most_points=2 * BESIDE_A_COMPLETE_LOG.most_windows,
+            airspeed=airspeed_by_trajectory(flight.trajectory, table.zero_sigma_Pa),
         )  # fmt: skip
         source = ThrustSource(propeller, None, aircraft.uncertainty, stand_measurements(aircraft))
-        drag = drag_estimate(flight, electrical, geometry.span_m, source, BESIDE_A_COMPLETE_LOG.most_windows)
+        drag = drag_estimate(table, electrical, geometry.span_m, source, BESIDE_A_COMPLETE_LOG.most_windows)
     except InputError as error:
         return WholeFlight(electrical, MethodEstimate(WHOLE_FLIGHT, notes=(str(error).removeprefix(f"{log.path}: "),)))
     if isinstance(drag, DragWithheld):
         return WholeFlight(electrical, MethodEstimate(WHOLE_FLIGHT, notes=(drag.sentence(),)))
     return WholeFlight(electrical, method_estimate(drag))
+
+
+def airspeed_by_trajectory(trajectory: Trajectory, zero_sigma_Pa: float) -> AirspeedErrors | None:
+    """Errors of the airspeed as the trajectory shows them, by GPS with its latency, wind and the inertial sensors; None
+    where no trajectory explains the measurements."""
+    if trajectory.as_measured:
+        return None
+    covariance = np.diag([trajectory.standard_error("V_scale"), zero_sigma_Pa]) ** 2
+    prior_sigma = trajectory.prior_standard_error("V_scale")
+    return AirspeedErrors(trajectory.value("V_scale"), 0.0, covariance, None, None, prior_sigma)
 
 
 def method_estimate(drag: DragEstimate) -> MethodEstimate:

@@ -44,7 +44,7 @@ def by_likelihood(name: str) -> bool:
 
 def _estimate(flight: Reconstructed, method: MethodDescription) -> MethodEstimate:
     if method is WHOLE_FLIGHT:
-        return whole_flight(flight.log, flight.aircraft, flight.propeller).method
+        return whole_flight(flight).method
     if by_likelihood(method.name):
         return likelihood.estimate(flight, (method,)).methods[0]
     maneuvers = flight.maneuvers.maneuvers
