@@ -178,11 +178,11 @@ class Cost(Enum):
     ENERGY_PER_METER = auto()  # the best range
 
 
-def ratios(reference: Condition, at: Condition, load_factor: Array | float = 1.0) -> tuple[Array, Array]:
+def ratios(reference: Condition, condition: Condition, load_factor: Array | float = 1.0) -> tuple[Array, Array]:
     """Speed and power, without that of the idling aircraft, over those at another condition and the same C_L (VIW and
     PIW, 2.3 and 2.5): drag coefficient and efficiency are then the same. load_factor : there"""
-    heavier = at.weight_N * load_factor / reference.weight_N
-    thinner = reference.rho / at.rho * (reference.wing_area_m2 / at.wing_area_m2)
+    heavier = condition.weight_N * load_factor / reference.weight_N
+    thinner = reference.rho / condition.rho * (reference.wing_area_m2 / condition.wing_area_m2)
     return np.asarray(np.sqrt(heavier * thinner)), np.asarray(heavier**1.5 * np.sqrt(thinner))
 
 
@@ -239,13 +239,13 @@ class Curve:
 
 def speed_of_least(V: Array, cost: Array, draws: Array) -> SpeedInterval:
     """The speed of least cost (n,), with the interval of that of the draws (k, n)."""
-    at = int(np.argmin(cost))
+    index = int(np.argmin(cost))
     low, high = np.percentile(V[np.argmin(draws, axis=1)], [2.5, 97.5])
     return SpeedInterval(
-        speed_mps=float(V[at]),
+        speed_mps=float(V[index]),
         lo_mps=float(low) if low > V[0] else None,
         hi_mps=float(high),
-        inside_flown_range=0 < at < len(V) - 1,
+        inside_flown_range=0 < index < len(V) - 1,
     )
 
 

@@ -21,9 +21,9 @@ def write_keeping_previous(path: Path, data: str) -> Path | None:
         raise write_error(path, error) from None
     if previous == data.encode():
         return None
-    kept = None
+    backup = None
     if previous:
-        kept = next(p for i in count(1) if not (p := path.with_stem(f"{path.stem}-{i}")).exists())
-        write_file(kept, previous)
+        backup = next(p for i in count(1) if not (p := path.with_stem(f"{path.stem}-{i}")).exists())
+        write_file(backup, previous)
     write_file(path, data)
-    return kept
+    return backup

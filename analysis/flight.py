@@ -83,7 +83,7 @@ class Recorded:
     def propeller(self) -> Propeller:
         return self.contents.propeller
 
-    def known(self) -> dict[str, Any]:
+    def fields_so_far(self) -> dict[str, Any]:
         """All fields by name, for the record of the next step."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
@@ -164,7 +164,7 @@ def synchronized(flight: Recorded) -> Measured:
     flight.progress("synchronizing")
     data = flight_data(flight.log, flight.aircraft, flight.propeller, flight.contents.calibrations)
     check_axes(data.table, flight.name)
-    return Measured(**flight.known() | {"data": data, "notes": (*flight.notes, *data.notes)})
+    return Measured(**flight.fields_so_far() | {"data": data, "notes": (*flight.notes, *data.notes)})
 
 
 def with_runs(flight: Measured, runs_file: Path | None) -> Flown:
@@ -178,7 +178,7 @@ def with_runs(flight: Measured, runs_file: Path | None) -> Flown:
     kinds = {run.kind for run in maneuvers.level_runs}
     notes = (*flight.notes, *thrust_coverage(flown, flight.propeller, kinds, str(runs_file or "")))
     return Flown(
-        **flight.known()
+        **flight.fields_so_far()
         | {"maneuvers": maneuvers, "runs_file": runs_file, "condition": condition, "flown_CL": flown_CL, "notes": notes}
     )
 
@@ -201,7 +201,7 @@ def reconstructed(flight: Flown, path: FlightPath | None = None) -> Reconstructe
             log=flight.name,
         )
     return Reconstructed(
-        **flight.known()
+        **flight.fields_so_far()
         | {"trajectory": trajectory, "prior_conflict": path.prior_conflict, "notes": (*notes, *notes_on_air)}
     )
 
@@ -225,8 +225,8 @@ def flight_path(flight: Measured) -> FlightPath:
         return _as_measured(flight, cause)
     conflict = prior_conflict(trajectory)
     notes = [*of_noise, *conflict_notes(conflict, trajectory)]
-    stated = flight.aircraft.has("uncertainty.updraft")
-    by_day = None if stated else updraft_by_day(trajectory, sun_over(flight.fix))
+    updraft_in_file = flight.aircraft.has("uncertainty.updraft")
+    by_day = None if updraft_in_file else updraft_by_day(trajectory, sun_over(flight.fix))
     if by_day is not None and by_day.contradicted:
         conflict = conflict._replace(z={**conflict.z, "updraft": by_day.z})
         notes.append(by_day.note)
@@ -320,7 +320,7 @@ def trajectory_with(
     by_upwash = upwash_slope_sigma(flight.aircraft) if slope_sigma is None else slope_sigma
     priors = SensorPriors(
         alpha_scale_sigma=math.hypot(flight.contents.probe.alpha_scale_sigma, by_upwash),
-        stated=stated_sigma(
+        file_sigma=stated_sigma(
             uncertainty, flight.aircraft.wing_loading_Pa, motor_speed=not flight.propeller.is_thrust_column
         ),
         calibrated=data.calibrated,

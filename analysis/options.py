@@ -43,9 +43,9 @@ def option_name(field: str) -> str:
     return f"--{field.replace('_', '-')}"
 
 
-def refuse_drag_options(log: Path, why: str, **given: object) -> None:
+def refuse_drag_options(log: Path, why: str, **options: object) -> None:
     """Raises InputError for an option that a log without drag has no use for. why: what is missing."""
-    if names := _given(given):
+    if names := _names_of_options_used(options):
         raise InputError(f"{log}: {names}: has no effect, since {why}; leave it out")
 
 
@@ -55,7 +55,7 @@ def refuse_autopilot_options(log: Path, options: "Options") -> None:
         raise InputError(f"{log}: {names}: only for logs of autopilots; give --weight, or --aircraft FILE")
 
 
-def _given(options: dict[str, object]) -> str:
+def _names_of_options_used(options: dict[str, object]) -> str:
     return ", ".join(f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None)
 
 
@@ -186,7 +186,7 @@ class LogOptions:
 
         if self.runs:
             runs_file.load(self.runs)  # a wrong one is refused before anything is computed
-        given = ((attachment, getattr(self, field)) for field, attachment in ATTACHMENTS.items())
+        paths = ((attachment, getattr(self, field)) for field, attachment in ATTACHMENTS.items())
         return Replacements(
             aircraft=aircraft,
             propeller=propeller,
@@ -197,7 +197,7 @@ class LogOptions:
             airspeed=AIRSPEED_FILE.load(self.airspeed) if self.airspeed else None,
             zero=ZERO_FILE.load(self.zero).by_channel() if self.zero else None,
             weight_N=self.weight_N,
-            files={attachment: str(path) for attachment, path in given if path is not None},
+            files={attachment: str(path) for attachment, path in paths if path is not None},
         )
 
 
@@ -332,7 +332,7 @@ class Options(LogOptions):
     @property
     def of_autopilots(self) -> str:
         """The options given that only a log without an aircraft file of its own has a use for; empty without any."""
-        return _given({name.rpartition("_")[0]: getattr(self, name) for name in OF_AUTOPILOTS})
+        return _names_of_options_used({name.rpartition("_")[0]: getattr(self, name) for name in OF_AUTOPILOTS})
 
     def with_own_aircraft(self) -> "Options":
         """The options without those that only a log without an aircraft file of its own has a use for."""

@@ -94,9 +94,10 @@ def jeti_table() -> bytes:
              "000000000;44;2;Latitude; ", "000000000;44;6;Altitude;m"]  # fmt: skip
     for i in range(40):
         wave = np.sin(0.3 * i)
-        at = f"{200 * i + 3000:09d}"
-        lines += [f"{at};42;1;1;1;{150 + 30 * wave:.0f}", f"{at};43;1;1;2;{1500 + 10 * wave:.0f};2;1;1;{80 + i}",
-                  f"{at};44;2;9;0;{(48 << 16) + 30_000 + i};6;1;0;{50 + i}"]  # fmt: skip
+        time_text = f"{200 * i + 3000:09d}"
+        lines += [f"{time_text};42;1;1;1;{150 + 30 * wave:.0f}",
+                  f"{time_text};43;1;1;2;{1500 + 10 * wave:.0f};2;1;1;{80 + i}",
+                  f"{time_text};44;2;9;0;{(48 << 16) + 30_000 + i};6;1;0;{50 + i}"]  # fmt: skip
     return "\n".join(lines).encode()
 
 
@@ -342,26 +343,26 @@ def altered(data: bytes, number: int, is_text: bool = False) -> bytes:
         return altered_text(data, number)
     draw, out = random.Random(number), bytearray(data)
     for _ in range(draw.choice((1, 1, 2, 4, 8))):
-        at, length = draw.randrange(len(out) + 1), draw.choice((1, 2, 8, 64, 512))
+        offset, length = draw.randrange(len(out) + 1), draw.choice((1, 2, 8, 64, 512))
         match draw.randrange(8):
             case 0:
-                out[at : at + 1] = draw.randbytes(1)
-            case 1 if at < len(out):
-                out[at] ^= 1 << draw.randrange(8)
+                out[offset : offset + 1] = draw.randbytes(1)
+            case 1 if offset < len(out):
+                out[offset] ^= 1 << draw.randrange(8)
             case 2 | 3:
                 limit = draw.choice(LIMITS)
-                out[at : at + len(limit)] = limit
+                out[offset : offset + len(limit)] = limit
             case 4:
-                del out[at : at + length]
+                del out[offset : offset + length]
             case 5:
-                out[at:at] = out[at : at + length]
+                out[offset:offset] = out[offset : offset + length]
             case 6:
                 target = draw.randrange(len(out) + 1)
-                out[target : target + length] = out[at : at + length]
+                out[target : target + length] = out[offset : offset + length]
             case 7 if draw.random() < 0.2:
-                del out[at:]
+                del out[offset:]
             case _:
-                out[at:at] = draw.randbytes(length)
+                out[offset:offset] = draw.randbytes(length)
     return bytes(out)
 
 
@@ -369,26 +370,33 @@ def altered_text(data: bytes, number: int) -> bytes:
     """A text with other numbers and words, and other lines."""
     draw, lines = random.Random(number), data.splitlines(keepends=True)
     for _ in range(draw.choice((1, 1, 2, 4, 8))):
-        at, other = draw.randrange(len(lines)), draw.randrange(len(lines))
+        line_number, other = draw.randrange(len(lines)), draw.randrange(len(lines))
         match draw.randrange(10):
             case 0 if len(lines) > 1:
-                del lines[at]
+                del lines[line_number]
             case 1:
-                lines.insert(other, lines[at])
+                lines.insert(other, lines[line_number])
             case 2:
-                lines[at], lines[other] = lines[other], lines[at]
+                lines[line_number], lines[other] = lines[other], lines[line_number]
             case 3:
-                lines[at] = draw.choice((b"\n", b"# " + lines[at], lines[at].rstrip() + b",;\t1\n", lines[at].strip()))
+                lines[line_number] = draw.choice(
+                    (
+                        b"\n",
+                        b"# " + lines[line_number],
+                        lines[line_number].rstrip() + b",;\t1\n",
+                        lines[line_number].strip(),
+                    )
+                )
             case _:
-                parts = list(PART_OF_TEXT.finditer(lines[at]))
+                parts = list(PART_OF_TEXT.finditer(lines[line_number]))
                 if not parts:
                     continue
                 part = draw.choice(parts)
                 new = draw.choice((*OTHER_PARTS, draw.choice(parts)[0]))
-                whole = draw.random() < 0.1  # in every line
-                rows = range(len(lines)) if whole else (at,)
+                in_every_line = draw.random() < 0.1  # in every line
+                rows = range(len(lines)) if in_every_line else (line_number,)
                 for row in rows:
-                    lines[row] = lines[row].replace(part[0], new) if whole else (
+                    lines[row] = lines[row].replace(part[0], new) if in_every_line else (
                         lines[row][: part.start()] + new + lines[row][part.end() :])  # fmt: skip
     return b"".join(lines)
 
@@ -447,9 +455,9 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
             except (Exception, Hang):
                 tally.defects += 1
                 tally.last = f"{target.name} {number}\n{traceback.format_exc(limit=-4)}"
-                kept = KEPT / target.name
-                kept.mkdir(parents=True, exist_ok=True)
-                (kept / f"altered-{number}{target.suffix}").write_bytes(content)
+                examples = KEPT / target.name
+                examples.mkdir(parents=True, exist_ok=True)
+                (examples / f"altered-{number}{target.suffix}").write_bytes(content)
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0)
             took_s = time.process_time() - began

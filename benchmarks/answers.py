@@ -58,15 +58,15 @@ class Estimated(NamedTuple):
     """What a flight tells of performance and of drag, its weight and air, and the air data that it comes from."""
 
     model: PerformanceModel
-    at: Condition
+    condition: Condition
     air: pd.DataFrame
     drag: dynamic.DynamicEstimate
 
 
-def estimated(setup: Setup, *, blind: bool = False, drawn: DrawnErrors | None = None) -> Estimated:
-    """Fly and analyze. blind: without battery data     drawn: errors, in place of those of the seed"""
-    aircraft, probe, drawn = load_aircraft(setup.aircraft), flights.tunnel_probe(), drawn or setup.drawn
-    flight, sensor_truth, table = flights.flown(aircraft, drawn, setup.plan, setup.seed, setup.turbulence_kt)
+def estimated(setup: Setup, *, blind: bool = False, errors: DrawnErrors | None = None) -> Estimated:
+    """Fly and analyze. blind: without battery data     errors: errors, in place of those of the seed"""
+    aircraft, probe, errors = load_aircraft(setup.aircraft), flights.tunnel_probe(), errors or setup.drawn_errors
+    flight, sensor_truth, table = flights.flown(aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt)
     t = table.index.to_numpy()
     table["battery_V"], current_A = sensor_truth.battery(t)
     table["battery_A"] = (
@@ -84,13 +84,13 @@ def estimated(setup: Setup, *, blind: bool = False, drawn: DrawnErrors | None = 
     estimate = dynamic.estimate_polar(trajectory, runs, aircraft, propeller)
     flown = np.concatenate([air["V_mps"].to_numpy()[run.rows] for run in runs])
     rho = float(np.nanmean(np.concatenate([air["rho"].to_numpy()[run.rows] for run in runs])))
-    at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
+    condition = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     slow, fast = np.nanpercentile(flown, (1, 99))
-    flown_CL = float(lift_coefficient(fast, at)), float(lift_coefficient(slow, at))
+    flown_CL = float(lift_coefficient(fast, condition)), float(lift_coefficient(slow, condition))
     model = performance_model(
         power_train_data(trajectory, aircraft, propeller), estimate, aircraft, propeller, flown_CL
     )
-    return Estimated(model, at, air, estimate)
+    return Estimated(model, condition, air, estimate)
 
 
 def _mean_current_A(truth: pd.DataFrame, t_s: np.ndarray) -> np.ndarray:
@@ -104,16 +104,16 @@ def _mean_current_A(truth: pd.DataFrame, t_s: np.ndarray) -> np.ndarray:
 
 def one_flight(setup: Setup, *, blind: bool = False) -> Rows:
     """Battery power at each of `columns`, highest level speed and rate of climb. blind: without battery data."""
-    aircraft, drawn = load_aircraft(setup.aircraft), setup.drawn
-    model, at, *_ = estimated(setup, blind=blind)
+    aircraft, errors = load_aircraft(setup.aircraft), setup.drawn_errors
+    model, condition, *_ = estimated(setup, blind=blind)
     V = speeds(aircraft)[1:]
-    full = full_throttle_performance(model, at)
-    level = level_flight(model, at, V)
+    full = full_throttle_performance(model, condition)
+    level = level_flight(model, condition, V)
     answers = (level.battery, full.maximum_speed, full.best_climb)
     value = np.hstack([answer.value for answer in answers])
     half = np.hstack([answer.hi - answer.value for answer in answers])
     assert np.isfinite([value, half]).all()
-    truth = truth_of(aircraft, drawn.deviations, at.rho, V, full.best_climb_speed)
+    truth = truth_of(aircraft, errors.deviations, condition.rho, V, full.best_climb_speed)
     return [(setup.plan, 100 * np.stack([value / truth - 1, half / truth]))]
 
 

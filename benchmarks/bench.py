@@ -56,14 +56,14 @@ def missed(records: Sequence[Record]) -> list[Record]:
 
 def main(
     names: Annotated[list[str] | None, typer.Argument(metavar="[BENCH]...", help=", ".join(BENCHES))] = None,
-    given: Annotated[
+    option_texts: Annotated[
         list[str] | None, typer.Option("--with", metavar="NAME[=VALUE]", help="Option of the bench.")
     ] = None,
 ) -> None:
     for name in names or ():
         if name not in BENCHES:
             raise typer.BadParameter(f"{name} is not one of {', '.join(BENCHES)}")
-    options: dict[str, Any] = dict(option(text) for text in given or [])
+    options: dict[str, Any] = dict(option(text) for text in option_texts or [])
     above: list[str] = []
     for name in names or BENCHES:
         records = BENCHES[name](**options)

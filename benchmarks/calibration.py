@@ -69,20 +69,20 @@ def tunnel_errors(seed: int) -> tuple[float, float, float, float, float]:
 def probe_records(seeds: range, jobs: int = 1) -> list[Record]:
     """Errors of the maps over tunnels: the largest within +-15 deg, and that of the slope of alpha."""
     with ProcessPoolExecutor(jobs) as pool:
-        *worst, slopes, stated = np.array(list(pool.map(tunnel_errors, seeds))).T
+        *worst, slopes, stated_sigma = np.array(list(pool.map(tunnel_errors, seeds))).T
     records: list[Record] = []
     for name, errors in zip(("alpha, deg", "beta, deg", "dynamic pressure, %"), worst, strict=True):
         half, most = np.percentile(errors, (50, 95))
         shares = {"median of the tunnels": half, "95 % below": most, "all below": errors.max()}
         records.append({"largest error of": name} | {title: rounded(value, 3) for title, value in shares.items()})
     half, most = np.percentile(np.abs(slopes), (50, 95))
-    covered, _ = counted(np.abs(slopes) < NORMAL_95 * stated)
+    covered, _ = counted(np.abs(slopes) < NORMAL_95 * stated_sigma)
     return [
         *records,
         {
             "largest error of": "slope of alpha, %", "median of the tunnels": rounded(100 * half, 2),
             "95 % below": rounded(100 * most, 2), "all below": rounded(100 * np.abs(slopes).max(), 2),
-            "half width": rounded(100 * NORMAL_95 * np.median(stated), 2), "coverage, %": rounded(covered),
+            "half width": rounded(100 * NORMAL_95 * np.median(stated_sigma), 2), "coverage, %": rounded(covered),
         },
     ]  # fmt: skip
 

@@ -29,10 +29,10 @@ class Draws:
         stack = stacked(flights)
         self.flights, self.polar, self._rng = flights, polar, np.random.default_rng(seed)
         self._own, self._normal_matrix = np.linalg.inv(stack.gain), stack.normal_matrix
-        of_the_day = [
+        day_changes = [
             [change for name, change in flight.parameters.shared.items() if name in OWN_CHANGES] for flight in flights
         ]
-        by_changes = np.stack([sum((np.outer(c, c) for c in some), np.zeros((M, M))) for some in of_the_day])
+        by_changes = np.stack([sum((np.outer(c, c) for c in some), np.zeros((M, M))) for some in day_changes])
         values, vectors = np.linalg.eigh(stack.own_covariance - by_changes)  # the budget has none of these changes
         self._root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
 

@@ -37,7 +37,7 @@ def by_campaign(lines: list[dict[str, Any]]) -> dict[Cell, dict[int, Flights]]:
     return campaigns
 
 
-def print_figures(lines: list[dict[str, Any]], drawn: int = 0) -> None:
+def print_figures(lines: list[dict[str, Any]], draws: int = 0) -> None:
     """Markdown: pools of each size; comparisons; so many drawn campaigns."""
     flown = [line for line in lines if "results" in line]
     speeds_named = ", ".join(f"{x:g}" for x in OVER_STALL)
@@ -49,7 +49,7 @@ def print_figures(lines: list[dict[str, Any]], drawn: int = 0) -> None:
         ("Each flight of A alone", singles_records(campaigns)),
         ("B has 3 % more drag; alarms: A against A of the same campaign", comparison_records(campaigns)),
         ("C is B on another installation, whose files name that of A", false_name_records(campaigns)),
-        (f"{drawn} campaigns a row, drawn from the flights of A", drawn_records(flown, drawn) if drawn else []),
+        (f"{draws} campaigns a row, drawn from the flights of A", drawn_records(flown, draws) if draws else []),
     ):
         if records:
             print(f"\n{title}.\n\n{markdown(records)}")
@@ -233,9 +233,9 @@ def drawn_records(flown: list[dict[str, Any]], campaigns: int) -> list[Record]:
             for _ in range(campaigns):
                 shared = draws.shared()
                 pool = draws.pool(shared, number)
-                for estimate, kept in ((pool.polar, of_pool), (mean_polar(pool), of_mean)):
+                for estimate, records in ((pool.polar, of_pool), (mean_polar(pool), of_mean)):
                     power, error = power_required(V, estimate, condition)
-                    kept.append((100 * (power / truth - 1), 100 * NORMAL_95 * error / truth))
+                    records.append((100 * (power / truth - 1), 100 * NORMAL_95 * error / truth))
                 p += [pool.homogeneity.p] if pool.homogeneity else []
                 alarms.append(compare(pool, draws.pool(shared, number)).differs)
                 seen.append(compare(pool, draws.pool(with_more_drag(shared), number)).differs)

@@ -84,15 +84,15 @@ def version(world: str) -> str:
     return digest.hexdigest()[:12]
 
 
-def drawn(world: World, job: Job) -> DrawnErrors:
+def errors_of(world: World, job: Job) -> DrawnErrors:
     """Errors of the installation by the campaign, those of the day by the seed. C has another installation."""
     first = SEEDS_A_CAMPAIGN * job.campaign
-    installation = flights.drawn(world.errors, first)
+    installation = flights.draw_errors(world.errors, first)
     if job.configuration == "C":
-        other = flights.drawn(world.errors, first + FIRST_SEED["C"])
+        other = flights.draw_errors(world.errors, first + FIRST_SEED["C"])
         same = {name: getattr(installation.values, name) for name in OF_AIRCRAFT}
         installation = dataclasses.replace(other, values=dataclasses.replace(other.values, **same))
-    return of_installation(flights.drawn(world.errors, job.seed), installation)
+    return of_installation(flights.draw_errors(world.errors, job.seed), installation)
 
 
 def aircraft_of(configuration: str, world: World, campaign: int) -> Aircraft:
@@ -142,7 +142,7 @@ def analyzed(
 def one_flight(job: Job) -> dict[str, Any]:
     """The line of one flight: the part of results.json that pooling reads, and the true power at `speeds`."""
     world, probe = load_world(job.world), flights.tunnel_probe()
-    aircraft, errors = aircraft_of(job.configuration, world, job.campaign), drawn(world, job)
+    aircraft, errors = aircraft_of(job.configuration, world, job.campaign), errors_of(world, job)
     plan = load_plan(PLAN)
     air = dataclasses.replace(plan.air, turbulence_mps=job.weather_kt * flights.KNOT_MPS)
     plan = world.plan(dataclasses.replace(plan, air=air), job.seed)
@@ -219,7 +219,7 @@ def main(
     with_C: Annotated[int, typer.Option("--flights-c", help="The same of C, with a false installation name.")] = 0,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
     file: Annotated[Path, typer.Option(help="Where flights are kept, one a line.")] = Path("out/campaigns.jsonl"),
-    drawn: Annotated[int, typer.Option(help="Campaigns drawn from the flights' statistics, a row.")] = 0,
+    draws: Annotated[int, typer.Option(help="Campaigns drawn from the flights' statistics, a row.")] = 0,
     fly_missing: Annotated[
         bool, typer.Option("--fly/--no-fly", help="Fly what is missing; or print the figures of what is in the file.")
     ] = True,
@@ -230,10 +230,10 @@ def main(
     if not fly_missing:
         places = {tuple(job)[:-1] for job in jobs_of(study)}  # by any version
         campaign_figures.print_figures(
-            [line for line in flights.known_lines(file) if tuple(line[n] for n in Job._fields[:-1]) in places], drawn
+            [line for line in flights.known_lines(file) if tuple(line[n] for n in Job._fields[:-1]) in places], draws
         )
         return
-    campaign_figures.print_figures(flown(study, file, jobs), drawn)
+    campaign_figures.print_figures(flown(study, file, jobs), draws)
 
 
 if __name__ == "__main__":

@@ -107,9 +107,9 @@ def compared(results: dict[str, Any], truth: np.ndarray, V: np.ndarray) -> np.nd
         for name in ("speed_mps", "power_W", "power_hi_W")
     )
     # The curve itself: between its points it is no straight line, nor level beyond the last.
-    at = Condition(*results["test"].values(), results["aircraft"]["wing_area_m2"])
+    condition = Condition(*results["test"].values(), results["aircraft"]["wing_area_m2"])
     A = np.array([results["drag_polar"][name] for name in ("A0", "A1", "A2")])
-    power_W, _ = power_required(V, Polar(A, np.zeros((3, 3))), at)
+    power_W, _ = power_required(V, Polar(A, np.zeros((3, 3))), condition)
     true = np.interp(V, *truth.T)
     figures = np.stack([power_W / true - 1, np.interp(V, flown, high / power - 1) * power_W / true])
     return np.where((V > flown[0] - 0.2) & (V < flown[-1] + 0.2), 100 * figures, np.nan)

@@ -62,7 +62,7 @@ def outcome_of(job: tuple[int, tuple[str, str, str]]) -> Checked:
     seed, (autopilot, file, faults) = job
     title = f"{autopilot} {file.removeprefix('log')} {faults}"
     setup = Setup("nexstar", "study", (CLOSED_LOOP, "ordinary-flight")[seed % 2], (0.0, 3.0, 8.0)[seed % 3], seed)
-    aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn
+    aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn_errors
     flight, sensors, _ = flown(aircraft, errors, setup.plan, seed, setup.turbulence_kt)
     write, read = AUTOPILOTS[autopilot]
     weight, geometry = aircraft.mass.weight_N, aircraft.geometry
@@ -75,12 +75,14 @@ def outcome_of(job: tuple[int, tuple[str, str, str]]) -> Checked:
         except InputError as refused:
             return Checked(title, str(refused).removeprefix(f"{log}: "))
     electrical = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
-    at = np.linspace(0, len(electrical.V_mps) - 1, 7).round().astype(int)
-    truth = true_power(aircraft, flight, errors, electrical.V_mps[at], electrical.conditions.rho)
-    error, half = electrical.power_W[at] - truth, NORMAL_95 * electrical.standard_error_W[at]
-    known = np.isfinite(truth)
+    indices = np.linspace(0, len(electrical.V_mps) - 1, 7).round().astype(int)
+    truth = true_power(aircraft, flight, errors, electrical.V_mps[indices], electrical.conditions.rho)
+    error, half = electrical.power_W[indices] - truth, NORMAL_95 * electrical.standard_error_W[indices]
+    defined = np.isfinite(truth)
     inside = np.abs(error) < half
-    power = f"{np.sum(inside & known)} of {known.sum()}, ± {100 * np.median(half / electrical.power_W[at]):.1f} %"
+    power = (
+        f"{np.sum(inside & defined)} of {defined.sum()}, ± {100 * np.median(half / electrical.power_W[indices]):.1f} %"
+    )
     every = true_power(aircraft, flight, errors, electrical.V_mps, electrical.conditions.rho)
     cruise_mps = float(electrical.V_mps[int(np.nanargmin(every / electrical.V_mps))])
     best_range = electrical.curve.best(Cost.ENERGY_PER_METER)
@@ -92,7 +94,7 @@ def outcome_of(job: tuple[int, tuple[str, str, str]]) -> Checked:
     speeds = [(speed, moved * speed.value) for speed in (values.slowest, values.fastest)]
     speeds.append((values.cruise, to_equivalent * cruise_mps))
     return Checked(
-        title, "", power, bool(inside[known].all()), bool(inside[3]), _inside(values.airspeed_factor, factor),
+        title, "", power, bool(inside[defined].all()), bool(inside[3]), _inside(values.airspeed_factor, factor),
         all(_inside(*speed) for speed in speeds),
     )  # fmt: skip
 

@@ -169,16 +169,16 @@ def writes_of(log: Path) -> list[Write]:
     with log.open("rb") as stream:
         magic, _, _, sector = SUPER.unpack(stream.read(SUPER.size))
         assert magic == LOG_MAGIC, f"not a log of writes: {magic:#x}"
-        at, end = sector, os.fstat(stream.fileno()).st_size
-        while at + ENTRY.size <= end:
-            stream.seek(at)
+        offset, end = sector, os.fstat(stream.fileno()).st_size
+        while offset + ENTRY.size <= end:
+            stream.seek(offset)
             first, count, flags, _ = ENTRY.unpack(stream.read(ENTRY.size))
             if not flags and not count:
                 break
-            stream.seek(at + sector)
+            stream.seek(offset + sector)
             data = b"" if flags & DISCARD else stream.read(count * sector)
-            at += sector + len(data)
-            writes.append(Write(first * sector, data, bool(flags & FLUSH), at))
+            offset += sector + len(data)
+            writes.append(Write(first * sector, data, bool(flags & FLUSH), offset))
     return writes
 
 
@@ -187,14 +187,14 @@ def surviving(writes: list[Write], instant: int, kind: str, rng: random.Random) 
     if kind == "all":
         return writes[: instant + 1]
     flushed = max((i for i in range(instant + 1) if writes[i].flush), default=-1)
-    kept = writes[: flushed + 1]
+    survivors = writes[: flushed + 1]
     if kind == "half":
-        return kept + [write for write in writes[flushed + 1 : instant + 1] if rng.random() < 0.5]
+        return survivors + [write for write in writes[flushed + 1 : instant + 1] if rng.random() < 0.5]
     if instant > flushed:
         write = writes[instant]
         half = write.data[: len(write.data) // (2 * SECTOR) * SECTOR]
-        kept.append(write._replace(data=half))
-    return kept
+        survivors.append(write._replace(data=half))
+    return survivors
 
 
 @contextmanager
@@ -226,7 +226,7 @@ def state_of(path: Path) -> LogState:
         if complete:
             stock = sum(1 for _ in make_reader(io.BytesIO(data)).iter_messages())
             assert stock == messages, f"the stock reader finds {stock} messages, not {messages}"
-        first_s, last_s = ((ticks[at].time_ns + offset_ns) / 1e9 if ticks else None for at in (0, -1))
+        first_s, last_s = ((ticks[end].time_ns + offset_ns) / 1e9 if ticks else None for end in (0, -1))
         return LogState(complete, len(ticks), messages, first_s, last_s, "")
     except Exception as error:
         return LogState(complete, 0, 0, None, None, f"{type(error).__name__}: {error}"[:100])

@@ -298,11 +298,11 @@ def mend_record(hours: float) -> Record:
         fake = FakeTray(AnalyticSensorTruth(), clock, 2)
         tray = parse_tray(EXAMPLE.read_text(), "tray.toml", Path(folder))
         data = record(tray, buses=fake, clock=clock, until_ns=60 * 10**9).path.read_bytes()
-        at, first, end = 8, 0, 0
-        while data[at] != Opcode.DATA_END:
-            opcode, length = RECORD_HEAD.unpack_from(data, at)
-            first = first or (at if opcode == Opcode.CHUNK else 0)
-            at = end = at + RECORD_HEAD.size + length
+        offset, first, end = 8, 0, 0
+        while data[offset] != Opcode.DATA_END:
+            opcode, length = RECORD_HEAD.unpack_from(data, offset)
+            first = first or (offset if opcode == Opcode.CHUNK else 0)
+            offset = end = offset + RECORD_HEAD.size + length
         path = Path(folder) / "log-0009.mcap"
         with path.open("wb") as stream:
             stream.write(data[:first])

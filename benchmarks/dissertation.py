@@ -45,15 +45,15 @@ Flights = dict[FlightName, FlightFigures]
 
 def significance_limits(folder: Path) -> dict[str, list[tuple[float, float]]]:
     """Fig. 4.12 for the Astraeus HS: by maneuver (factor on the noise, SNR above which C_Lq is significant)."""
-    kept = folder / "significance.json"
-    if not kept.exists():
+    cache = folder / "significance.json"
+    if not cache.exists():
         aircraft = load_aircraft("astraeus-hs")
         limits = {
             name: [(factor, estimation.significance_limit(aircraft, run, factor, DRAWS).snr) for factor in FACTORS]
             for name, run in estimation.maneuvers("astraeus-hs").items()
         }
-        kept.write_text(json.dumps(limits), "utf-8")
-    return {name: [(f, snr) for f, snr in points] for name, points in json.loads(kept.read_text("utf-8")).items()}
+        cache.write_text(json.dumps(limits), "utf-8")
+    return {name: [(f, snr) for f, snr in points] for name, points in json.loads(cache.read_text("utf-8")).items()}
 
 
 def of_curve(flight: FlightFigures, method: str) -> Record:
@@ -116,12 +116,12 @@ def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> di
 
 def analyzed(folder: Path, jobs: int = 1) -> tuple[Flights, dict[str, list[tuple[float, float]]]]:
     """All flights, flown and analyzed unless the folder has them, and the limits of significance. jobs: processes."""
-    kept = folder / "flights"
-    kept.mkdir(parents=True, exist_ok=True)
+    cache = folder / "flights"
+    cache.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(jobs) as pool:
         limits = pool.submit(significance_limits, folder)
         done = track(
-            pool.map(partial(figures_quietly, folder=kept), FLIGHTS),
+            pool.map(partial(figures_quietly, folder=cache), FLIGHTS),
             "flights",
             len(FLIGHTS),
             console=Console(stderr=True),
@@ -141,9 +141,9 @@ def main(
 ) -> None:
     progress = Console(stderr=True)
     flights, limits = analyzed(OUT)
-    drawn = {name: draw(flights) for name, draw in figures.FIGURES.items()}
-    drawn["7-8-snr"] = figures.signal_to_noise(flights, limits)
-    for name, figure in track(drawn.items(), "figures", console=progress):
+    figures_by_name = {name: draw(flights) for name, draw in figures.FIGURES.items()}
+    figures_by_name["7-8-snr"] = figures.signal_to_noise(flights, limits)
+    for name, figure in track(figures_by_name.items(), "figures", console=progress):
         path = OUT / f"dissertation-{name}.png"
         picture(figure, path)
         if docs:
@@ -151,7 +151,7 @@ def main(
     text = "\n\n".join(markdown(records) for records in tables(flights, limits).values())
     (OUT / "tables.md").write_text(text + "\n", "utf-8")
     print(text)
-    print(f"{OUT}: {len(drawn)} figures, tables.md")
+    print(f"{OUT}: {len(figures_by_name)} figures, tables.md")
 
 
 if __name__ == "__main__":

@@ -181,9 +181,9 @@ def signal_to_noise(flights: Flights, limits: dict[str, list[tuple[float, float]
             marker={"color": BLACK, "symbol": "x", "size": 9}, showlegend=i == 0, row=1, col=1,
         )  # fmt: skip
     for (name, points), color in zip(limits.items(), (BLUE, GREEN, GRAY), strict=False):
-        known = [(factor, snr) for factor, snr in points if snr > 0]  # neither never (NaN) nor always (0)
+        determined = [(factor, snr) for factor, snr in points if snr > 0]  # neither never (NaN) nor always (0)
         figure.add_scatter(
-            x=[factor for factor, _ in known], y=[snr for _, snr in known], name=f"limit, {name}",
+            x=[factor for factor, _ in determined], y=[snr for _, snr in determined], name=f"limit, {name}",
             mode="lines+markers", line={"color": color}, row=1, col=2,
         )  # fmt: skip
     figure.update_xaxes(tickvals=[0, 1, 2], ticktext=list(AIRCRAFT), row=1, col=1)

@@ -125,22 +125,22 @@ def _budget(noise: float) -> str:
 def flight_figures(name: FlightName, folder: Path) -> FlightFigures:
     """What the figures show of a flight; from the cache, where it has been analyzed before."""
     path = flown(name, folder)
-    kept = path / "shown.pickle"
-    if not kept.exists():
+    cache = path / "shown.pickle"
+    if not cache.exists():
         flight = _flight_figures(name, path)
-        kept.write_bytes(pickle.dumps(flight))
-    return pickle.loads(kept.read_bytes())
+        cache.write_bytes(pickle.dumps(flight))
+    return pickle.loads(cache.read_bytes())
 
 
 def _flight_figures(name: FlightName, path: Path) -> FlightFigures:
     log = read_log(path / "log.mcap")
     analysis = analyze_runs(log, by_likelihood=True)
     aircraft, results = analysis.aircraft, analysis.results
-    at = Condition(results.test.weight_N, results.test.air_density_kgpm3, aircraft.geometry.wing_area_m2)
+    condition = Condition(results.test.weight_N, results.test.air_density_kgpm3, aircraft.geometry.wing_area_m2)
     truth = pd.read_csv(path / "truth_power_required.csv")
     curves = {method.name: _curve(method.power_required) for method in results.methods if method.power_required}
     curves["dynamic"] = _curve(results.power_required)
-    sigma, w = at.rho / 1.225, at.weight_N / aircraft.mass.standard_weight_N
+    sigma, w = condition.rho / 1.225, condition.weight_N / aircraft.mass.standard_weight_N
     points = [p for method in results.methods if method.name == "piw-viw" for p in method.points]
     table = analysis.table
     return FlightFigures(
@@ -149,7 +149,7 @@ def _flight_figures(name: FlightName, path: Path) -> FlightFigures:
         Curve(truth["speed_mps"].to_numpy(), truth["power_W"].to_numpy(), np.zeros(len(truth))),
         np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points], dtype=float),
         (sigma**0.5 / w**1.5, (sigma / w) ** 0.5),
-        [_run_fit(analysis, run, at) for run in analysis.maneuvers.level_runs],
+        [_run_fit(analysis, run, condition) for run in analysis.maneuvers.level_runs],
         results.pitch_rate.t if results.pitch_rate else np.nan,
         {run.name: _noise(table.iloc[run.rows]) for run in analysis.maneuvers.of(*LEVEL_RUNS, STANDING)},
         {run.name: table.iloc[run.rows] for run in analysis.maneuvers.of(*LEVEL_RUNS, STANDING)},
@@ -170,17 +170,19 @@ def _noise(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def _run_fit(analysis: Analysis, run: Maneuver, at: Condition) -> RunFit:
+def _run_fit(analysis: Analysis, run: Maneuver, condition: Condition) -> RunFit:
     """One run alone, as the source fits them."""
     rows = analysis.table.iloc[run.rows]
-    CL = 2 * at.weight_N / (rows["rho"] * rows["V_mps"] ** 2 * at.wing_area_m2)
+    CL = 2 * condition.weight_N / (rows["rho"] * rows["V_mps"] ** 2 * condition.wing_area_m2)
     flown_CL = tuple(float(x) for x in np.nanpercentile(CL, (2.0, 98.0)))
     alone = replace(analysis, maneuvers=Maneuvers([run]), flown_CL=flown_CL)
     estimate = likelihood.estimate(alone, (likelihood.TWO_STATE,))
     fit = estimate.fits[likelihood.TWO_STATE.name]
     without, free = (estimate.fits[name] for name in (likelihood.AS_MEASURED_FIT, likelihood.CLQ_FIT))
-    V = np.linspace(*(np.sqrt(2 * at.weight_N / (at.rho * cl * at.wing_area_m2)) for cl in flown_CL[::-1]), 40)
-    power, error = power_required(V, estimate.methods[0].polar, at)
+    V = np.linspace(
+        *(np.sqrt(2 * condition.weight_N / (condition.rho * cl * condition.wing_area_m2)) for cl in flown_CL[::-1]), 40
+    )
+    power, error = power_required(V, estimate.methods[0].polar, condition)
     outputs = fit.model.outputs
     return RunFit(
         run.name,

@@ -128,7 +128,7 @@ def one_flight(
     them lost by the radio; rpm or motor: power required by propeller table and motor speed, or by the motor's
     constants. Several are separated by commas. traps: with each fault of real logs, or its refusal. turning_deg: by
     which the mean wind turns in the flight."""
-    aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn
+    aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn_errors
     flight, sensors, _ = flown(
         aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt, wind_too=setup.plan == CLOSED_LOOP
     )
@@ -159,10 +159,10 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
     flights, rows = [_pooled_flight(setup, aircraft, n, name) for n in range(max(pools))], []
     for size in pools:
         pool = pool_results([flight for flight, _, _ in flights[:size]])
-        at = np.linspace(0, len(pool.curve.V_mps) - 1, SPEEDS).round().astype(int)
+        indices = np.linspace(0, len(pool.curve.V_mps) - 1, SPEEDS).round().astype(int)
         _, flight, errors = flights[0]
-        truth = true_power(aircraft, flight, errors, pool.curve.V_mps[at], pool.curve.condition.rho)
-        power = pool.curve.power_W.at(at)
+        truth = true_power(aircraft, flight, errors, pool.curve.V_mps[indices], pool.curve.condition.rho)
+        power = pool.curve.power_W.at(indices)
         rows.append((f"pool of {size}", np.stack([100 * (power.value / truth - 1), 100 * power.half_width / truth])))
     if changed:
         drag = {part: (1 + MORE_DRAG) * aircraft.aerodynamics[part] for part in ("CD0", "K")}
@@ -185,17 +185,17 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
 def _pooled_flight(setup: Setup, aircraft: CompleteAircraft, n: int, data: str) -> tuple[Results, Flight, DrawnErrors]:
     """Flight n of a campaign: errors of the aircraft as in its first, air and zeros of its own."""
     flight_setup = setup._replace(seed=1000 * setup.seed + n)
-    errors = dataclasses.replace(flight_setup.drawn, values=setup.drawn.values)
+    errors = dataclasses.replace(flight_setup.drawn_errors, values=setup.drawn_errors.values)
     flight, sensors, _ = flown(aircraft, errors, flight_setup.plan, flight_setup.seed, flight_setup.turbulence_kt)
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
         write_px4_log(log, flight, sensors, errors)
         recording = _without(read_px4(log), data)
-    known = FlownAircraft("A", aircraft.mass.weight_N, aircraft.geometry.wing_area_m2, aircraft.geometry.span_m)
-    table = flight_table(recording, known.weight_N, known.wing_area_m2)
-    estimated = Found(table, estimate(table, known.weight_N, known.wing_area_m2, known.span_m))
+    airframe = FlownAircraft("A", aircraft.mass.weight_N, aircraft.geometry.wing_area_m2, aircraft.geometry.span_m)
+    table = flight_table(recording, airframe.weight_N, airframe.wing_area_m2)
+    estimated = Found(table, estimate(table, airframe.weight_N, airframe.wing_area_m2, airframe.span_m))
     provenance = provenance_of_file(Path(__file__), "", None, "")
-    results = assemble_energy_balance(Path(f"flight {flight_setup.seed}"), known, estimated, provenance)
+    results = assemble_energy_balance(Path(f"flight {flight_setup.seed}"), airframe, estimated, provenance)
     return results, flight, errors
 
 
@@ -226,15 +226,15 @@ def _errors(
     recording = _without(recording, data)
     table = flight_table(recording, weight, geometry.wing_area_m2)
     electrical = estimate(table, weight, geometry.wing_area_m2, geometry.span_m)
-    at = np.linspace(0, len(electrical.V_mps) - 1, SPEEDS).round().astype(int)
+    indices = np.linspace(0, len(electrical.V_mps) - 1, SPEEDS).round().astype(int)
     if data in ("rpm", "motor"):
         propeller, constants = load_propeller(aircraft.propulsion.propeller), motor_constants(aircraft.propulsion)
         drag = drag_estimate(table, electrical, geometry.span_m, ThrustSource(propeller, constants))
         assert not isinstance(drag, DragWithheld), drag
-        required, V = flight.power_required, electrical.V_mps[at]
+        required, V = flight.power_required, electrical.V_mps[indices]
         slower = V / np.sqrt(required["density_kgpm3"].iloc[0] / electrical.conditions.rho)
         truth = V * np.interp(slower, required["speed_mps"], required["drag_N"], left=np.nan)
-        return 100 * (drag.power_W[at] / truth - 1), 100 * drag.curve.power_W.half_width[at] / truth
-    power, half = electrical.power_W[at], NORMAL_95 * electrical.standard_error_W[at]
-    truth = true_power(aircraft, flight, errors, electrical.V_mps[at], electrical.conditions.rho)
+        return 100 * (drag.power_W[indices] / truth - 1), 100 * drag.curve.power_W.half_width[indices] / truth
+    power, half = electrical.power_W[indices], NORMAL_95 * electrical.standard_error_W[indices]
+    truth = true_power(aircraft, flight, errors, electrical.V_mps[indices], electrical.conditions.rho)
     return 100 * (power / truth - 1), 100 * half / truth

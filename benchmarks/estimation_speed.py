@@ -163,7 +163,7 @@ def trajectory_records() -> list[Record]:
     aircraft, probe = load_aircraft("nexstar"), flights.tunnel_probe()
     rows = []
     for turbulence_kt in (0.0, 3.0, 15.0):
-        errors = flights.drawn(load_budget("study"), 0)
+        errors = flights.draw_errors(load_budget("study"), 0)
         flown = flights.flown(aircraft, errors, "full-test-flight", 0, turbulence_kt)
         air, still, _ = flights.air_of(flown.table, aircraft, probe)
         whole_s = processor_time_s(lambda: reconstruct(air, still), 2)  # noqa: B023 -- called at once
@@ -272,13 +272,13 @@ def general_optimizer(run):
     plain = build_simulator(timed.MODEL, ())  # without sensitivities, as a general optimizer would have it
     U = np.column_stack([run.u[name] for name in timed.MODEL.inputs])
     Z = np.column_stack([run.z[name] for name in timed.MODEL.outputs])
-    at = [i for i, q in enumerate(timed.MODEL.parameters) if q.free]
+    free_indices = [i for i, q in enumerate(timed.MODEL.parameters) if q.free]
     scale = np.sqrt(np.diag(fit.covariance))  # the best scaling there is
 
     def cost(scaled):
         theta = scaled * scale
         p = np.array([q.start for q in timed.MODEL.parameters])
-        p[at] = theta[: len(free)]
+        p[free_indices] = theta[: len(free)]
         residuals = Z - plain.run(theta[len(free) :], U, p, timed.STEP_S).y
         prior = sum((t - q.prior_mean_or_start) ** 2 / q.prior_sigma**2 for t, q in zip(theta, free, strict=False))
         return timed.N / 2 * np.log((residuals**2).mean(axis=0)).sum() + prior / 2

@@ -39,32 +39,34 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
 
     cross_check: output error too. calibrated: transducers, by a water column. Empty where the flight ended too soon.
     """
-    aircraft, probe, drawn = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn
+    aircraft, probe, errors = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn_errors
     try:
-        flown = flights.flown(aircraft, drawn, setup.plan, setup.seed, setup.turbulence_kt)
+        flown = flights.flown(aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt)
     except InputError:
         return []
     flight, propeller = flown.flight, load_propeller(aircraft.propulsion.propeller)
-    transducers = flights.transducers_of(drawn, setup.seed) if calibrated else None
+    transducers = flights.transducers_of(errors, setup.seed) if calibrated else None
     measured = transducers.corrected(flown.table) if transducers else flown.table
     if transducers:  # what it leaves of the error
-        V_scale = (1 + drawn.values.V_scale) / np.sqrt(transducers.airspeed.slope) - 1
-        drawn = replace(drawn, values=replace(drawn.values, V_scale=float(V_scale)))
+        V_scale = (1 + errors.values.V_scale) / np.sqrt(transducers.airspeed.slope) - 1
+        errors = replace(errors, values=replace(errors.values, V_scale=float(V_scale)))
     air, still, at_rest = flights.air_of(measured, aircraft, probe)
     runs, _ = find_runs(air)
     rho = float(air.loc[air["flying"], "rho"].mean())
-    at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
+    condition = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     truth = flight.power_required
     V = speeds(aircraft)
     true_power = np.interp(V, truth["speed_mps"], truth["power_W"])
 
     def compared(polar: Polar) -> np.ndarray:
-        power, error = power_required(V, polar, at)
+        power, error = power_required(V, polar, condition)
         return 100 * np.stack([power / true_power - 1, NORMAL_95 * error / true_power])
 
-    known = air_data_errors(transducers)._asdict() if transducers else {}
-    trajectory = reconstruct(air, still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma, calibrated=known))
-    figures = trajectory_errors(trajectory, air, drawn, flight.truth, SLOW_OVER_STALL * flights.stall_mps(aircraft))
+    calibrated_errors = air_data_errors(transducers)._asdict() if transducers else {}
+    trajectory = reconstruct(
+        air, still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma, calibrated=calibrated_errors)
+    )
+    figures = trajectory_errors(trajectory, air, errors, flight.truth, SLOW_OVER_STALL * flights.stall_mps(aircraft))
     for name, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):
         chosen = [run for run in runs if run.kind.startswith(kind)]
         if kind:  # the longest, as one who has to choose would
@@ -80,7 +82,7 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
 
 
 def trajectory_errors(
-    trajectory: Trajectory, air: pd.DataFrame, drawn: DrawnErrors, truth: pd.DataFrame, slow_mps: float
+    trajectory: Trajectory, air: pd.DataFrame, errors: DrawnErrors, truth: pd.DataFrame, slow_mps: float
 ) -> dict[str, np.ndarray]:
     """Errors of the estimated sensor errors, and of mean states over the flight, with half their 95 % intervals.
 
@@ -89,11 +91,11 @@ def trajectory_errors(
     error of the probe's calibration; the slope acts through the calibration. The true airspeed scale includes the error
     of density.
     """
-    values, tilt = drawn.values, drawn.imu_rotation[0, 2]
+    values, tilt = errors.values, errors.imu_rotation[0, 2]
     t, air_t = trajectory.states.index.to_numpy(), air.index.to_numpy()
 
-    def true(name: str, at: np.ndarray) -> np.ndarray:
-        return np.interp(at, truth["time_s"], truth[name])
+    def true(name: str, times_s: np.ndarray) -> np.ndarray:
+        return np.interp(times_s, truth["time_s"], truth[name])
 
     # In a bank the IMU's tilt about its other axes is in its pitch, too.
     high = (true("height_m", t) > FLYING_M) & (np.abs(true("roll_rad", t)) < LEVEL_RAD)
@@ -105,14 +107,14 @@ def trajectory_errors(
     true_slope = of_angle(alpha - tilt + at_probe)  # without the noise of the measured angle
     slope_error, offset = np.polyfit(true_slope[flown], (air["alpha_rad"] - alpha + tilt)[flown], 1)
     V_scale = (1 + values.V_scale) * np.sqrt((rho / air["rho"])[flown].mean()) - 1
-    known = {
+    true_values = {
         "alpha_bias": (offset, np.degrees(1), "deg"),
         "alpha_scale": (slope_error + 2 * V_scale, 100, "%"),
         "V_scale": (V_scale, 100, "%"),
         "gps_latency": (values.gps_latency_s, 1000, "ms"),
     }
     figures = {}
-    for name, (true_value, factor, unit) in known.items():
+    for name, (true_value, factor, unit) in true_values.items():
         figures[f"path, {name} [{unit}]"] = factor * with_half_interval(
             trajectory.value(name) - true_value, trajectory.standard_error(name)
         )

@@ -215,7 +215,7 @@ def without_a_name(run: Run) -> Tables:
     """What the verdict says of defects that no setting names, and of the flights of `accuracy`, which have none."""
     file, label = run.folder / "unnamed.jsonl", worlds.version()
     names = unnamed.named()[:1] if run.quick else unnamed.named()
-    wrong = unnamed.kept(names, WEATHER_KT[:2], run.n, UNNAMED_SEED, file, run.jobs, label)
+    wrong = unnamed.flown_lines(names, WEATHER_KT[:2], run.n, UNNAMED_SEED, file, run.jobs, label)
     sound = _as_assumed(run, PARTS["accuracy"].quick if run.quick else PARTS["accuracy"].n)
     judged_ones = [("a defect", unnamed.judged(wrong)), ("none", unnamed.judged(sound))]
     judgment = [row for title, rows in judged_ones for row in with_lead({"flights with": title}, rows)]
@@ -595,11 +595,11 @@ def render(pages: Path, figures: Path) -> None:
     data = pages / "data"
     for path in (*sorted(pages.glob("*.md")), *((ROOT / "README.md",) if pages == PAGES else ())):
         path.write_text(rendered(path.read_text("utf-8"), data), "utf-8")
-    drawn = {
+    figure_functions = {
         "worlds": ("coverage-by-world.svg", lambda tables: coverage_by_world(tables["short"], ASKED_ELSEWHERE)),
         "accuracy": ("error-by-speed.svg", lambda tables: error_by_speed(tables["curves"], WHOLE)),
     }
-    for part, (name, draw) in drawn.items():
+    for part, (name, draw) in figure_functions.items():
         if (data / f"{part}.json").exists():
             tables = json.loads((data / f"{part}.json").read_text("utf-8"))["tables"]
             (figures / name).write_text(draw(tables), "utf-8")

@@ -61,12 +61,14 @@ def error_by_speed(records: Sequence[Record], plan: str) -> str:
         for speed in OVER_STALL:
             yield f'<text x="{x(speed):.0f}" y="{height - 20}" text-anchor="middle">{speed} V_stall</text>'
         for row, color in zip(rows, (BLUE, ORANGE, RED), strict=False):
-            known = [(s, e, h) for s, e, h in zip(OVER_STALL, row["error"], row["half width"], strict=True) if e and h]
-            line = " ".join(f"{x(speed):.0f},{y(half):.0f}" for speed, _, half in known)
+            complete = [
+                (s, e, h) for s, e, h in zip(OVER_STALL, row["error"], row["half width"], strict=True) if e and h
+            ]
+            line = " ".join(f"{x(speed):.0f},{y(half):.0f}" for speed, _, half in complete)
             yield f'<polyline points="{line}" fill="none" stroke="{color}" stroke-width="2"/>'
-            for speed, error, _ in known:
+            for speed, error, _ in complete:
                 yield f'<circle cx="{x(speed):.0f}" cy="{y(error):.0f}" r="4" fill="{color}"/>'
-            speed, _, half = known[-1]
+            speed, _, half = complete[-1]
             yield f'<text x="{x(speed) + 10:.0f}" y="{y(half) + 4:.0f}" fill="{color}">{row["W20, kt"]} kt</text>'
 
     return _svg(height, parts())

@@ -92,9 +92,11 @@ def size_records(flights: Sequence[int], airframes_: int, seed: int) -> list[Rec
             dataset, added = Dataset(folder), 0.0
             for i in range(airframes_):
                 polar = POLAR * (1 + AMONG * rng.standard_normal())
-                drawn = flights_of(f"airframe-{i:02d}", seed + i, max(total // airframes_, 1), polar=polar, like=like)
+                new_flights = flights_of(
+                    f"airframe-{i:02d}", seed + i, max(total // airframes_, 1), polar=polar, like=like
+                )
                 start = time.process_time()
-                dataset.add(drawn)
+                dataset.add(new_flights)
                 added += time.process_time() - start
             later = flights_of("airframe-00", seed - 1, 1, like=like)
             start = time.process_time()
@@ -129,8 +131,8 @@ def page(
     fleet = []
     for i in range(airframes_):
         polar = POLAR * (1 + AMONG * rng.standard_normal())
-        drawn = flights_of(f"airframe-{i:02d}", seed + i, flights // airframes_, polar=polar, like=like)
-        fleet.append(airframe(f"airframe-{i:02d}", "", [read_statistics(flight) for flight in drawn], 1.0))
+        new_flights = flights_of(f"airframe-{i:02d}", seed + i, flights // airframes_, polar=polar, like=like)
+        fleet.append(airframe(f"airframe-{i:02d}", "", [read_statistics(flight) for flight in new_flights], 1.0))
     with tempfile.TemporaryDirectory() as folder, browser.started() as window:
         file = Path(folder) / "fleet.html"
         file.write_text(render_fleet(fleet_results(fleet, [])), "utf-8")
@@ -175,8 +177,8 @@ def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[R
             delays, right, false = [], 0, 0
             by_theory = expected_delay(like_these, grown, (drag, thrust))
             for i in range(airframes_):
-                drawn = flights_of("one", seed + i, count, drag=drag * grown, thrust=thrust * grown, like=like)
-                changes = find_changes(series(joint_pool(drawn)), np.arange(float(count)), A_YEAR)
+                new_flights = flights_of("one", seed + i, count, drag=drag * grown, thrust=thrust * grown, like=like)
+                changes = find_changes(series(joint_pool(new_flights)), np.arange(float(count)), A_YEAR)
                 early = [change for change in changes if change.detected < BEFORE]
                 late = [change for change in changes if change.detected >= BEFORE]
                 false += len(changes) if name == "none" else len(early)
@@ -231,11 +233,11 @@ def coverage_records(airframes_: int, flights: int, draws: int, seed: int) -> li
         polars = [POLAR * (1 + AMONG * rng.standard_normal()) for _ in range(airframes_ + 1)]
         fleet = []
         for i, polar in enumerate(polars[:-1]):
-            drawn = flights_of(f"{i:02d}", int(rng.integers(2**31)), flights, polar=polar, like=like)
-            fleet.append(airframe(f"{i:02d}", "", [read_statistics(flight) for flight in drawn], 1.0))
+            new_flights = flights_of(f"{i:02d}", int(rng.integers(2**31)), flights, polar=polar, like=like)
+            fleet.append(airframe(f"{i:02d}", "", [read_statistics(flight) for flight in new_flights], 1.0))
         curve = fleet_curve(fleet)
-        at = fleet[0].pool
-        V, condition = at.curve.V_mps, at.condition
+        first_pool = fleet[0].pool
+        V, condition = first_pool.curve.V_mps, first_pool.condition
         compared = [
             ("each airframe", airframe.pool.polar, polar) for airframe, polar in zip(fleet, polars, strict=False)
         ]
@@ -281,14 +283,14 @@ def generator_records(flown: Sequence[list[dict[str, Any]]], noise: Sequence[flo
     """Mean and spread of each figure, and the difference of the means over its standard error; met where it is of a
     size that chance gives once in 100 such comparisons."""
     real, row, records = figures_of(flown), measured_row(), []
-    drawn = {
+    figures_by_factor = {
         factor: figures_of([flights_of("one", 1000 + i, 10, like=RowModel(row, factor)) for i in range(30)])
         for factor in noise
     }
     limit = norm.isf(0.01 / (2 * len(real)))
     for name, figure in real.items():
         record: Record = {"figure": name, f"of {len(figure)} flights": _mean_and_spread(figure)}
-        for factor, figures in drawn.items():
+        for factor, figures in figures_by_factor.items():
             other = figures[name]
             error = np.sqrt(figure.var(ddof=1) / len(figure) + other.var(ddof=1) / len(other))
             z = (figure.mean() - other.mean()) / error
@@ -330,7 +332,7 @@ def cluster(
 ) -> None:
     """Logs in a store that speaks S3, analyzed by two workers, one of which is killed and started again."""
     out.mkdir(parents=True, exist_ok=True)
-    given = many_logs.copies(many_logs.simulated(out, logs), out / f"logs-{flights}", flights)
+    logs_in_store = many_logs.copies(many_logs.simulated(out, logs), out / f"logs-{flights}", flights)
     local, remote, address = out / "local", out / "cluster", f"tcp://127.0.0.1:{many_logs.PORT}"
     for old in (local, remote):
         shutil.rmtree(old, ignore_errors=True)
@@ -339,7 +341,7 @@ def cluster(
     worker = [*dask, "worker", address, "--nthreads", "1", "--no-dashboard", "--no-nanny"]
     worker += ["--local-directory", str(out / "dask")]
     with s3_server.running() as store, (out / "dask.log").open("w") as log_file:
-        store.objects |= {f"fleet/{path.name}": path.read_bytes() for path in given}
+        store.objects |= {f"fleet/{path.name}": path.read_bytes() for path in logs_in_store}
         os.environ |= store.environment
 
         def begin(words: list[str]) -> subprocess.Popen[bytes]:

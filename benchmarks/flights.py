@@ -61,7 +61,7 @@ def tunnel_probe() -> ProbeCalibration:
         return calibrate(read_tunnel(path), "tunnel.csv")
 
 
-def drawn(budget: ErrorBudget, seed: int) -> DrawnErrors:
+def draw_errors(budget: ErrorBudget, seed: int) -> DrawnErrors:
     """One day's errors, without vibration: that needs the part's own low-pass filter, a matter for the whole chain."""
     return draw(dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0)), seed)
 
@@ -81,9 +81,9 @@ class Setup(NamedTuple):
     seed: int
 
     @property
-    def drawn(self) -> DrawnErrors:
+    def drawn_errors(self) -> DrawnErrors:
         """The errors of its day."""
-        return drawn(load_world(self.world).errors, self.seed)
+        return draw_errors(load_world(self.world).errors, self.seed)
 
 
 # Of one flight, by title: errors and half the 95 % intervals, % of the truth (2, columns); NaN is what it cannot say.
@@ -244,18 +244,18 @@ def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.nd
 
     NaN is what a flight cannot say; a speed that none can say is NaN in every row. Without any half width none is told.
     """
-    known = np.isfinite(error).any(axis=0)
+    finite = np.isfinite(error).any(axis=0)
     rows = [
-        ("95 % of errors below", np.nanpercentile(np.abs(error[:, known]), 95, axis=0), "{:.1f}"),
-        ("mean", np.nanmean(error[:, known], axis=0), "{:+.1f}"),
+        ("95 % of errors below", np.nanpercentile(np.abs(error[:, finite]), 95, axis=0), "{:.1f}"),
+        ("mean", np.nanmean(error[:, finite], axis=0), "{:+.1f}"),
     ]
     if np.isfinite(half).any():
         covered = np.where(np.isfinite(error), np.abs(error) < half, np.nan)
         rows += [
-            ("half width of intervals", np.nanmedian(half[:, known], axis=0), "{:.1f}"),
-            ("coverage, %", 100 * np.nanmean(covered[:, known], axis=0), "{:.0f}"),
+            ("half width of intervals", np.nanmedian(half[:, finite], axis=0), "{:.1f}"),
+            ("coverage, %", 100 * np.nanmean(covered[:, finite], axis=0), "{:.0f}"),
         ]
     for name, values, form in rows:
-        row = np.full(len(known), np.nan)
-        row[known] = values
+        row = np.full(len(finite), np.nan)
+        row[finite] = values
         yield name, row, form

@@ -78,7 +78,7 @@ class Check(NamedTuple):
     noise: float
 
 
-def at(function: Callable[[Any], Any], axis: int | None = None) -> Callable[[float], float]:
+def altered_at(function: Callable[[Any], Any], axis: int | None = None) -> Callable[[float], float]:
     return lambda t_s: float(np.asarray(function(np.array([t_s])))[(0,) if axis is None else (0, axis)])
 
 
@@ -87,23 +87,29 @@ def reading_check(topic: str, name: str, true: Callable[[float], float], age_s: 
 
 
 CHECKS = (
-    *(reading_check("/imu", f"specific_force_{axis}_mps2", at(FORCE, i), 0.031, 0.1) for i, axis in enumerate("xyz")),
-    *(reading_check("/imu", f"angular_rate_{axis}_radps", at(RATE, i), 0.03, 0.01) for i, axis in enumerate("xyz")),
-    *(reading_check("/mag", f"field_{axis}_T", at(FIELD, i), 0.005, 1e-6) for i, axis in enumerate("xyz")),
-    reading_check("/baro", "pressure_Pa", at(STATIC_PA), 0.0, 5.0),
-    reading_check("/static", "pressure_Pa", at(STATIC_PA), 0.0, 5.0),
     *(
-        reading_check(f"/probe/{w}", "differential_pressure_Pa", at(DIFFERENCE), 0.0, 3.0)
+        reading_check("/imu", f"specific_force_{axis}_mps2", altered_at(FORCE, i), 0.031, 0.1)
+        for i, axis in enumerate("xyz")
+    ),
+    *(
+        reading_check("/imu", f"angular_rate_{axis}_radps", altered_at(RATE, i), 0.03, 0.01)
+        for i, axis in enumerate("xyz")
+    ),
+    *(reading_check("/mag", f"field_{axis}_T", altered_at(FIELD, i), 0.005, 1e-6) for i, axis in enumerate("xyz")),
+    reading_check("/baro", "pressure_Pa", altered_at(STATIC_PA), 0.0, 5.0),
+    reading_check("/static", "pressure_Pa", altered_at(STATIC_PA), 0.0, 5.0),
+    *(
+        reading_check(f"/probe/{w}", "differential_pressure_Pa", altered_at(DIFFERENCE), 0.0, 3.0)
         for w in ("alpha", "beta", "airspeed")
     ),
-    reading_check("/gps", "velocity_north_mps", at(NORTH), 0.1, 0.2),
+    reading_check("/gps", "velocity_north_mps", altered_at(NORTH), 0.1, 0.2),
     reading_check("/gps", "latitude_deg", lambda t_s: 47 + 15 * t_s / MERIDIAN_M, 0.1, 3.0 / MERIDIAN_M),
-    reading_check("/rpm", "motor_speed_revps", at(REVS), 0.02, 2.0),
+    reading_check("/rpm", "motor_speed_revps", altered_at(REVS), 0.02, 2.0),
     *(
-        reading_check("/attitude", f"{name}_rad", at(ATTITUDE, i), 0.02, 0.01)
+        reading_check("/attitude", f"{name}_rad", altered_at(ATTITUDE, i), 0.02, 0.01)
         for i, name in enumerate(("roll", "pitch"))
     ),
-    Check("/controls", lambda message: message.pulse_us and message.pulse_us[1], at(PULSE), 0.02, 5.0),
+    Check("/controls", lambda message: message.pulse_us and message.pulse_us[1], altered_at(PULSE), 0.02, 5.0),
 )
 DRAWN = np.random.default_rng(11)
 
@@ -130,7 +136,7 @@ class Fault:
     hidden: str = ""
     reported: bool = True
     tray: Callable[[str], str] = lambda text: text
-    kept: dict[Any, Any] = field(default_factory=dict)
+    state: dict[Any, Any] = field(default_factory=dict)
 
 
 class Wires:
@@ -139,7 +145,7 @@ class Wires:
     def __init__(self, fake: FakeTray, fault: Fault, clock: SimulatedClock):
         self._fake, self._fault, self._clock = fake, fault, clock
         self._start_ns, self._done = clock.now_ns(), False
-        fault.kept.clear()
+        fault.state.clear()
 
     def active(self) -> bool:
         now_ns = self._clock.now_ns() - self._start_ns
@@ -170,7 +176,7 @@ class Wires:
     def replied(self, address: int, sent: bytes, reply: bytes) -> bytes:
         fault = self._fault
         if not self.active():
-            fault.kept.setdefault("before", {})[(address, sent)] = reply
+            fault.state.setdefault("before", {})[(address, sent)] = reply
             return reply
         return fault.reply(fault, address, sent, reply)
 
@@ -208,8 +214,10 @@ def frozen(address: int, sent: bytes, size: int | None = None) -> Any:
     def again(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
         if (to, request) != (address, sent):
             return reply
-        kept = fault.kept.setdefault("frozen", fault.kept["before"][(address, sent)])
-        return (kept[: size or len(kept)] * (len(reply) // (size or len(kept)) + 1))[: len(reply)]
+        frozen_reply = fault.state.setdefault("frozen", fault.state["before"][(address, sent)])
+        return (frozen_reply[: size or len(frozen_reply)] * (len(reply) // (size or len(frozen_reply)) + 1))[
+            : len(reply)
+        ]
 
     return again
 
@@ -219,9 +227,9 @@ def frozen_pressure(fault: Fault, to: int, request: bytes, reply: bytes) -> byte
     if to != STATIC or request != b"\0":
         return reply
     value = int.from_bytes(reply, "big")
-    pressure = fault.kept.setdefault("pressure", value if abs(value - 6_400_000) < 900_000 else None)
+    pressure = fault.state.setdefault("pressure", value if abs(value - 6_400_000) < 900_000 else None)
     if pressure is None:
-        del fault.kept["pressure"]
+        del fault.state["pressure"]
         return reply
     return pressure.to_bytes(3, "big") if abs(value - pressure) < 20_000 else reply
 
@@ -261,7 +269,7 @@ def solutions(change: Callable[[Fault, bytes], bytes]) -> Any:
     def replaced(fault: Fault, device: str, data: bytes) -> bytes:
         if device != GPS_PORT:
             return data
-        buffer = fault.kept.setdefault("buffer", bytearray())
+        buffer = fault.state.setdefault("buffer", bytearray())
         buffer += data
         return b"".join(change(fault, f) if f[2:4] == b"\x01\x07" else f for f in take_frames(buffer)[0])
 
@@ -280,7 +288,7 @@ def patched(**values: tuple[int, str, int]) -> Callable[[Fault, bytes], bytes]:
 
 def frozen_solution(fault: Fault, frame: bytes) -> bytes:
     """Another time of week and date, and all else as before."""
-    return ubx(1, 7, frame[6:30] + fault.kept.setdefault("frame", frame)[30:-2])
+    return ubx(1, 7, frame[6:30] + fault.state.setdefault("frame", frame)[30:-2])
 
 
 def restarted(rate_ms: int) -> Callable[[FakeTray, int], None]:
@@ -296,13 +304,13 @@ def restarted(rate_ms: int) -> Callable[[FakeTray, int], None]:
 
 def refuses(*message_ids: int) -> Callable[[FakeTray, int], None]:
     def refuse(fake: FakeTray, now_ns: int) -> None:
-        whole = fake.gps._command
+        original = fake.gps._command
 
         def command(kind: int, number: int, payload: bytes, at_ns: int) -> None:
             if kind == 6 and number in message_ids:
                 fake.gps._replies.append((at_ns + 2_000_000, ubx(5, 0, bytes([6, number]))))
             else:
-                whole(kind, number, payload, at_ns)
+                original(kind, number, payload, at_ns)
 
         fake.gps._command = command  # type: ignore[method-assign]
 
@@ -328,15 +336,15 @@ def slow_streams(fake: FakeTray, now_ns: int) -> None:
 
 
 def frozen_attitude(fake: FakeTray, now_ns: int) -> None:
-    whole = fake.autopilot._message
-    kept = whole("ATTITUDE", now_ns // 20_000_000 * 20)
-    fake.autopilot._message = lambda name, at_ms: kept if name == "ATTITUDE" else whole(name, at_ms)  # type: ignore
+    original = fake.autopilot._message
+    frozen_message = original("ATTITUDE", now_ns // 20_000_000 * 20)
+    fake.autopilot._message = lambda name, at_ms: frozen_message if name == "ATTITUDE" else original(name, at_ms)  # type: ignore
 
 
 def frozen_period(fault: Fault, device: str, data: bytes) -> bytes:
     if device != ESC_PORT or not data:
         return data
-    return fault.kept.setdefault("frame", data[-4:]) * (len(data) // 4)
+    return fault.state.setdefault("frame", data[-4:]) * (len(data) // 4)
 
 
 def damaged_line(device: str, share: float) -> Any:
@@ -377,7 +385,7 @@ FAULTS = [
           hidden="a wrong bit of less than 10 Pa is a gust, for all that one reading shows"),
     Fault("airspeed_second_part", reply=second_part),
     Fault("airspeed_latched_fault", lambda fake, now_ns: setattr(fake.airspeed, "fault", True)),
-    Fault("gps_repeats", received=solutions(lambda fault, frame: fault.kept.setdefault("frame", frame))),
+    Fault("gps_repeats", received=solutions(lambda fault, frame: fault.state.setdefault("frame", frame))),
     Fault("gps_frozen_and_counts_time", shown_after_s=0.5, hidden=HELD,
           received=solutions(frozen_solution)),
     Fault("gps_restarts_at_1_Hz", restarted(1000), shown_after_s=3.0,

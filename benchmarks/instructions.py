@@ -72,8 +72,8 @@ COMPUTERS = (
 class Replies:
     """Buses and ports: of the fake tray, whose replies and times are kept; or of a recording, where they come again."""
 
-    def __init__(self, clock: Any, kept: dict[Any, list[Any]], fake: Any = None):
-        self._clock, self.kept, self._fake = clock, kept, fake
+    def __init__(self, clock: Any, replies: dict[Any, list[Any]], fake: Any = None):
+        self._clock, self.replies, self._fake = clock, replies, fake
         self._again: dict[Any, Any] = {}
         self._opened: dict[str, Any] = {}
 
@@ -86,7 +86,7 @@ class Replies:
     def reply(self, part: Any, key: tuple[Any, ...]) -> Any:
         """Errors are kept as their number."""
         if part is None:
-            reply, spent_ns = next(self._again.setdefault(key, itertools.cycle(self.kept[key])))
+            reply, spent_ns = next(self._again.setdefault(key, itertools.cycle(self.replies[key])))
             self._clock.advance_ns(spent_ns)
         else:
             begin_ns = self._clock.now_ns()
@@ -94,7 +94,7 @@ class Replies:
                 reply = getattr(part, key[1])(*key[2:])
             except OSError as error:
                 reply = error.errno
-            self.kept[key].append((reply, self._clock.now_ns() - begin_ns))
+            self.replies[key].append((reply, self._clock.now_ns() - begin_ns))
         if isinstance(reply, int):
             raise OSError(reply, os.strerror(reply))
         return reply
@@ -146,7 +146,7 @@ def record_replies(seconds: float, file: Path) -> None:
     fake = FakeTray(AnalyticSensorTruth(differential_Pa=sine(100.0, 20.0, 0.5)), clock, 4)
     replies = Replies(clock, defaultdict(list), fake)
     ticks_of(replies, clock, seconds)
-    file.write_bytes(pickle.dumps(dict(replies.kept)))
+    file.write_bytes(pickle.dumps(dict(replies.replies)))
 
 
 def play_back(file: Path, seconds: float) -> None:

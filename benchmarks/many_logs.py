@@ -82,21 +82,21 @@ def copies(logs: list[Path], folder: Path, count: int) -> list[Path]:
 
 def copy(log: Path, to: Path, number: int) -> None:
     """Copies a log with another weight in the aircraft file: no two copies have equal estimates."""
-    data, at = log.read_bytes(), len(MAGIC)
+    data, offset = log.read_bytes(), len(MAGIC)
     with to.open("wb") as target:
         writer = LogWriter(target)
         while True:
-            opcode, length = RECORD_HEAD.unpack_from(data, at)
-            end = at + RECORD_HEAD.size + length
+            opcode, length = RECORD_HEAD.unpack_from(data, offset)
+            end = offset + RECORD_HEAD.size + length
             if opcode == Opcode.DATA_END:
                 break
             if opcode == Opcode.ATTACHMENT:
-                attachment = Attachment.read(ReadDataStream(io.BytesIO(data[at + RECORD_HEAD.size : end])))
+                attachment = Attachment.read(ReadDataStream(io.BytesIO(data[offset + RECORD_HEAD.size : end])))
                 content = heavier(attachment.data, number) if attachment.name == "aircraft.toml" else attachment.data
                 writer.attach(attachment.name, content, attachment.media_type, attachment.create_time)
             elif opcode != Opcode.HEADER:
-                writer.append(data[at:end])
-            at = end
+                writer.append(data[offset:end])
+            offset = end
         writer.finish()
 
 
@@ -153,7 +153,7 @@ def processors(logs: list[Path], folder: Path) -> None:
     )
 
 
-def killed(logs: list[Path], folder: Path, whole: Path) -> None:
+def killed(logs: list[Path], folder: Path, reference: Path) -> None:
     """SIGKILL when a half is done, then the same command."""
     out = folder / "killed"
     shutil.rmtree(out, ignore_errors=True)
@@ -163,18 +163,18 @@ def killed(logs: list[Path], folder: Path, whole: Path) -> None:
     done = written_at(out)
     partial = len(list(out.glob(".*.partial")))
     analyze(logs, out)
-    kept = sum(written_at(out)[name] == when for name, when in done.items())
+    unchanged = sum(written_at(out)[name] == when for name, when in done.items())
     console.print(
-        f"SIGKILL with {len(done)} of {len(logs)} done, {partial} begun; resumed: {kept} kept, {len(logs) - kept}"
-        f" analyzed; {equal(out, whole)}"
+        f"SIGKILL with {len(done)} of {len(logs)} done, {partial} begun; resumed: {unchanged} kept,"
+        f" {len(logs) - unchanged} analyzed; {equal(out, reference)}"
     )
 
 
-def one_more(logs: list[Path], folder: Path, more: Path, whole: Path) -> None:
+def one_more(logs: list[Path], folder: Path, more: Path, reference: Path) -> None:
     """The time of a campaign of which all but one are done, and of that one alone."""
     out = folder / "one-more"
     shutil.rmtree(out, ignore_errors=True)
-    shutil.copytree(whole, out)
+    shutil.copytree(reference, out)
     nothing = analyze(logs, out)
     added = analyze([*logs, more], out)
     start = time.monotonic()
@@ -185,7 +185,7 @@ def one_more(logs: list[Path], folder: Path, more: Path, whole: Path) -> None:
     )
 
 
-def cluster(logs: list[Path], folder: Path, whole: Path) -> None:
+def cluster(logs: list[Path], folder: Path, reference: Path) -> None:
     """A scheduler and two workers; one worker is killed when a quarter is done."""
     out = folder / "cluster"
     shutil.rmtree(out, ignore_errors=True)
@@ -206,7 +206,7 @@ def cluster(logs: list[Path], folder: Path, whole: Path) -> None:
                 started[2].kill()
             console.print(
                 f"cluster of two workers, one killed with {len(logs) // 4} of {len(logs)} done: exit code"
-                f" {process.returncode}, {equal(out, whole)}"
+                f" {process.returncode}, {equal(out, reference)}"
             )
         finally:
             for process in started:
@@ -250,7 +250,7 @@ class Scattered:
 
 
 class Silent:
-    def planned(self, jobs: int, kept: int) -> None: ...
+    def planned(self, jobs: int, completed: int) -> None: ...
 
     def step(self, name: str, step: str) -> None: ...
 
@@ -259,7 +259,7 @@ class Silent:
     def ended(self, name: str, outcome: Outcome) -> None: ...
 
 
-def hundred(folder: Path, whole: Path, count: int = 100) -> None:
+def hundred(folder: Path, reference: Path, count: int = 100) -> None:
     """What a pool of a hundred flights costs beside the analyses, and its page."""
     out, logs = folder / "hundred", folder / "hundred-logs"
     for old in (out, logs):
@@ -270,7 +270,7 @@ def hundred(folder: Path, whole: Path, count: int = 100) -> None:
         name.write_text(name.stem)
     options = Options()
     done = Work(
-        Scattered([path.parent for path in sorted(whole.glob("[!.]*/inputs.json"))]),
+        Scattered([path.parent for path in sorted(reference.glob("[!.]*/inputs.json"))]),
         settings(options),
         lambda log: files_used(log, options),
     )
@@ -313,21 +313,21 @@ def main(
 ) -> None:
     out.mkdir(parents=True, exist_ok=True)
     originals = [log] if log else simulated(out, logs)
-    *given, more = copies(originals, out / "logs", flights + 1)
-    whole = out / "jobs-2"
+    *log_paths, more = copies(originals, out / "logs", flights + 1)
+    reference = out / "jobs-2"
     wanted = part or PARTS
     if "processors" in wanted:
-        processors(given, out)
-    elif not whole.exists():
-        analyze(given, whole)
+        processors(log_paths, out)
+    elif not reference.exists():
+        analyze(log_paths, reference)
     if "killed" in wanted:
-        killed(given, out, whole)
+        killed(log_paths, out, reference)
     if "one-more" in wanted:
-        one_more(given, out, more, whole)
+        one_more(log_paths, out, more, reference)
     if "cluster" in wanted:
-        cluster(given, out, whole)
+        cluster(log_paths, out, reference)
     if "hundred" in wanted:
-        hundred(out, whole)
+        hundred(out, reference)
     if "memory" in wanted:
         memory(originals[0], out)
 

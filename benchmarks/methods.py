@@ -49,14 +49,14 @@ class Analyzed(NamedTuple):
     dynamic: DynamicEstimate
     flown_CL: tuple[float, float]
     estimates: list[MethodEstimate]
-    one_by_one: list[MethodEstimate]
+    single_runs: list[MethodEstimate]
     disagreements: list[DisagreementResult]
-    at: Condition
+    condition: Condition
 
 
-def drawn(budget: ErrorBudget, seed: int, **wrong: float) -> DrawnErrors:
+def draw_errors(budget: ErrorBudget, seed: int, **wrong: float) -> DrawnErrors:
     """Random errors of one day, those in `wrong` set: names of `Systematic`, or `accel_x_bias`, `pitch_tilt`."""
-    errors = flights.drawn(budget, seed)
+    errors = flights.draw_errors(budget, seed)
     if "accel_x_bias" in wrong:
         errors = dataclasses.replace(errors, accel_bias=np.array([wrong.pop("accel_x_bias"), 0.0, 0.0]))
     if "pitch_tilt" in wrong:
@@ -84,19 +84,19 @@ def analyzed(aircraft: Aircraft, flown: Flown) -> Analyzed:
     trajectory = reconstruct(flown.table, flown.still)
     estimate = estimate_polar(trajectory, level, aircraft, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
-    at, flown_CL = flown_condition(rows, aircraft), flown_lift(rows, aircraft)
+    condition, flown_CL = flown_condition(rows, aircraft), flown_lift(rows, aircraft)
     others = every_method(
-        trajectory, maneuvers.maneuvers, aircraft, propeller, at, dynamic=estimate, dynamic_CL=flown_CL
+        trajectory, maneuvers.maneuvers, aircraft, propeller, condition, dynamic=estimate, dynamic_CL=flown_CL
     )
-    return Analyzed(estimate, flown_CL, others.by_method, others.one_by_one, others.disagreements, at)
+    return Analyzed(estimate, flown_CL, others.by_method, others.single_runs, others.disagreements, condition)
 
 
 def compared(
-    polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: np.ndarray, at: Condition
+    polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: np.ndarray, condition: Condition
 ) -> np.ndarray:
     """Error and half the 95 % interval in percent (2, speeds); NaN outside the method's range of speeds."""
-    power, error = power_required(V, polar, at)
-    CL = lift_coefficient(V, at)
+    power, error = power_required(V, polar, condition)
+    CL = lift_coefficient(V, condition)
     seen = (CL >= 0.98 * flown_CL[0]) & (CL <= 1.02 * flown_CL[1])
     return np.where(seen, 100 * np.stack([power / truth - 1, NORMAL_95 * error / truth]), np.nan)
 
@@ -104,14 +104,14 @@ def compared(
 def one_flight(setup: Setup, **wrong: float) -> Rows:
     """Each method's curve; as titles without figures the causes of disagreements. wrong: as in `drawn`."""
     aircraft = load_aircraft(setup.aircraft)
-    errors = drawn(load_world(setup.world).errors, setup.seed, **wrong)
+    errors = draw_errors(load_world(setup.world).errors, setup.seed, **wrong)
     flown = fly(aircraft, flights.tunnel_probe(), errors, setup.plan, setup.turbulence_kt, setup.seed)
     result, V = analyzed(aircraft, flown), speeds(aircraft)
     truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
     curves = [("dynamic", result.dynamic.polar, result.flown_CL)]
     curves += [(e.method.title, e.polar, e.flown_CL) for e in result.estimates if e.polar is not None]
-    curves += [("each run alone", e.polar, e.flown_CL) for e in result.one_by_one if e.polar is not None]
-    figures = [(title, compared(polar, flown_CL, V, truth, result.at)) for title, polar, flown_CL in curves]
+    curves += [("each run alone", e.polar, e.flown_CL) for e in result.single_runs if e.polar is not None]
+    figures = [(title, compared(polar, flown_CL, V, truth, result.condition)) for title, polar, flown_CL in curves]
     causes = [
         f"{disagreement.methods[0]} - {disagreement.methods[1]}: {disagreement.culprit}"
         for disagreement in result.disagreements

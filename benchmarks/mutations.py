@@ -130,7 +130,7 @@ def mutation(file: Path, index: int, rng: random.Random) -> Mutation | None:
     return Mutation(file, node.lineno, before, after, text) if right else None
 
 
-def drawn(seed: int) -> Iterator[Mutation]:
+def random_mutations(seed: int) -> Iterator[Mutation]:
     """The draw without replacement over all places of mutations."""
     rng = random.Random(seed)
     files = sorted(p.relative_to(ROOT) for place in PLACES for p in (ROOT / place).rglob("*.py"))
@@ -217,7 +217,7 @@ def main(
     dry_run: Annotated[bool, typer.Option("--list", help="only print the draw")] = False,
 ) -> None:
     """Draws mutations, runs the tests against each, prints a line each and the sum."""
-    draw = drawn(seed)
+    draw = random_mutations(seed)
     if dry_run:
         print("\n".join(map(str, islice(draw, count))))
         return

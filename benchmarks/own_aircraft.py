@@ -51,6 +51,6 @@ def one_flight(setup: Setup) -> Rows:
         log, V = folder / "log.mcap", estimators.speeds(load_aircraft("nexstar"))
         run("analyze", log, "--quiet", "-o", folder / "all")
         run("analyze", log, "--quiet", "-o", folder / "four", "--aircraft", folder / "four.toml")
-        whole, four = (compared(read_results(folder / report), read_truth(folder), V) for report in ("all", "four"))
-    wider = np.stack([100 * (four[1] / whole[1] - 1), np.full(len(V), np.nan)])
-    return [("all keys", whole), ("four keys", four), ("wider by four keys", wider)]
+        complete, four = (compared(read_results(folder / report), read_truth(folder), V) for report in ("all", "four"))
+    wider = np.stack([100 * (four[1] / complete[1] - 1), np.full(len(V), np.nan)])
+    return [("all keys", complete), ("four keys", four), ("wider by four keys", wider)]

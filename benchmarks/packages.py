@@ -111,8 +111,8 @@ def main(
     sdist = None
     if wheel is None:
         wheel, sdist = built(bench)
-    known = {name: shutil.which(name) for name in python or PYTHONS}
-    for name, path in known.items():
+    interpreters = {name: shutil.which(name) for name in python or PYTHONS}
+    for name, path in interpreters.items():
         if path is None or subprocess.run([path, "-c", ""], capture_output=True).returncode:
             bench.add(f"{name}", False, "is not here; give its path with --python")
         else:
@@ -223,9 +223,11 @@ def supply(bench: Bench, python: Path) -> None:
     bench.run("bill of materials", tools / "cyclonedx-py", "environment", *bill, python)
     licenses = ("--format=json", "--output-file", dist / "licenses.json")
     bench.run("licenses", tools / "pip-licenses", "--python", python, *licenses)
-    stated = {row["Name"]: row["License"] for row in json.loads((dist / "licenses.json").read_text())}
-    refused = [f"{name}: {text}" for name, text in stated.items() if REFUSED.search(text)]
-    bench.add("licenses are known, none is the GPL", not refused, ", ".join(refused) or f"{len(stated)} packages")
+    license_by_name = {row["Name"]: row["License"] for row in json.loads((dist / "licenses.json").read_text())}
+    refused = [f"{name}: {text}" for name, text in license_by_name.items() if REFUSED.search(text)]
+    bench.add(
+        "licenses are known, none is the GPL", not refused, ", ".join(refused) or f"{len(license_by_name)} packages"
+    )
 
 
 def hashed(bench: Bench, wheel: Path) -> None:
@@ -233,8 +235,8 @@ def hashed(bench: Bench, wheel: Path) -> None:
     tools, folder, lock = bench.folder / "tools" / "bin", bench.folder / "hashed", bench.folder / "dist" / "hashes.txt"
     extras = [word for extra in HASHED for word in ("--extra", extra)]
     options = ("--universal", "--python-version", "3.11", "--generate-hashes", "--no-header", "--no-annotate", *extras)
-    given = ("--constraint", ROOT / "constraints.txt", ROOT / "pyproject.toml")
-    bench.run("hashes", tools / "uv", "pip", "compile", "--quiet", *options, *given, "--output-file", lock)
+    requirements = ("--constraint", ROOT / "constraints.txt", ROOT / "pyproject.toml")
+    bench.run("hashes", tools / "uv", "pip", "compile", "--quiet", *options, *requirements, "--output-file", lock)
     bench.run("environment of hashed files", sys.executable, "-m", "venv", folder)
     pip = (folder / "bin" / "pip", "install", "--quiet")
     bench.run("hashed files installed", *pip, "--require-hashes", "-r", lock)

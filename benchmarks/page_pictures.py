@@ -53,11 +53,13 @@ def main(
             served.terminate()
 
 
-def take(browser: Browser, page: Path | str, window: tuple[int, int, int], output: Path, drawn: str = "true") -> None:
+def take(
+    browser: Browser, page: Path | str, window: tuple[int, int, int], output: Path, is_ready: str = "true"
+) -> None:
     """The first screen of a page, when it is drawn. window: pixels left out above; width and height of the picture."""
     above, width, height = window
     browser.show(page, width, height=above + height)
-    browser.wait_for(drawn)
+    browser.wait_for(is_ready)
     browser.value_of(DRAWN)
     clip = {"x": 0, "y": above, "width": width, "height": height, "scale": 1}
     picture = browser.command("Page.captureScreenshot", format="webp", quality=QUALITY, clip=clip)

@@ -92,5 +92,5 @@ def one_flight(setup: Setup) -> Rows:
             return [(f"lost: {str(error).strip().splitlines()[-1][-120:]}", np.empty((2, 0)))]
         if not any(parameter.firmware == PX4 for parameter in results.autopilot_parameters):
             return [("no values", np.empty((2, 0)))]
-        values = list(values_of(results, craft, setup.drawn.deviations, chain.read_truth(folder)))
+        values = list(values_of(results, craft, setup.drawn_errors.deviations, chain.read_truth(folder)))
     return [(value.name, value.error_and_half_width()) for value in values if value.has_both_ends]

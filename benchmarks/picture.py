@@ -26,10 +26,10 @@ def main(
 ) -> None:
     report = (flight / LOG).with_suffix(".report")
     results = msgspec.json.decode((report / "results.json").read_bytes(), type=Results)
-    picture(drawn(results, pd.read_csv(flight / CURVE)), output)
+    picture(chart_of(results, pd.read_csv(flight / CURVE)), output)
 
 
-def drawn(results: Results, truth: pd.DataFrame) -> Any:
+def chart_of(results: Results, truth: pd.DataFrame) -> Any:
     """The report's figure with the true curve over the speeds that it shows."""
     content = power_required(results)
     figure = go.Figure(content.data, content.layout)

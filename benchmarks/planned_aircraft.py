@@ -85,9 +85,9 @@ def one_aircraft(seed: int, minutes: float) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "plan.toml"
         try:
-            known = parse_aircraft(craft.text, "drawn")
+            nominal = parse_aircraft(craft.text, "drawn")
             planned = plan_flight(
-                expected_aircraft(known, HEIGHT_M), Request(minutes, kt, Space(LEG_M, HEIGHT_M), plans.BY_HAND)
+                expected_aircraft(nominal, HEIGHT_M), Request(minutes, kt, Space(LEG_M, HEIGHT_M), plans.BY_HAND)
             )
             line["covered"] = not len(uncovered_mps(planned))
             path.write_text(simulator_plan(planned.maneuvers, planned.aircraft, planned.request), "utf-8")
@@ -100,8 +100,8 @@ def one_aircraft(seed: int, minutes: float) -> dict[str, Any]:
     V, n = in_air["V_mps"].to_numpy(), in_air["motor_speed_revps"].to_numpy()
     inside = propeller.covers(V / (n * propeller.diameter_m), 60 * n)
     V = planned.question.speeds
-    at = Condition(craft.mass.weight_N, float(air.loc[air["flying"], "rho"].mean()), craft.geometry.wing_area_m2)
-    power, sigma = power_required(V, polar, at)
+    condition = Condition(craft.mass.weight_N, float(air.loc[air["flying"], "rho"].mean()), craft.geometry.wing_area_m2)
+    power, sigma = power_required(V, polar, condition)
     true = flown.flight.power_required
     true_W = np.interp(V, true["speed_mps"], true["power_W"])
     half = 100 * NORMAL_95 * sigma / power

@@ -59,9 +59,9 @@ def make_plans(
     flight's results the drag alone is used.
     """
     name = f"{aircraft_name}-{question}-{kt:g}-{minutes:g}" + ("-after" if known_drag else "")
-    kept = folder / f"{name}.json"
-    if kept.is_file():
-        plans: dict[str, Any] = json.loads(kept.read_text("utf-8"))
+    cache = folder / f"{name}.json"
+    if cache.is_file():
+        plans: dict[str, Any] = json.loads(cache.read_text("utf-8"))
         return plans
     aircraft = load_aircraft(aircraft_name)
     A = analyzed(aircraft, SHIPPED, 0.0, EARLIER_SEED)[0].A if known_drag else None
@@ -80,7 +80,7 @@ def make_plans(
             "path": str(path),
             "predicted": half_widths(covariances, expected, estimators.speeds(aircraft)).tolist(),
         }
-    kept.write_text(json.dumps(cell), "utf-8")
+    cache.write_text(json.dumps(cell), "utf-8")
     return cell
 
 
@@ -91,7 +91,7 @@ def shortened(expected: ExpectedAircraft, minutes: float) -> list[Maneuver]:
     points = [(90.0, 1.2), (90.0, 1.15), (60.0, 1.25), None, (60.0, 1.4), None, (60.0, 1.7)]
     fast = [(60.0, 0.77 * fastest / stall), (60.0, 0.85 * fastest / stall)]
     pairs = max(1, round(5 * minutes / 21))
-    kept = {5: [*points, *fast], 4: [points[0], points[2], None, points[4], None, *fast]}.get(
+    fewer_points = {5: [*points, *fast], 4: [points[0], points[2], None, points[4], None, *fast]}.get(
         pairs, [points[0], None, points[6]]
     )
 
@@ -100,7 +100,7 @@ def shortened(expected: ExpectedAircraft, minutes: float) -> list[Maneuver]:
         for _ in range(pairs):
             maneuvers += [Hold(20.0, 1.12 * stall), Run(0.87, 13.0, 0.92 * fastest), Hold(10.0, 0.92 * fastest)]
             maneuvers += [Run(0.495, 2.5, 1.05 * stall), Hold(6.0, 1.3 * stall), Turn(1.7 * stall)]
-        for point in kept:
+        for point in fewer_points:
             if point is None:
                 maneuvers += [Hold(6.0, 1.5 * stall), Porpoise(40.0 * share, 1.5 * stall, 0.7)]
             else:
@@ -119,7 +119,7 @@ def analyzed(aircraft: Aircraft, plan: str, kt: float, seed: int) -> tuple[Polar
     """The drag polar of a simulated flight, the flight, and its table of air data. Raises InputError where `analyze`
     does not trust the curve, since its estimation has not converged."""
     probe = flights.tunnel_probe()
-    flown = flights.flown(aircraft, flights.drawn(load_budget("study"), seed), plan, seed, kt)
+    flown = flights.flown(aircraft, flights.draw_errors(load_budget("study"), seed), plan, seed, kt)
     propeller = load_propeller(aircraft.propulsion.propeller or "")
     air, still, _ = flights.air_of(flown.table, aircraft, probe)
     runs, _ = find_runs(air)
@@ -144,10 +144,12 @@ def one_flight(job: Job) -> dict[str, Any]:
         polar, flown, air = analyzed(aircraft, job.plan, job.row["kt"], job.row["seed"])
     except (InputError, np.linalg.LinAlgError, ValueError) as error:
         return {**job.row, "lost": str(error)}
-    at = Condition(aircraft.mass.weight_N, float(air.loc[air["flying"], "rho"].mean()), aircraft.geometry.wing_area_m2)
+    condition = Condition(
+        aircraft.mass.weight_N, float(air.loc[air["flying"], "rho"].mean()), aircraft.geometry.wing_area_m2
+    )
     V, truth = estimators.speeds(aircraft), flown.flight.power_required
     true_W = np.interp(V, truth["speed_mps"], truth["power_W"])
-    power, sigma = power_required(V, polar, at)
+    power, sigma = power_required(V, polar, condition)
     return {
         **job.row,
         "error": (100 * (power / true_W - 1)).tolist(),
@@ -204,9 +206,11 @@ def flown(study: Study, output: Path, jobs: int) -> list[dict[str, Any]]:
                 path = plan["path"] if study.pilot == "exact" else _flown_by_average_pilot(Path(plan["path"]))
                 key = (study.aircraft, question, kt, minutes, name, study.pilot, seed)
                 wanted[key] = Job(dict(zip(KEY, key, strict=True)) | {"predicted": plan["predicted"]}, path)
-    known = flights.fly_missing(output, wanted, one_flight, lambda row: tuple(row[name] for name in KEY), jobs=jobs,
-                                summary=lambda row: row.get("lost", ""))  # fmt: skip
-    return list(known.values())
+    flown_rows = flights.fly_missing(
+        output, wanted, one_flight, lambda row: tuple(row[name] for name in KEY), jobs=jobs,
+        summary=lambda row: row.get("lost", ""),
+    )  # fmt: skip
+    return list(flown_rows.values())
 
 
 WANDER = '\n[wander]\nbank = "{bank} deg"\nheight = "{height} m"\nspeed = "{speed} m/s"\n'

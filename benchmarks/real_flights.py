@@ -116,10 +116,10 @@ def electrical_recording(flight: Electrical, folder: Path, scratch: Path) -> Fli
         text = draft(path).replace('unit = "A"', f'unit = "A"\nfactor = {flight.motors}')
         (scratch / "map.toml").write_text(text)
         return recording_of(log_of_table(path, scratch / "map.toml"))
-    kept = scratch / "flight.data"
+    excerpt = scratch / "flight.data"
     with gzip.open(path) as stream:
-        kept.write_bytes(b"".join(line for line in stream if not flight.without or flight.without not in line))
-    return replace(read_paparazzi(kept), path=path)
+        excerpt.write_bytes(b"".join(line for line in stream if not flight.without or flight.without not in line))
+    return replace(read_paparazzi(excerpt), path=path)
 
 
 def level_windows(table: FlightTable, estimate: ElectricalEstimate) -> Iterator[tuple[float, float]]:
@@ -219,8 +219,8 @@ def citation_row(title: str, folder: Path, scratch: Path) -> Record:
     log = citation_log(csv, scratch, with_velocity=title in {WITH_VELOCITY, UNSURE_THRUST})
     started = time.process_time()
     aircraft = AIRCRAFT_OF_UNSURE_THRUST if title == UNSURE_THRUST else AIRCRAFT
-    given = Replacements(aircraft=parse_aircraft(aircraft, "citation.toml"))
-    analysis = analyze_runs(log, given, runs_file=runs_file if title == DECELERATIONS else None)
+    replacements = Replacements(aircraft=parse_aircraft(aircraft, "citation.toml"))
+    analysis = analyze_runs(log, replacements, runs_file=runs_file if title == DECELERATIONS else None)
     seconds, megabytes = time.process_time() - started, _megabytes()
     decelerations = analysis.maneuvers.of("deceleration")
     runs_file.write_text(
@@ -240,9 +240,9 @@ def records(titles: Sequence[str] = TITLES, folder: Path = FOLDER) -> list[Recor
     """One row a flight, each in a process of its own, so that memory is its own. Without the files no row."""
     if not folder.exists():
         return []
-    one_by_one = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)
+    single_process = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)
     records, citation = [], [title for title in titles if title in TITLES[len(ELECTRICAL) :]]
-    with tempfile.TemporaryDirectory() as name, one_by_one as process:
+    with tempfile.TemporaryDirectory() as name, single_process as process:
         scratch = Path(name)
         for flight in ELECTRICAL:
             if flight.title in titles:

@@ -123,13 +123,13 @@ def plan_of(route: Route, wind: Wind, air: SimulatedAir, airspeed: float) -> tup
 def curve_of(setup: Setup, count: int, craft: Aircraft) -> tuple[PerformanceModel, Condition]:
     """Curve of one or `count` flights of the seed's installation, each with its own errors and gusts."""
     if count == 1:
-        model, at, *_ = answers.estimated(setup)
-        return model, at
+        model, condition, *_ = answers.estimated(setup)
+        return model, condition
     named = replace(craft, installation=Installation(name="study"))
     results: list[dict[str, Any]] = []
     for seed in range(DAYS * setup.seed, DAYS * setup.seed + count):
-        day = flights.drawn(load_world(setup.world).errors, seed)
-        curve = answers.estimated(setup._replace(seed=seed), drawn=of_installation(day, setup.drawn))
+        day = flights.draw_errors(load_world(setup.world).errors, seed)
+        curve = answers.estimated(setup._replace(seed=seed), errors=of_installation(day, setup.drawn_errors))
         statistics = pooling_statistics(
             curve.drag, curve.model.flown_CL, named, curve.model.propeller, Calibrations(flights.tunnel_probe())
         )
@@ -140,7 +140,7 @@ def curve_of(setup: Setup, count: int, craft: Aircraft) -> tuple[PerformanceMode
                 "span_m": craft.geometry.span_m, "propeller": curve.model.propeller.name,
             },
             "software_version": "",
-            "test": (test := {"weight_N": curve.at.weight_N, "air_density_kgpm3": curve.at.rho}),
+            "test": (test := {"weight_N": curve.condition.weight_N, "air_density_kgpm3": curve.condition.rho}),
             "kind": Kind.POWER_REQUIRED,
             "curves": {
                 Kind.POWER_REQUIRED: {"condition": test, "points": [], "statistics": msgspec.to_builtins(statistics)}
@@ -158,8 +158,8 @@ def one_mission(seed: int, aircraft: str, world: str, curve: int = 1, wind_sd_mp
     rng = np.random.default_rng([seed, 50])
     craft = load_aircraft(aircraft)
     setup = Setup(aircraft, world, "full-test-flight", 3.0, seed)
-    model, at = curve_of(setup, curve, craft)
-    sources = aerodynamic_source(model, at, 0.0, (RESOLUTION.draws, rng))
+    model, condition = curve_of(setup, curve, craft)
+    sources = aerodynamic_source(model, condition, 0.0, (RESOLUTION.draws, rng))
     wind_mps, direction = rng.uniform(0, STRONGEST_MPS), rng.uniform(0, 2 * np.pi)
     true = Wind(wind_mps * np.sin(direction), wind_mps * np.cos(direction), 0.0)
     forecast = Wind(*(np.array(true[:2]) + wind_sd_mps * rng.standard_normal(2)).tolist(), wind_sd_mps)
@@ -177,10 +177,10 @@ def one_mission(seed: int, aircraft: str, world: str, curve: int = 1, wind_sd_mp
         craft.mass.weight_N,
         stall_mps=stall_mps(craft),
     )
-    leg_m = 60.0 * float(np.sqrt(2 * at.weight_N / (at.rho * at.wing_area_m2)))
+    leg_m = 60.0 * float(np.sqrt(2 * condition.weight_N / (condition.rho * condition.wing_area_m2)))
     route = Route(sources, mission_of(rng, leg_m), assumed, rng)
     plan, time_s = plan_of(route, true, simulated, 1 + GPS.scale_sigma * rng.standard_normal())
-    flight = fly(craft, plan, seed=seed, deviations=setup.drawn.deviations)
+    flight = fly(craft, plan, seed=seed, deviations=setup.drawn_errors.deviations)
     truth = flight.truth
     after = truth[truth["time_s"] >= SETTLING_S]
     energy_J = time_s * float(np.ptp(after["battery_energy_J"]) / np.ptp(after["time_s"]))

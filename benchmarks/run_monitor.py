@@ -109,7 +109,7 @@ def main(
         runs = agreed = wrongly_good = lost = 0
         errors, widths = [], []
         for seed in range(first_seed, first_seed + count):
-            flown = flights.flown(aircraft, flights.drawn(load_budget("study"), seed), plan, seed, kt)
+            flown = flights.flown(aircraft, flights.draw_errors(load_budget("study"), seed), plan, seed, kt)
             verdicts = monitored(flown.table, aircraft, probe)
             air, _, _ = flights.air_of(flown.table, aircraft, calibration)
             accepted, rejected = find_runs(air)

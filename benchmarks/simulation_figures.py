@@ -44,52 +44,54 @@ def panels(titles: list[str], columns: int = 1) -> Any:
     from plotly.subplots import make_subplots
 
     rows = -(-len(titles) // columns)
-    drawn = make_subplots(rows=rows, cols=columns, subplot_titles=titles, vertical_spacing=0.13, shared_xaxes=True)
-    drawn.update_layout(
+    figure = make_subplots(rows=rows, cols=columns, subplot_titles=titles, vertical_spacing=0.13, shared_xaxes=True)
+    figure.update_layout(
         template="plotly_white", width=WIDTH, height=HEIGHT, margin={"l": 60, "r": 20, "t": 40, "b": 50}
     )
-    drawn.update_layout(font={"size": 14}, legend={"orientation": "h", "y": -0.12})
+    figure.update_layout(font={"size": 14}, legend={"orientation": "h", "y": -0.12})
     for column in range(1, columns + 1):
-        drawn.update_xaxes(title_text="time since the run began [s]", row=rows, col=column)
-    return drawn
+        figure.update_xaxes(title_text="time since the run began [s]", row=rows, col=column)
+    return figure
 
 
-def line(drawn: Any, run: pd.DataFrame, y: Any, color: str, place: tuple[int, int], *, name: str | None = None) -> None:
+def line(
+    figure: Any, run: pd.DataFrame, y: Any, color: str, place: tuple[int, int], *, name: str | None = None
+) -> None:
     """A line in the panel (row, column); in the legend with a name."""
     row, column = place
     style = {"color": color, "width": 2}
-    drawn.add_scatter(x=run["t_s"], y=y, name=name, line=style, showlegend=name is not None, row=row, col=column)
+    figure.add_scatter(x=run["t_s"], y=y, name=name, line=style, showlegend=name is not None, row=row, col=column)
 
 
 def deceleration() -> Any:
     """A gentle deceleration of the source's aircraft, beside its acceleration."""
-    drawn = panels(
+    figure = panels(
         ["acceleration: speed [m/s]", "deceleration: speed [m/s]", "pitch [deg]", "pitch [deg]"]
         + ["pitch rate [deg/s]"] * 2,
         2,
     )
     for column, run in enumerate(runs("long-deceleration", "astraeus-hs"), start=1):
         color = COLORS[column]
-        line(drawn, run, run["V_mps"], color, (1, column))
-        line(drawn, run, run["pitch_rad"] * DEG, color, (2, column))
-        line(drawn, run, run["q_radps"] * DEG, color, (3, column))
-    return drawn
+        line(figure, run, run["V_mps"], color, (1, column))
+        line(figure, run, run["pitch_rad"] * DEG, color, (2, column))
+        line(figure, run, run["q_radps"] * DEG, color, (3, column))
+    return figure
 
 
 def throttle_step() -> Any:
     """The first seconds of the same acceleration, with the throttle as a step and as a ramp."""
-    drawn = panels(["throttle", "pitch rate [deg/s]", "pitch [deg]"])
+    figure = panels(["throttle", "pitch rate [deg/s]", "pitch [deg]"])
     for run, name, color in zip(runs("throttle-step"), ("step", "ramp of 2 s"), COLORS, strict=False):
         first = run[run["t_s"] < 4]
-        line(drawn, first, first["throttle"], color, (1, 1), name=name)
-        line(drawn, first, first["q_radps"] * DEG, color, (2, 1))
-        line(drawn, first, first["pitch_rad"] * DEG, color, (3, 1))
-    return drawn
+        line(figure, first, first["throttle"], color, (1, 1), name=name)
+        line(figure, first, first["q_radps"] * DEG, color, (2, 1))
+        line(figure, first, first["pitch_rad"] * DEG, color, (3, 1))
+    return figure
 
 
 def cases() -> Any:
     """Cases 1 and 2: height and speed of accelerations and decelerations."""
-    drawn = panels(
+    figure = panels(
         ["acceleration: height gained [m]", "deceleration: height gained [m]", "speed [m/s]", "speed [m/s]"], 2
     )
     plans = {
@@ -101,9 +103,9 @@ def cases() -> Any:
     for color, (plan, name) in zip(COLORS, plans.items(), strict=True):
         for column, run in enumerate(runs(plan), start=1):
             gained = run["height_m"] - run["height_m"].iloc[0]
-            line(drawn, run, gained, color, (1, column), name=name if column == 1 else None)
-            line(drawn, run, run["V_mps"], color, (2, column))
-    return drawn
+            line(figure, run, gained, color, (1, column), name=name if column == 1 else None)
+            line(figure, run, run["V_mps"], color, (2, column))
+    return figure
 
 
 def signal_to_noise() -> dict[str, list[float]]:
@@ -126,11 +128,11 @@ def signal_to_noise() -> dict[str, list[float]]:
 def case_3() -> Any:
     import plotly.graph_objects as go
 
-    drawn = go.Figure()
+    figure = go.Figure()
     ratios = signal_to_noise()
     for i, (color, label) in enumerate(zip(COLORS, ("noise x 0.5", "x 1", "x 1.5"), strict=False)):
         values = [snr[i] for snr in ratios.values()]
-        drawn.add_bar(
+        figure.add_bar(
             x=list(ratios),
             y=values,
             name=label,
@@ -138,25 +140,25 @@ def case_3() -> Any:
             text=[f"{v:.0f}" for v in values],
             textposition="outside",
         )
-    drawn.update_layout(template="plotly_white", width=WIDTH, height=420, font={"size": 14})
-    drawn.update_layout(legend={"orientation": "h"}, margin={"l": 70, "r": 20, "t": 20, "b": 60})
-    drawn.update_yaxes(type="log", dtick=1, title_text="variance of q / of its noise", range=[0, 4.2])
-    return drawn
+    figure.update_layout(template="plotly_white", width=WIDTH, height=420, font={"size": 14})
+    figure.update_layout(legend={"orientation": "h"}, margin={"l": 70, "r": 20, "t": 20, "b": 60})
+    figure.update_yaxes(type="log", dtick=1, title_text="variance of q / of its noise", range=[0, 4.2])
+    return figure
 
 
 FIGURES = {"deceleration": deceleration, "throttle-step": throttle_step, "cases-1-2": cases, "case-3": case_3}
 
 
-def picture(drawn: Any, path: Path) -> None:
+def picture(figure: Any, path: Path) -> None:
     """A figure as PNG. Raises InputError when there is no Chromium."""
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:
         raise InputError("the figures need Chromium to take their picture; on Debian: apt-get install chromium")
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "figure.html"
-        drawn.write_html(page, include_plotlyjs=True, config={"staticPlot": True})
+        figure.write_html(page, include_plotlyjs=True, config={"staticPlot": True})
         page.write_text(page.read_text("utf-8").replace("<body>", '<body style="margin:0">'), "utf-8")
-        size = f"--window-size={drawn.layout.width},{drawn.layout.height}"
+        size = f"--window-size={figure.layout.width},{figure.layout.height}"
         command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", size]
         command += [
             "--disable-background-networking",

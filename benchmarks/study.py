@@ -100,8 +100,8 @@ def curve(title: str, values: list[np.ndarray]) -> Record:
     """
     error, half = np.array(values).transpose(1, 0, 2)
     rows = {name: rounded(row, 1 if "coverage" not in name else 0) for name, row, _ in error_rows(error, half)}
-    known = np.isfinite(error) & np.isfinite(half)
-    of_flights = np.where(known, np.abs(error) < half, np.nan)[known.any(axis=1)]
+    finite = np.isfinite(error) & np.isfinite(half)
+    of_flights = np.where(finite, np.abs(error) < half, np.nan)[finite.any(axis=1)]
     share, counting = counted(np.nanmean(of_flights, axis=1)) if len(of_flights) else (np.nan, np.nan)
     return {
         "of": title,
@@ -118,8 +118,8 @@ def curve(title: str, values: list[np.ndarray]) -> Record:
 
 def mean_square(error: np.ndarray) -> np.ndarray:
     """Mean square of each column; NaN if no flight has a value."""
-    known = np.isfinite(error)
-    return np.nansum(error**2, axis=0) / np.where(known.any(axis=0), known.sum(axis=0), np.nan)
+    finite = np.isfinite(error)
+    return np.nansum(error**2, axis=0) / np.where(finite.any(axis=0), finite.sum(axis=0), np.nan)
 
 
 def single(title: str, values: list[np.ndarray]) -> Record:
@@ -143,7 +143,7 @@ def main(
     count: Annotated[int, typer.Option("--flights", help="How many; one seed each.")] = 20,
     first_seed: Annotated[int, typer.Option("--seed", help="The first seed; development uses those below 1000.")] = 0,
     aircraft: Annotated[str, typer.Option(help="Aircraft.")] = "nexstar",
-    given: Annotated[
+    option_texts: Annotated[
         list[str] | None, typer.Option("--with", metavar="NAME[=VALUE]", help="Option of the case.")
     ] = None,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
@@ -153,10 +153,10 @@ def main(
     for kt in turbulence_kt or [0.0]:
         seeds = range(first_seed, first_seed + count)
         todo = [Setup(aircraft, world, plan or CASES[name].plan, kt, seed) for seed in seeds]
-        tables = figures(name, todo, dict(option(text) for text in given or []), jobs)
+        tables = figures(name, todo, dict(option(text) for text in option_texts or []), jobs)
         columns = ", ".join(CASES[name].columns(load_aircraft(aircraft)))
-        print(f"\n{' '.join([name, *(given or [])])}: {world}, {todo[0].plan}, W20 = {kt:g} kt, {count} flights from"
-              f" seed {first_seed}; at {columns}")  # fmt: skip
+        print(f"\n{' '.join([name, *(option_texts or [])])}: {world}, {todo[0].plan}, W20 = {kt:g} kt, {count} flights"
+              f" from seed {first_seed}; at {columns}")  # fmt: skip
         for records in tables:
             if records:
                 print("", markdown(records), sep="\n")

@@ -56,46 +56,48 @@ def stand_of(aircraft: Aircraft, errors: DrawnErrors, seed: int) -> ThrustStand:
     return stand
 
 
-def one_flight(setup: Setup, *, stated: bool = False, steady: bool = False, curvature: float | None = None) -> Rows:
+def one_flight(
+    setup: Setup, *, with_curvature: bool = False, steady: bool = False, curvature: float | None = None
+) -> Rows:
     """Rows by data used, without and with the stand; thrust at rest in percent of the table's.
 
-    stated: the aircraft file has the world's errors of thrust. steady: by the steady points of the plan alone.
+    with_curvature: the aircraft file has the world's errors of thrust. steady: by the steady points of the plan alone.
     curvature: [uncertainty] thrust_curvature. Empty where the flight ended too soon.
     """
-    aircraft, probe, drawn = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn
-    if stated:
+    aircraft, probe, errors = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn_errors
+    if with_curvature:
         aircraft = stating_thrust(aircraft, load_world(setup.world).errors)
     if curvature is not None:
         aircraft = replace(aircraft, uncertainty=replace(aircraft.uncertainty, thrust_curvature_fraction=curvature))
     try:
-        flown = flights.flown(aircraft, drawn, setup.plan, setup.seed, setup.turbulence_kt)
+        flown = flights.flown(aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt)
     except InputError:
         return []
     propeller = load_propeller(aircraft.propulsion.propeller)
     air, still, _ = flights.air_of(flown.table, aircraft, probe)
     rho = float(air.loc[air["flying"], "rho"].mean())
-    at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
+    condition = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
     V = speeds(aircraft)
     truth = np.interp(V, flown.flight.power_required["speed_mps"], flown.flight.power_required["power_W"])
     trajectory = reconstruct(air, still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma))
-    on_stand = stand_of(aircraft, drawn, setup.seed).applied_to(aircraft)
+    on_stand = stand_of(aircraft, errors, setup.seed).applied_to(aircraft)
     maneuvers = find(air, still).of("steady") if steady else find_runs(air)[0]
     figures = {}
-    for title, given in (("without", aircraft), ("with the stand", on_stand)):
-        for data, polar, flown_CL in _estimates(trajectory, maneuvers, given, propeller, at):
-            power, error = power_required(V, polar, at)
-            low, high = speed_at(np.array(flown_CL), at)[::-1]
+    for title, flown_file in (("without", aircraft), ("with the stand", on_stand)):
+        for data, polar, flown_CL in _estimates(trajectory, maneuvers, flown_file, propeller, condition):
+            power, error = power_required(V, polar, condition)
+            low, high = speed_at(np.array(flown_CL), condition)[::-1]
             compared = 100 * np.stack([power / truth - 1, NORMAL_95 * error / truth])
             figures[f"{data}, {title}"] = np.where((V > low) & (V < high), compared, np.nan)
     return sorted(figures.items(), key=lambda item: item[0].partition(",")[0])
 
 
 def _estimates(
-    trajectory: Trajectory, maneuvers: list[Maneuver], aircraft: Aircraft, propeller: Propeller, at: Condition
+    trajectory: Trajectory, maneuvers: list[Maneuver], aircraft: Aircraft, propeller: Propeller, condition: Condition
 ) -> Iterator[tuple[str, Polar, tuple[float, float]]]:
     """Data used, polar, and lift coefficients that it is valid for: of the runs, else of steady points."""
     if not any(run.kind in LEVEL_RUNS for run in maneuvers):
-        others = every_method(trajectory, maneuvers, aircraft, propeller, at)
+        others = every_method(trajectory, maneuvers, aircraft, propeller, condition)
         estimate, flown_CL, _ = fallback(others.by_method, trajectory, aircraft, "flight")
         yield "steady points", estimate.polar, flown_CL
         return

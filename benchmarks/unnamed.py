@@ -448,12 +448,12 @@ def summary(line: Mapping[str, Any]) -> str:
     if "error" not in line:
         return f"{head}: refused, {line['refused']}"
     points = zip(line["error"], line["half"], strict=True)
-    at = ", ".join(f"{e:+.1f}±{h:.1f}" for e, h in points if e is not None)
+    errors_text = ", ".join(f"{e:+.1f}±{h:.1f}" for e, h in points if e is not None)
     warnings = "; ".join(
         f"{kind} {subject} {figure or 0:+.2g} ({limit or 0:.2g})"
         for kind, subject, figure, limit, _ in line["evidence"]
     )
-    return f"{head}: {at} %, {worst(line):.1f} half widths, {line['trust']}. {warnings}"
+    return f"{head}: {errors_text} %, {worst(line):.1f} half widths, {line['trust']}. {warnings}"
 
 
 def records(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
@@ -504,7 +504,7 @@ def key(line: Mapping[str, Any]) -> tuple[Any, ...]:
     return tuple(line[name] for name in ("defect", "weather_kt", "seed", "version"))
 
 
-def kept(names: Sequence[str], weather_kt: Sequence[float], flights: int, seed: int, file: Path, jobs: int,
+def flown_lines(names: Sequence[str], weather_kt: Sequence[float], flights: int, seed: int, file: Path, jobs: int,
          label: str = "") -> list[dict[str, Any]]:  # fmt: skip
     """The lines of all flights; those that the file lacks are flown. label: flights of another are flown again"""
     todo = {job[:4]: job for job in jobs_of(names, weather_kt, flights, seed, label)}
@@ -528,7 +528,7 @@ def main(
 ) -> None:
     """Fly what is missing and print the tables."""
     names = defects.split(",") if defects else named()
-    lines = kept(names, [float(kt) for kt in weather.split(",")], flights, seed, file, jobs, label)
+    lines = flown_lines(names, [float(kt) for kt in weather.split(",")], flights, seed, file, jobs, label)
     print(f"\n{markdown(records(lines))}\n\n{markdown(judged(lines))}")
 
 

@@ -103,8 +103,8 @@ def one_flight(job: Job) -> dict[str, Any]:
         try:
             fly(output, plan=str(folder / "plan.toml"), world=cell.world, seed=seed, probe=folder / "probe.json",
                 no_hardware=True)  # fmt: skip
-            given = Replacements(transducers=transducers(folder, cell.world, seed) if calibrated else None)
-            analysis = analyze_runs(read_log(output / "log.mcap"), given)
+            replacements = Replacements(transducers=transducers(folder, cell.world, seed) if calibrated else None)
+            analysis = analyze_runs(read_log(output / "log.mcap"), replacements)
         except (InputError, np.linalg.LinAlgError) as error:
             return {**line, "refused": str(error).replace(name, "")}
         V, results = speeds(load_aircraft("nexstar")), json.loads(to_json(analysis.results))
@@ -138,8 +138,8 @@ def alarm(analysis: Analysis) -> bool:
 
 
 def key(line: dict[str, Any]) -> tuple[Any, ...]:
-    known = (line[name] for name in ("world", "weather_kt", "plan", "seed", "version"))
-    return (*known, line.get("calibrated", False))
+    identifiers = (line[name] for name in ("world", "weather_kt", "plan", "seed", "version"))
+    return (*identifiers, line.get("calibrated", False))
 
 
 def cells(names: Sequence[str], weather_kt: Sequence[float], plans: Sequence[str]) -> Iterator[Cell]:
@@ -184,9 +184,9 @@ def world_records(flights: Mapping[str, Mapping[float, Sequence[Points]]]) -> li
     for world, by_weather in flights.items():
         points = [point for of_weather in by_weather.values() for point in of_weather]
         figures = _figures(points)
-        at = [_covered(by_weather.get(weather, ())) for weather in weathers]
+        coverage = [_covered(by_weather.get(weather, ())) for weather in weathers]
         records.append({"world": world, "flights": len(points), "coverage, %": figures.pop("coverage, %"),
-                        "±": figures.pop("±"), f"at {names} kt": at, **figures})  # fmt: skip
+                        "±": figures.pop("±"), f"at {names} kt": coverage, **figures})  # fmt: skip
     return records
 
 
@@ -195,7 +195,7 @@ def verdict_records(lines: list[dict[str, Any]]) -> list[Record]:
     speed, half widths from the narrowest speed to the widest, and how many flights are trusted, doubtful, or not to be
     trusted."""
     weathers = sorted({line["weather_kt"] for line in lines})
-    at = " / ".join(f"{weather:g}" for weather in weathers)
+    weather_text = " / ".join(f"{weather:g}" for weather in weathers)
     records = []
     for world in dict.fromkeys(line["world"] for line in lines):
         of_world = [line for line in lines if line["world"] == world and "error" in line]
@@ -204,7 +204,7 @@ def verdict_records(lines: list[dict[str, Any]]) -> list[Record]:
         errors, halves = ([[x for x in figure.get(name, []) if x is not None] for figure in figures]
                           for name in ("error", "half width"))  # fmt: skip
         record: Record = {"world": world, "flights": len(of_world)}
-        record[f"coverage at {at} kt, %"] = [figure.get("coverage, %") for figure in figures]
+        record[f"coverage at {weather_text} kt, %"] = [figure.get("coverage, %") for figure in figures]
         record["error"] = [max(some, default=None) for some in errors]
         record["half width"] = [f"{min(some):.1f} to {max(some):.1f}" if some else None for some in halves]
         for weather, some in zip(weathers, by_weather, strict=True):
@@ -228,7 +228,7 @@ def _figures(points: Sequence[Points]) -> Record:
     error, half = (np.array([of_flight[i] for of_flight in points], dtype=float) for i in (0, 1))
     rows = {name: values for name, values, _ in error_rows(error, half)}
     by_flight = zip(np.abs(error) < half, np.isfinite(error), strict=True)
-    _, counting = counted([np.mean(inside[known]) for inside, known in by_flight if known.any()])
+    _, counting = counted([np.mean(inside[determined]) for inside, determined in by_flight if determined.any()])
     return {
         "coverage, %": rounded(coverage(error, half)),
         "±": rounded(counting, 1),
@@ -240,8 +240,8 @@ def _figures(points: Sequence[Points]) -> Record:
 
 def coverage(error: NDArray[np.float64], half: NDArray[np.float64]) -> float:
     """Share [%] of the flights' known errors that their intervals cover."""
-    known = np.isfinite(error)
-    return float(100 * np.mean(np.abs(error[known]) < half[known]))
+    finite = np.isfinite(error)
+    return float(100 * np.mean(np.abs(error[finite]) < half[finite]))
 
 
 def _covered(flights: Sequence[Points]) -> int | None:

@@ -89,10 +89,10 @@ class ComputerWatch:
         for strain, seen in ((Strain.SUPPLY, now.supply_low), (Strain.HEAT, now.slowed or hot)):
             if seen:
                 self._last_s[strain] = now_s
-        at = "" if now.temperature_K is None else f", {now.temperature_K - CELSIUS_K:.0f} °C"
+        temperature_text = "" if now.temperature_K is None else f", {now.temperature_K - CELSIUS_K:.0f} °C"
         texts = {
             Strain.SUPPLY: "the supply is below 4.63 V",
-            Strain.HEAT: f"the processor is hot or slowed down{at}",
+            Strain.HEAT: f"the processor is hot or slowed down{temperature_text}",
         }
         strained = [strain for strain, last_s in self._last_s.items() if now_s - last_s < HELD_S]
         for strain in strained:

@@ -533,12 +533,12 @@ def _reject_conflicts(tray: TrayFile, where: str) -> None:
         label = f"sensors[{i}] ({sensor.driver})"
         place = (sensor.device, getattr(sensor, "address", 0) if isinstance(sensor, BusSensorTable) else 0)
         if place in labels:
-            at = (
+            place_text = (
                 f"address 0x{place[1]:02x} of {sensor.device}"
                 if isinstance(sensor, BusSensorTable)
                 else f"port {sensor.device}"
             )
-            raise InputError(f"{where}: {labels[place]} and {label} are both on {at}; change one of them")
+            raise InputError(f"{where}: {labels[place]} and {label} are both on {place_text}; change one of them")
         labels[place] = label
         if isinstance(sensor, BusSensorTable) and sensor.bus.startswith(("udp:", "rcio:")):
             raise InputError(f"{where}: {label}: {sensor.bus} is no I2C bus, such as /dev/i2c-1")

@@ -63,7 +63,7 @@ class Legs:
         if current is None:
             return None
         furthest = self._legs.last_point.V
-        held_s = row.t_s - self.rows[self._kept(current.last)].t_s
+        held_s = row.t_s - self.rows[self._row_in_list(current.last)].t_s
         judged = self._judged_at_mps
         if held_s > JUDGED_AFTER_S and (judged is None or abs(furthest - judged) > LEVEL_RUN.held_share * furthest):
             self._judged_at_mps = furthest
@@ -78,13 +78,13 @@ class Legs:
     def going_on(self) -> Leg | None:
         """The leg whose furthest point is not older than a second; None while speed is held or comes back."""
         leg = self._legs.current()
-        if leg is None or self.rows[-1].t_s - self.rows[self._kept(leg.last)].t_s > GOING_ON_S:
+        if leg is None or self.rows[-1].t_s - self.rows[self._row_in_list(leg.last)].t_s > GOING_ON_S:
             return None
         return self._with_rows(leg, ended=False)
 
-    def _kept(self, index: int) -> int:
+    def _row_in_list(self, index: int) -> int:
         """The row of an index, or the oldest row kept."""
         return max(0, index - self._forgotten)
 
     def _with_rows(self, leg: runs.Leg, *, ended: bool) -> Leg:
-        return Leg(leg.sign, leg.kind, self.rows[self._kept(leg.first) : self._kept(leg.last) + 1], ended)
+        return Leg(leg.sign, leg.kind, self.rows[self._row_in_list(leg.first) : self._row_in_list(leg.last) + 1], ended)

@@ -33,7 +33,7 @@ class Transfer(NamedTuple):
     request: i2c_rdwr_ioctl_data  # the argument of ioctl(I2C_RDWR)
     messages: int  # how many
     reply: Any  # pointer to where the kernel writes what it reads
-    kept: list[i2c_msg]  # what the kernel finds by address
+    message_structures: list[i2c_msg]  # what the kernel finds by address
 
 
 class LinuxI2C:

@@ -79,13 +79,13 @@ def unfinished(path: Path, size: int) -> ListedLog:
     chunks: list[_WholeChunk] = []
     declared: list[tuple[int, int]] = []  # where the content of a channel's record begins, its length
     with path.open("rb") as stream:
-        at = len(MAGIC)
-        while at + RECORD_HEAD.size + CHUNK_HEAD.size <= size:
-            stream.seek(at)
+        offset = len(MAGIC)
+        while offset + RECORD_HEAD.size + CHUNK_HEAD.size <= size:
+            stream.seek(offset)
             head = stream.read(RECORD_HEAD.size + CHUNK_HEAD.size)
             opcode, length = RECORD_HEAD.unpack_from(head)
-            content, at = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
-            if opcode == Opcode.CHUNK and at <= size:
+            content, offset = offset + RECORD_HEAD.size, offset + RECORD_HEAD.size + length
+            if opcode == Opcode.CHUNK and offset <= size:
                 begin_ns, end_ns, _, _ = CHUNK_HEAD.unpack_from(head, RECORD_HEAD.size)
                 chunks.append(_WholeChunk(begin_ns, end_ns, content, length, set()))
             elif opcode == Opcode.CHANNEL:
@@ -119,8 +119,8 @@ def _offset_of_unfinished_ns(
     declared: places of the records of channels. Also None where one of them or that chunk is damaged.
     """
 
-    def content(at: int, length: int) -> bytes:
-        stream.seek(at)
+    def content(offset: int, length: int) -> bytes:
+        stream.seek(offset)
         return stream.read(min(length, MAX_RECORD_BYTES))
 
     try:
@@ -149,15 +149,15 @@ def satellites_minus_log_time_ns(stream: BinaryIO, summary: Summary) -> int | No
 
 
 def _offset_ns(records: bytes, channels: set[int]) -> int | None:
-    at = 0
-    while at < len(records):
-        opcode, length = RECORD_HEAD.unpack_from(records, at)
+    offset = 0
+    while offset < len(records):
+        opcode, length = RECORD_HEAD.unpack_from(records, offset)
         if opcode == Opcode.MESSAGE:
-            _, _, channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(records, at)
+            _, _, channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(records, offset)
             if channel in channels:
                 message = msgspec.json.decode(
-                    records[at + MESSAGE_HEAD.size : at + RECORD_HEAD.size + length], type=Time
+                    records[offset + MESSAGE_HEAD.size : offset + RECORD_HEAD.size + length], type=Time
                 )
                 return ahead_of_log_ns(message, time_ns)
-        at += RECORD_HEAD.size + length
+        offset += RECORD_HEAD.size + length
     return None

@@ -101,17 +101,17 @@ def recover(path: Path) -> RecoveredLog | None:
             path.unlink()
             sync_directory(path.parent)
             return RecoveredLog(path, 0, 0)
-        kept = intact_length(stream)
-        if kept <= len(MAGIC):
+        intact_bytes = intact_length(stream)
+        if intact_bytes <= len(MAGIC):
             return None
-        ending = ending_of(stream, kept)
-        stream.seek(kept)
+        ending = ending_of(stream, intact_bytes)
+        stream.seek(intact_bytes)
         stream.write(ending)
         stream.truncate()
         stream.flush()
         os.fsync(stream.fileno())
     sync_directory(path.parent)
-    return RecoveredLog(path, kept, size - kept)
+    return RecoveredLog(path, intact_bytes, size - intact_bytes)
 
 
 def is_complete(stream: BinaryIO) -> bool:
@@ -178,13 +178,13 @@ def message_indices(content: bytes) -> list[bytes]:
     """The message index records of an intact chunk, one for each channel in it."""
     _, data = chunk_of(content)
     entries: dict[int, bytearray] = {}
-    at = 0
-    while at < len(data):
-        opcode, length = RECORD_HEAD.unpack_from(data, at)
+    offset = 0
+    while offset < len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, offset)
         if opcode == Opcode.MESSAGE:
-            _, _, channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(data, at)
-            entries.setdefault(channel, bytearray()).extend(INDEX_ENTRY.pack(time_ns, at))
-        at += RECORD_HEAD.size + length
+            _, _, channel, _, time_ns, _ = MESSAGE_HEAD.unpack_from(data, offset)
+            entries.setdefault(channel, bytearray()).extend(INDEX_ENTRY.pack(time_ns, offset))
+        offset += RECORD_HEAD.size + length
     return [message_index(channel, these) for channel, these in entries.items()]
 
 

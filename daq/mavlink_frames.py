@@ -106,46 +106,46 @@ class MavlinkParser:
         """The messages that `data` completes."""
         buffer = self._buffer + data
         received: list[Received] = []
-        at, size = 0, len(buffer)
-        while at < size:
-            if buffer[at] not in (MARKER_1, MARKER_2):
-                match = MARKER.search(buffer, at)
+        offset, size = 0, len(buffer)
+        while offset < size:
+            if buffer[offset] not in (MARKER_1, MARKER_2):
+                match = MARKER.search(buffer, offset)
                 start = match.start() if match else size
-                self.rejected += start - at
-                at = start
+                self.rejected += start - offset
+                offset = start
                 continue
-            head = HEAD_2 if buffer[at] == MARKER_2 else HEAD_1
-            if size - at < head:
+            head = HEAD_2 if buffer[offset] == MARKER_2 else HEAD_1
+            if size - offset < head:
                 break
-            flags = buffer[at + 2] if head == HEAD_2 else 0
+            flags = buffer[offset + 2] if head == HEAD_2 else 0
             if flags & ~SIGNED:  # of a later protocol, or no frame
                 self.rejected += 1
-                at += 1
+                offset += 1
                 continue
             if head == HEAD_2:
-                system, component = buffer[at + 5], buffer[at + 6]
-                number = int.from_bytes(buffer[at + 7 : at + 10], "little")
+                system, component = buffer[offset + 5], buffer[offset + 6]
+                number = int.from_bytes(buffer[offset + 7 : offset + 10], "little")
             else:
-                system, component, number = buffer[at + 3], buffer[at + 4], buffer[at + 5]
-            end = at + head + buffer[at + 1] + CRC_BYTES
+                system, component, number = buffer[offset + 3], buffer[offset + 4], buffer[offset + 5]
+            end = offset + head + buffer[offset + 1] + CRC_BYTES
             after = end + SIGNATURE_BYTES if flags else end
             if after > size:
                 break
             kind = KINDS.get(number)
             if kind is not None:
-                whole = checksum(buffer[at + 1 : end - CRC_BYTES], kind.crc_extra) == buffer[end - CRC_BYTES : end]
+                intact = checksum(buffer[offset + 1 : end - CRC_BYTES], kind.crc_extra) == buffer[end - CRC_BYTES : end]
             else:  # its CRC_EXTRA is not known here, but a frame ends where the next one begins
-                whole = after == size or buffer[after] in (MARKER_1, MARKER_2)
-            if not whole:
+                intact = after == size or buffer[after] in (MARKER_1, MARKER_2)
+            if not intact:
                 self.rejected += 1
-                at += 1
+                offset += 1
                 continue
             if kind is not None:
                 layout = kind.payload
-                payload = buffer[at + head : end - CRC_BYTES][: layout.size].ljust(layout.size, b"\0")
+                payload = buffer[offset + head : end - CRC_BYTES][: layout.size].ljust(layout.size, b"\0")
                 received.append(Received(system, component, kind.content(*layout.unpack(payload))))
-            at = after
-        self._buffer = buffer[at:]
+            offset = after
+        self._buffer = buffer[offset:]
         return received
 
 

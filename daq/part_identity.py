@@ -114,7 +114,7 @@ def _receiver(port: BytePort, clock: Clock) -> str:
 def receiver_version(payload: bytes) -> str:
     """Software, hardware, and those extensions that name module, firmware and protocol."""
     fields = [payload[:SOFTWARE], payload[SOFTWARE : SOFTWARE + HARDWARE]]
-    fields += [payload[at : at + EXTENSION] for at in range(SOFTWARE + HARDWARE, len(payload), EXTENSION)]
+    fields += [payload[start : start + EXTENSION] for start in range(SOFTWARE + HARDWARE, len(payload), EXTENSION)]
     software, hardware, *extensions = (field.partition(b"\0")[0].decode("ascii", "replace") for field in fields)
     named = [text for text in extensions if text.startswith(("MOD=", "FWVER=", "PROTVER"))]
     return ", ".join([software, f"hardware {hardware}", *named])

@@ -77,8 +77,8 @@ def receiver_problem(messages: Sequence[Message]) -> str:
         return ""
     last = solutions[-1]
     if last.dynamic_model not in AIRBORNE_MODELS:
-        known = "does not say its dynamic model" if last.dynamic_model is None else f"is set to {last.dynamic_model}"
-        return f"the receiver {known}, and smooths velocity unless it is 6 to 8 (airborne): switch it off and on"
+        fault = "does not say its dynamic model" if last.dynamic_model is None else f"is set to {last.dynamic_model}"
+        return f"the receiver {fault}, and smooths velocity unless it is 6 to 8 (airborne): switch it off and on"
     if last.fix_type != THREE_DIMENSIONAL or (last.satellites or 0) < MIN_SATELLITES:
         return f"fix of type {last.fix_type} with {last.satellites} satellites, {MIN_SATELLITES} needed: {OPEN_SKY}"
     if (accuracy_mps := last.speed_accuracy_mps or 0.0) > MAX_SPEED_ACCURACY_MPS:

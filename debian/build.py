@@ -94,8 +94,8 @@ def build(architecture: Architecture, output: Path, version: str) -> None:
     shutil.rmtree(source.parent, ignore_errors=True)
     shutil.copytree(ROOT / "debian", source / "debian", ignore=shutil.ignore_patterns("*.py"))
     committed_s = run("git", "log", "-1", "--format=%ct", cwd=ROOT) or str(int(time.time()))
-    stated = {"SETUPTOOLS_SCM_PRETEND_VERSION_FOR_FLIGHTPOWER": version} if version else {}
-    os.environ.update(stated, SOURCE_DATE_EPOCH=committed_s)
+    version_setting = {"SETUPTOOLS_SCM_PRETEND_VERSION_FOR_FLIGHTPOWER": version} if version else {}
+    os.environ.update(version_setting, SOURCE_DATE_EPOCH=committed_s)
     run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", source.parent, ROOT)
     (wheel,) = source.parent.glob("flightpower-*.whl")
     root = source / "root"
@@ -230,8 +230,8 @@ def copyright_of(packages: Path, path: Path) -> None:
     for info in sorted(packages.glob("*.dist-info")):
         about = HeaderParser().parsestr((info / "METADATA").read_text("utf-8"))
         if about["Name"] != "flightpower":
-            stated = (about["Author"], about["Author-email"], about["Maintainer-email"])
-            author = next(filter(None, stated), f"the authors of {about['Name']}")
+            fields = (about["Author"], about["Author-email"], about["Maintainer-email"])
+            author = next(filter(None, fields), f"the authors of {about['Name']}")
             files = f"usr/lib/flightpower/site-packages/{info.name.split('-')[0]}*"
             stanzas.append(f"Files: {files}\nCopyright: {author}\nLicense: {license_of(about)}")
     mit = "".join(f" {line}\n" if line else " .\n" for line in terms[1:])
@@ -240,9 +240,9 @@ def copyright_of(packages: Path, path: Path) -> None:
 
 def license_of(about: Message) -> str:
     """The license that a distribution states: expression, text in one line, or classifier."""
-    stated = about["License-Expression"] or about["License"] or ""
+    license_text = about["License-Expression"] or about["License"] or ""
     classified = [line.rsplit(" :: ", 1)[1] for line in about.get_all("Classifier", []) if line.startswith("License")]
-    return stated if stated and "\n" not in stated else ", ".join(classified) or "see its dist-info"
+    return license_text if license_text and "\n" not in license_text else ", ".join(classified) or "see its dist-info"
 
 
 def changelog(path: Path, version: str, time_s: float) -> None:

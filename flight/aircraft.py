@@ -239,10 +239,12 @@ class Aircraft:
     def static_thrust_excess(self) -> tuple[float, float] | None:
         """Thrust at rest over that of the table, less one; and its standard deviation, with that of the straight line
         over advance ratio. None where thrust was not measured on a stand."""
-        ratio, stated = self.propulsion.static_thrust_ratio, self.uncertainty
+        ratio, uncertainty = self.propulsion.static_thrust_ratio, self.uncertainty
         if ratio is None:
             return None
-        return ratio - 1, math.hypot(ratio * stated.static_thrust_ratio_fraction, stated.thrust_curvature_fraction)
+        return ratio - 1, math.hypot(
+            ratio * uncertainty.static_thrust_ratio_fraction, uncertainty.thrust_curvature_fraction
+        )
 
     def has(self, *keys: str) -> bool:
         """Whether the file has all of these keys, or sections, such as "probe.upwash_per_CL"."""

@@ -125,9 +125,9 @@ def takes_options(record: type[Record]) -> Callable[[Callable[..., Any]], Callab
                 annotation = of_record[field.name]
                 parameters.append(inspect.Parameter(field.name, keyword, default=field.default, annotation=annotation))
 
-        def run_command(**given: Any) -> Any:
-            options = record(**{name: given.pop(name) for name in names})
-            return command(**given, options=options)
+        def run_command(**keywords: Any) -> Any:
+            options = record(**{name: keywords.pop(name) for name in names})
+            return command(**keywords, options=options)
 
         return as_command(run_command, command, parameters)
 

@@ -122,7 +122,7 @@ class _Sign(NamedTuple):
 
     format: Format
     magic: bytes
-    at: int = 0
+    offset: int = 0
 
 
 SIGNS = (
@@ -237,7 +237,7 @@ def recognized(start: bytes) -> Format:
     if not start:
         return Format.EMPTY
     for sign in SIGNS:
-        if start.startswith(sign.magic, sign.at):
+        if start.startswith(sign.magic, sign.offset):
             return sign.format
     if BLACKBOX_LINE in start:
         return Format.BLACKBOX
@@ -280,11 +280,11 @@ def is_telemetry(start: bytes) -> bool:
 
 def _is_mavlink(start: bytes) -> bool:
     """Whether three frames follow each other."""
-    at = 0
+    offset = 0
     for _ in range(3):
-        if start[at : at + 1] not in (b"\xfe", b"\xfd") or len(start) < at + 3:
+        if start[offset : offset + 1] not in (b"\xfe", b"\xfd") or len(start) < offset + 3:
             return False
-        at += start[at + 1] + (8 if start[at] == 0xFE else 12 + 13 * (start[at + 2] & 1))
+        offset += start[offset + 1] + (8 if start[offset] == 0xFE else 12 + 13 * (start[offset + 2] & 1))
     return True
 
 

@@ -54,9 +54,9 @@ class Column:
         try:
             self.values.extend([null if value is None else value for value in values] if None in values else values)
         except OverflowError:
-            known = self[:before]
+            earlier = self[:before]
             self.values = []
-            self.extend([*known, *values])
+            self.extend([*earlier, *values])
 
     def __getitem__(self, rows: slice) -> list[Any]:
         if isinstance(self.values, list):

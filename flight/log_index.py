@@ -85,17 +85,17 @@ class LogIndex:
             (Opcode.METADATA_INDEX, self._metadata.end()),
         )
         offsets = RecordBuilder()
-        at = start
+        group_start = start
         for opcode, records in groups:
             if records:
-                SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(records)).write(offsets)
-            at += len(records)
+                SummaryOffset(group_opcode=opcode, group_start=group_start, group_length=len(records)).write(offsets)
+            group_start += len(records)
         summary = [*(records for _, records in groups if records), offsets.end()]
         checksum = 0
-        for piece in (*summary, struct.pack("<BQQQ", Opcode.FOOTER, FOOTER_BYTES, start, at)):
+        for piece in (*summary, struct.pack("<BQQQ", Opcode.FOOTER, FOOTER_BYTES, start, group_start)):
             checksum = zlib.crc32(piece, checksum)
         footer = RecordBuilder()
-        Footer(summary_start=start, summary_offset_start=at, summary_crc=checksum).write(footer)
+        Footer(summary_start=start, summary_offset_start=group_start, summary_crc=checksum).write(footer)
         return [data_end, *summary, footer.end() + MAGIC]
 
     def _statistics(self) -> bytes:
@@ -127,9 +127,9 @@ class _OpenChunk:
         self._length = RECORD_HEAD.size + len(content)
         self.end = offset + self._length
         self.first_ns, self.last_ns, self._uncompressed, _ = CHUNK_HEAD.unpack_from(content)
-        compression, at = _prefixed(content, CHUNK_HEAD.size)
+        compression, position = _prefixed(content, CHUNK_HEAD.size)
         self._compression = compression.encode()
-        (self._compressed,) = struct.unpack_from("<Q", content, at)
+        (self._compressed,) = struct.unpack_from("<Q", content, position)
         self.offsets = b""
 
     def index(self) -> bytes:
@@ -148,14 +148,14 @@ class _OpenChunk:
 
 def _attachment_index(content: bytes | memoryview, offset: int) -> AttachmentIndex:
     log_time, create_time = struct.unpack_from("<QQ", content)
-    name, at = _prefixed(content, 16)
-    media_type, at = _prefixed(content, at)
-    (size,) = struct.unpack_from("<Q", content, at)
+    name, position = _prefixed(content, 16)
+    media_type, position = _prefixed(content, position)
+    (size,) = struct.unpack_from("<Q", content, position)
     length = RECORD_HEAD.size + len(content)
     return AttachmentIndex(offset, length, log_time, create_time, size, name, media_type)
 
 
-def _prefixed(content: bytes | memoryview, at: int) -> tuple[str, int]:
+def _prefixed(content: bytes | memoryview, offset: int) -> tuple[str, int]:
     """A string that is preceded by its length, and the position after it."""
-    (length,) = struct.unpack_from("<I", content, at)
-    return str(bytes(content[at + 4 : at + 4 + length]), "utf-8"), at + 4 + length
+    (length,) = struct.unpack_from("<I", content, offset)
+    return str(bytes(content[offset + 4 : offset + 4 + length]), "utf-8"), offset + 4 + length

@@ -87,25 +87,25 @@ def _records(stream: IO[bytes], allowed: int, messages: dict[int, Messages]) -> 
 
 def _in_chunk(data: bytes, messages: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
     """Add the messages in a decompressed chunk to `messages`; a channel is returned after the messages before it."""
-    at, end, head, unpack = 0, len(data), RECORD_HEAD.size + MESSAGE_HEAD.size, IN_CHUNK.unpack_from
-    while at < end:
-        if data[at] == MESSAGE:
-            _, length, channel, tick, time_ns, _ = unpack(data, at)
-            begin, at = at + head, at + RECORD_HEAD.size + length
-            if at > end:
+    offset, end, head, unpack = 0, len(data), RECORD_HEAD.size + MESSAGE_HEAD.size, IN_CHUNK.unpack_from
+    while offset < end:
+        if data[offset] == MESSAGE:
+            _, length, channel, tick, time_ns, _ = unpack(data, offset)
+            begin, offset = offset + head, offset + RECORD_HEAD.size + length
+            if offset > end:
                 raise EndOfFile()
             _, times_ns, ticks, contents = messages.get(channel) or messages.setdefault(channel, _none_of(channel))
             times_ns.append(time_ns)
             ticks.append(tick)
-            contents.append(data[begin:at])
+            contents.append(data[begin:offset])
             continue
-        opcode, length = RECORD_HEAD.unpack_from(data, at)
-        begin, at = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
-        if at > end:
+        opcode, length = RECORD_HEAD.unpack_from(data, offset)
+        begin, offset = offset + RECORD_HEAD.size, offset + RECORD_HEAD.size + length
+        if offset > end:
             raise EndOfFile()
         if opcode == Opcode.CHANNEL:
             yield from _taken(messages)
-            yield Channel.read(ReadDataStream(BytesIO(data[begin:at])))
+            yield Channel.read(ReadDataStream(BytesIO(data[begin:offset])))
 
 
 def _taken(messages: dict[int, Messages]) -> list[Messages]:

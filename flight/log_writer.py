@@ -142,12 +142,12 @@ class LogWriter:
 
     def append(self, records: bytes) -> None:
         """Add whole records: a closed chunk, of this log or of one that declared the same topics in the same order."""
-        view, at = memoryview(records), 0
-        while at < len(records):
-            opcode, length = RECORD_HEAD.unpack_from(records, at)
-            begin = at + RECORD_HEAD.size
-            self._index.add(opcode, view[begin : begin + length], self._written + at)
-            at = begin + length
+        view, offset = memoryview(records), 0
+        while offset < len(records):
+            opcode, length = RECORD_HEAD.unpack_from(records, offset)
+            begin = offset + RECORD_HEAD.size
+            self._index.add(opcode, view[begin : begin + length], self._written + offset)
+            offset = begin + length
         self._put(records)
 
     def finish(self) -> None:

@@ -295,7 +295,7 @@ def computed_table_error() -> tuple[float, float]:
     )
 
 
-def with_table_error(stated: Uncertainty, keys: Collection[str], propeller: Propeller) -> tuple[Uncertainty, str]:
+def with_table_error(uncertainty: Uncertainty, keys: Collection[str], propeller: Propeller) -> tuple[Uncertainty, str]:
     """What is known of the thrust of a table before a flight, and a sentence where it is not what is assumed of every
     table: one that was computed is less certain, unless the aircraft file says otherwise.
 
@@ -303,17 +303,17 @@ def with_table_error(stated: Uncertainty, keys: Collection[str], propeller: Prop
     """
     silent = [key for key in ("thrust_scale", "thrust_slope") if f"uncertainty.{key}" not in keys]
     if propeller.origin is not Origin.COMPUTED or not silent:
-        return stated, ""
+        return uncertainty, ""
     scale, slope = computed_table_error()
     if "thrust_scale" in silent:
-        stated = replace(stated, thrust_scale_fraction=scale)
+        uncertainty = replace(uncertainty, thrust_scale_fraction=scale)
     if "thrust_slope" in silent:
-        stated = replace(stated, thrust_slope=slope)
-    return stated, (
+        uncertainty = replace(uncertainty, thrust_slope=slope)
+    return uncertainty, (
         f"The table of the propeller {propeller.name} was computed, not measured: its thrust is taken to be uncertain"
-        f" by {100 * stated.thrust_scale_fraction:.0f} % and its slope by {stated.thrust_slope:.2f}, as of propellers"
-        " that were computed and measured. A measured table, or `calibrate thrust`, narrows the interval; or state"
-        " [uncertainty] thrust_scale and thrust_slope."
+        f" by {100 * uncertainty.thrust_scale_fraction:.0f} % and its slope by {uncertainty.thrust_slope:.2f}, as for"
+        " other propellers that were both computed and measured. A measured table, or `calibrate thrust`, narrows the"
+        " interval; or enter thrust_scale and thrust_slope in [uncertainty]."
     )
 
 
@@ -374,8 +374,8 @@ def _pairs(tables: Iterable[Table], J: tuple[float, float] | None) -> list[Pair]
     for table, other in permutations(tables, 2):
         step = _log_size(other) - _log_size(table)
         if np.hypot(*step) <= COMPARED_WITHIN:
-            at = J or flight_J(table)
-            ratios = _ratios(*_log_ratios(table, other, at), at)
+            J_range = J or flight_J(table)
+            ratios = _ratios(*_log_ratios(table, other, J_range), J_range)
             if ratios is not None:
                 pairs.append(Pair(table.name, step, ratios))
     return pairs
@@ -388,9 +388,9 @@ def _cost_of_computed(base: Table, tables: Sequence[Table], J: tuple[float, floa
         same = computed.series == measured.series and computed.size == measured.size
         if not same or computed.origin is not Origin.COMPUTED or measured.origin is not Origin.MEASURED:
             continue
-        at = J or flight_J(computed)
-        of_thrust, of_power = _log_ratios(computed, measured, at)
-        ratios = _ratios(of_thrust, of_power, at)
+        J_range = J or flight_J(computed)
+        of_thrust, of_power = _log_ratios(computed, measured, J_range)
+        ratios = _ratios(of_thrust, of_power, J_range)
         if ratios is not None:
             compared.append(ratios)
             thrust.append(of_thrust)
@@ -424,10 +424,10 @@ def _log_ratios(table: Table, other: Table, J: tuple[float, float]) -> tuple[Arr
     low, high = max(table.rpm[0], other.rpm[0]), min(table.rpm[1], other.rpm[1])
     if low > high:
         low = high = (low + high) / 2
-    at, rpm = np.broadcast_arrays(np.linspace(*J, 21), np.linspace(low, high, 3)[:, None])
+    advance, rpm = np.broadcast_arrays(np.linspace(*J, 21), np.linspace(low, high, 3)[:, None])
     smaller = table.propeller.diameter_m / other.propeller.diameter_m
-    of_one = table.propeller.table(at, rpm)
-    cT, cP = other.propeller.table(at * smaller, rpm)
+    of_one = table.propeller.table(advance, rpm)
+    cT, cP = other.propeller.table(advance * smaller, rpm)
     pairs = ((cT / smaller**4, of_one[0]), (cP / smaller**5, of_one[1]))
     with np.errstate(invalid="ignore", divide="ignore"):
         thrust, power = (np.log(np.maximum(a / np.where(b > 0, b, np.nan), LEAST_RATIO)) for a, b in pairs)
@@ -441,6 +441,6 @@ def _ratios(thrust: Array, power: Array, J: tuple[float, float]) -> Array | None
     """
     if not (np.isfinite(thrust).all() and np.isfinite(power).all()):
         return None
-    at = np.broadcast_to(np.linspace(*J, thrust.shape[-1]), thrust.shape).ravel()
-    scale, slope = np.polynomial.polynomial.polyfit(at - J_REFERENCE, thrust.ravel(), 1)
+    advance = np.broadcast_to(np.linspace(*J, thrust.shape[-1]), thrust.shape).ravel()
+    scale, slope = np.polynomial.polynomial.polyfit(advance - J_REFERENCE, thrust.ravel(), 1)
     return np.array([scale, slope, thrust.mean(), power.mean()])

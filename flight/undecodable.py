@@ -21,11 +21,11 @@ class Undecodable:
     @property
     def mistake(self) -> str:
         """What is wrong with the first message, and what to write instead."""
-        at = AT_FIELD.search(self.reason)
-        field, reason = at[1] if at else "", self.reason.split(" - at ")[0]
+        place = AT_FIELD.search(self.reason)
+        field, reason = place[1] if place else "", self.reason.split(" - at ")[0]
         if field == "status":
             return f"status is {self._status()}; write one of {', '.join(Status)}"
-        if not at and (match := NOT_A_NUMBER.search(self.first)):
+        if not place and (match := NOT_A_NUMBER.search(self.first)):
             return f"{match[1].decode()} is not JSON; write null where nothing was measured"
         if field and reason.startswith("Expected `float") and reason.endswith("got `str`"):
             return f"{field} is a string; write a number without quotation marks"

@@ -16,7 +16,7 @@ REVOLUTIONS = {"revps": "turn/s", "rev/s": "turn/s", "rev/min": "rpm"}  # names 
 
 
 def read_unit_columns(
-    path: Path, known: Mapping[str, tuple[str, str]], needed: Sequence[str], example: str
+    path: Path, columns: Mapping[str, tuple[str, str]], needed: Sequence[str], example: str
 ) -> dict[str, NDArray[np.float64]]:
     """Columns (n,) of finite numbers by name, in SI units. Lines that are empty or begin with # are left out.
 
@@ -33,16 +33,16 @@ def read_unit_columns(
     header, *lines = rows
     values: dict[str, NDArray[np.float64]] = {}
     for i, title in enumerate(header):
-        match = re.fullmatch(rf"\s*({'|'.join(known)})(?:_|\s*\[)([^\]]+)\]?\s*", title)
+        match = re.fullmatch(rf"\s*({'|'.join(columns)})(?:_|\s*\[)([^\]]+)\]?\s*", title)
         if match is None:
-            raise InputError(f"{path}: column {title!r}: must be one of {', '.join(known)} with its unit: {example}")
-        name, unit = known[match[1]]
+            raise InputError(f"{path}: column {title!r}: must be one of {', '.join(columns)} with its unit: {example}")
+        name, unit = columns[match[1]]
         zero, unity = (to_si(f"{x} {REVOLUTIONS.get(match[2], match[2])}", unit, f"{path}: {title}") for x in (0, 1))
         numbers = np.array([number_or_nan(line[i]) if i < len(line) else np.nan for line in lines])
         values[name] = zero + (unity - zero) * numbers
         if not np.isfinite(values[name]).all():
             wrong = ",".join(lines[int(np.isfinite(values[name]).argmin())])
             raise InputError(f"{path}: column {title!r}: not a number in every line; the first without: {wrong}")
-    if missing := [title for title in needed if known[title][0] not in values]:
+    if missing := [title for title in needed if columns[title][0] not in values]:
         raise InputError(f"{path}: no column {', '.join(missing)}; give columns such as {example}")
     return values

@@ -172,31 +172,33 @@ def _read_table(kind: Any, table: object, where: str, examples: Mapping[str, str
         return None
     hints = typing.get_type_hints(kind)
     values: dict[str, Any] = {}
-    known: list[str] = []
+    accepted: list[str] = []
     before = len(problems)
     for field in dataclasses.fields(kind):
         if not field.metadata.get("key", True):
             continue
         key, unit = split_unit(field.name)
-        known.append(key)
-        at = f"{where}: {key}" if ":" not in where else f"{where}.{key}"
+        accepted.append(key)
+        place = f"{where}: {key}" if ":" not in where else f"{where}.{key}"
         required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if key in table:
             try:
                 values[field.name] = _read_value(
-                    hints[field.name], table[key], unit, at, examples=examples, problems=problems
+                    hints[field.name], table[key], unit, place, examples=examples, problems=problems
                 )
             except InputError as error:
-                example = examples.get(at.partition(": ")[2])
+                example = examples.get(place.partition(": ")[2])
                 like = f"; write it as {key} = {example}" if example and "such as" not in str(error) else ""
                 problems.append(f"{error}{like}")
         elif required and dataclasses.is_dataclass(hints[field.name]):
-            _read_table(hints[field.name], {}, at, examples, problems)
+            _read_table(hints[field.name], {}, place, examples, problems)
         elif required:
-            example = examples.get(at.partition(": ")[2])
+            example = examples.get(place.partition(": ")[2])
             like = f", such as {key} = {example}" if example else f" (a quantity in {unit})" if unit else ""
-            problems.append(f"{at} is missing{like}")
-    problems += [f"{where}: unknown key {key!r}; known here: {', '.join(known)}" for key in table if key not in known]
+            problems.append(f"{place} is missing{like}")
+    problems += [
+        f"{where}: unknown key {key!r}; known here: {', '.join(accepted)}" for key in table if key not in accepted
+    ]
     return None if len(problems) > before else kind(**values)
 
 
@@ -221,8 +223,8 @@ def _read_value(
     if origin is dict:
         if not isinstance(value, dict):
             raise InputError(f"{where}: should be a table, is {value!r}")
-        at = {key: f"{where}.{key}" for key in value}
-        return {key: _read_value(arguments[1], entry, unit, at[key], **noted) for key, entry in value.items()}
+        places = {key: f"{where}.{key}" for key in value}
+        return {key: _read_value(arguments[1], entry, unit, places[key], **noted) for key, entry in value.items()}
     if origin is tuple:
         fixed = Ellipsis not in arguments
         if not isinstance(value, list) or (fixed and len(value) != len(arguments)):

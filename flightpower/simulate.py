@@ -140,19 +140,19 @@ def fly(
     calibration = probe_text(probe)
     check_output(output, replace)
     check_probe(output, calibration, probe)
-    drawn = draw(flown_in.errors, seed)
+    sensor_errors = draw(flown_in.errors, seed)
     if craft.has("installation.name"):
         installation = craft.installation.name
     if installation is not None:
-        drawn = of_installation(drawn, draw(flown_in.errors, crc32(installation.encode())))
+        sensor_errors = of_installation(sensor_errors, draw(flown_in.errors, crc32(installation.encode())))
     with progress_bar("flying") as report:
-        flight = fly_plan(craft, flight_plan, seed=seed, deviations=drawn.deviations, progress=report)
-    written, sensor_truth = output / LOG, FlightSensorTruth(flight, drawn)
+        flight = fly_plan(craft, flight_plan, seed=seed, deviations=sensor_errors.deviations, progress=report)
+    written, sensor_truth = output / LOG, FlightSensorTruth(flight, sensor_errors)
     variant = _tray_variant(craft, day, flight_plan.air.time_of_day_s)
     with whole_or_nothing(output):
-        write_flight(output, flight, drawn, flown_in, aircraft=aircraft, calibration=calibration)
+        write_flight(output, flight, sensor_errors, flown_in, aircraft=aircraft, calibration=calibration)
         if recorder is not None:
-            written = write_autopilot_log(output, recorder, flight, sensor_truth, drawn, faults=traps)
+            written = write_autopilot_log(output, recorder, flight, sensor_truth, sensor_errors, faults=traps)
         else:
             with progress_bar("recording", flight.duration_s) as report:
                 if no_hardware:
@@ -383,8 +383,8 @@ def plot(
 
     check_new_file(output, replace=replace)
     table, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
-    drawn = figure(table, metadata)
-    write_file(output, drawn.to_html(include_plotlyjs=True))
+    chart = figure(table, metadata)
+    write_file(output, chart.to_html(include_plotlyjs=True))
     print(f"{output}: {len(table)} samples", file=sys.stderr)
 
 
@@ -410,9 +410,9 @@ def errors(
     from flightpower.sim.truth import read_truth
 
     _, metadata = read_truth(truth / TRUTH if truth.is_dir() else truth)
-    drawn = metadata["errors"]
-    by_axis = {name: drawn[BY_AXIS[name]] for name in BY_AXIS if drawn["values"][name]}
-    alone = {name: value for name, value in drawn["values"].items() if value and name not in BY_AXIS}
+    recorded_errors = metadata["errors"]
+    by_axis = {name: recorded_errors[BY_AXIS[name]] for name in BY_AXIS if recorded_errors["values"][name]}
+    alone = {name: value for name, value in recorded_errors["values"].items() if value and name not in BY_AXIS}
     for name, value in {**alone, **by_axis}.items():
         print(f"{name} = {value}")
 

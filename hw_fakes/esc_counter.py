@@ -89,9 +89,9 @@ class FakeEscCounter:
         self._block += 1
         rate_Hz = np.maximum(self._sensor_truth.motor_speed_revps(t_s), 0.0) * self._pulses_per_rev
         phase = self._phase + np.concatenate([[0.0], np.cumsum((rate_Hz[:-1] + rate_Hz[1:]) * STEP_S / 2)])
-        whole = np.arange(np.floor(self._phase) + 1, np.floor(phase[-1]) + 1)
+        revolutions = np.arange(np.floor(self._phase) + 1, np.floor(phase[-1]) + 1)
         self._phase = float(phase[-1])
-        for pulse_s in np.interp(whole, phase, t_s).tolist():
+        for pulse_s in np.interp(revolutions, phase, t_s).tolist():
             self._stand_until(pulse_s)
             if self._last_pulse_s is not None:
                 self._report(pulse_s, round((pulse_s - self._last_pulse_s) * 1e6))

@@ -156,11 +156,11 @@ class FuseI2C:
             raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
         time.sleep(sum(1 + length for _, _, length, _ in messages) * self._byte_s)
         written: tuple[int, bytes] | None = None  # a write that a repeated start may follow
-        for address, flags, length, at in messages:
+        for address, flags, length, pointer in messages:
             if not flags & I2C_M_RD:
                 if written is not None:
                     self._bus.write(*written)
-                written = (address, self._fetch(pid, at, length))
+                written = (address, self._fetch(pid, pointer, length))
                 continue
             if written is not None and written[0] == address:
                 reply = self._bus.write_read(address, written[1], length)
@@ -169,26 +169,26 @@ class FuseI2C:
                     self._bus.write(*written)
                 reply = self._bus.read(address, length)
             written = None
-            self._store(pid, at, reply)
+            self._store(pid, pointer, reply)
         if written is not None:
             self._bus.write(*written)
         return int(count)
 
     # --- the caller's memory ---
 
-    def _fetch(self, pid: int, at: int, length: int) -> bytes:
+    def _fetch(self, pid: int, pointer: int, length: int) -> bytes:
         data = ctypes.create_string_buffer(length)
-        self._move("process_vm_readv", pid, at, data, length)
+        self._move("process_vm_readv", pid, pointer, data, length)
         return data.raw
 
-    def _store(self, pid: int, at: int, data: bytes) -> None:
-        self._move("process_vm_writev", pid, at, ctypes.create_string_buffer(data, len(data)), len(data))
+    def _store(self, pid: int, pointer: int, data: bytes) -> None:
+        self._move("process_vm_writev", pid, pointer, ctypes.create_string_buffer(data, len(data)), len(data))
 
-    def _move(self, name: str, pid: int, at: int, buffer: "ctypes.Array[ctypes.c_char]", length: int) -> None:
+    def _move(self, name: str, pid: int, pointer: int, buffer: "ctypes.Array[ctypes.c_char]", length: int) -> None:
         if length == 0:
             return
         ours = IoVec(ctypes.addressof(buffer), length)
-        remote = IoVec(at, length)
+        remote = IoVec(pointer, length)
         unity, flags = ctypes.c_ulong(1), ctypes.c_ulong(0)
         if self._call(name, pid, ctypes.byref(ours), unity, ctypes.byref(remote), unity, flags) != length:
             raise OSError(errno.EFAULT, os.strerror(errno.EFAULT))

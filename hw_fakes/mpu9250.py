@@ -291,7 +291,7 @@ class FakeMPU9250:
 
     def _registers_say(self) -> Sampling:
         gyro_config, accel_config, accel_config_2 = (
-            self._registers[at] for at in (GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2)
+            self._registers[register] for register in (GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2)
         )
         return Sampling(
             gyro=GYRO_WITHOUT_FILTER if gyro_config & 3 else GYRO_FILTERS[self._registers[CONFIG] & 7],

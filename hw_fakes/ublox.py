@@ -284,8 +284,8 @@ class FakeUbloxM8:
             self._replies.append((reply_ns, ubx(NAV, NAV_PVT, self._nav_pvt())))
         elif message_class == CFG:
             handler = handlers.get((message_class, message_id))
-            known = (message_class, message_id) in ACCEPTED_UNREAD
-            accepted = handler(payload, at_ns) if handler else known
+            accepted_unread = (message_class, message_id) in ACCEPTED_UNREAD
+            accepted = handler(payload, at_ns) if handler else accepted_unread
             answer = ubx(ACK, 0x01 if accepted else 0x00, bytes([message_class, message_id]))
             self._replies.append((reply_ns, answer))
 
@@ -392,8 +392,8 @@ class FakeUbloxM10(FakeUbloxM8):
             key = int.from_bytes(rest[:4], "little")
             size = VALUE_BYTES.get(key >> 28, len(rest))
             values[key], rest = int.from_bytes(rest[4 : 4 + size], "little"), rest[4 + size :]
-        known = self._values().keys() | KEYS_WITHOUT_EFFECT
-        if rest or not payload[1] & IN_RAM or not values.keys() <= known:
+        supported = self._values().keys() | KEYS_WITHOUT_EFFECT
+        if rest or not payload[1] & IN_RAM or not values.keys() <= supported:
             return False
         values = self._values() | values
         if values[KEY_MODEL] not in DYNAMIC_MODELS or values[KEY_MEASUREMENT] < SHORTEST_MEASUREMENT_MS:
@@ -420,7 +420,7 @@ class FakeUbloxM10(FakeUbloxM8):
         }
 
     def _get_values(self, payload: bytes, at_ns: int) -> bool:
-        keys = [int.from_bytes(payload[at : at + 4], "little") for at in range(4, len(payload), 4)]
+        keys = [int.from_bytes(payload[start : start + 4], "little") for start in range(4, len(payload), 4)]
         values = self._values()
         if not keys or not set(keys) <= values.keys():
             return False

@@ -30,12 +30,12 @@ def write_autopilot_log(
     recorder: str,
     flight: Flight,
     sensor_truth: FlightSensorTruth,
-    drawn: DrawnErrors,
+    errors: DrawnErrors,
     *,
     faults: list[str],
 ) -> Path:
     """Write the log and return its path. recorder: of AUTOPILOT_LOGS."""
     path = output / AUTOPILOT_LOGS[recorder]
     write = write_px4_log if recorder == "px4" else write_ardupilot_log
-    write(path, flight, sensor_truth, drawn, faults)
+    write(path, flight, sensor_truth, errors, faults)
     return path

@@ -203,8 +203,8 @@ class RunUpSegment(BenchSegment):
 
     def columns(self, plant: Plant, t: Array) -> dict[str, Array]:
         rho = float(ambient(plant.air, 0.0).density)
-        drawn = plant.deviations
-        factor = ThrustFactor(1 + drawn.thrust_scale, drawn.thrust_slope_J)
+        deviations = plant.deviations
+        factor = ThrustFactor(1 + deviations.thrust_scale, deviations.thrust_slope_J)
 
         def acceleration(revps: float, throttle: float) -> float:
             train = power_train(plant.aircraft.propulsion, plant.propeller, V=0.0, n=revps, throttle=throttle, rho=rho)

@@ -36,8 +36,8 @@ class DataflashMessages:
                 return in_us * self.columns[name].astype(np.uint64)
         return np.zeros(len(next(iter(self.columns.values()))), dtype=np.uint64)
 
-    def selected(self, kept: NDArray[np.bool_]) -> "DataflashMessages":
-        return replace(self, columns={name: x[kept] for name, x in self.columns.items()})
+    def selected(self, selection: NDArray[np.bool_]) -> "DataflashMessages":
+        return replace(self, columns={name: x[selection] for name, x in self.columns.items()})
 
     def at(self, time_us: NDArray[np.uint64]) -> "DataflashMessages":
         """These messages at other times."""

@@ -57,8 +57,8 @@ class Defects:
 
     def counted_revps(self, motor_revps: Array) -> Array:
         """The motor speed that the counter gives, elementwise."""
-        kept = np.where(motor_revps > self.pulses_lost_above_revps, 1 - self.pulses_lost, 1.0)
-        return motor_revps * kept * (self.poles / self.poles_entered)
+        counted_share = np.where(motor_revps > self.pulses_lost_above_revps, 1 - self.pulses_lost, 1.0)
+        return motor_revps * counted_share * (self.poles / self.poles_entered)
 
     def vibration_offset_mps2(self, motor_revps: Array) -> Array:
         """What the accelerometer adds at motor speeds (n,), in its own axes (n, 3)."""

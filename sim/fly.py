@@ -214,8 +214,8 @@ class _FlightSimulation:
                 targets = targets_of.send(seen)
             except StopIteration:
                 targets = None
-        drawn = noises.array() if white else None
-        self._add(airborne_rows(plant, states.array(), commands.array(), drawn), index, segment.kind)
+        white_noise = noises.array() if white else None
+        self._add(airborne_rows(plant, states.array(), commands.array(), white_noise), index, segment.kind)
         self.energy_J = float(stepper.x[AircraftState._fields.index("energy")])
         self.t += step * self.dt
         self.seen = seen
@@ -229,10 +229,10 @@ class _FlightSimulation:
             self.runs_flown += 1
         if out == self.stepper.plant.gear_out:
             return self.stepper.plant, self.stepper
-        kept = self.other_stepper or Stepper(replace(self.plant, gear_out=out), self.dt, self.plan.integrator)
+        new_stepper = self.other_stepper or Stepper(replace(self.plant, gear_out=out), self.dt, self.plan.integrator)
         self.other_stepper = self.stepper
-        kept.start(AircraftState(*self.stepper.x.tolist()), Commands(*self.stepper.commands.tolist()))
-        return kept.plant, kept
+        new_stepper.start(AircraftState(*self.stepper.x.tolist()), Commands(*self.stepper.commands.tolist()))
+        return new_stepper.plant, new_stepper
 
     def _stand(self, segment: Any, index: int) -> None:
         n = round(segment.duration_s / self.dt)

@@ -35,10 +35,12 @@ def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircr
 
     def filled(section: str, defaults: Section) -> Section:
         """The section of the scaled model, with what the file says."""
-        given = {f.name: getattr(getattr(own, section), f.name) for f in fields(defaults)}  # type: ignore[arg-type]
-        keys = {name: f"{section}.{split_unit(name)[0]}" for name in given}
-        taken.extend(key for name, key in keys.items() if not own.has(key) and given[name] != getattr(defaults, name))
-        return replace(defaults, **{name: value for name, value in given.items() if own.has(keys[name])})  # type: ignore[type-var]
+        settings = {f.name: getattr(getattr(own, section), f.name) for f in fields(defaults)}  # type: ignore[arg-type]
+        keys = {name: f"{section}.{split_unit(name)[0]}" for name in settings}
+        taken.extend(
+            key for name, key in keys.items() if not own.has(key) and settings[name] != getattr(defaults, name)
+        )
+        return replace(defaults, **{name: value for name, value in settings.items() if own.has(keys[name])})  # type: ignore[type-var]
 
     aerodynamics = {**(scaled.aerodynamics or {}), **(own.aerodynamics or {})}
     surfaces: dict[str, Any] = {name: getattr(own, name) or getattr(model, name) for name in SURFACES}
@@ -117,11 +119,11 @@ def _propeller(own: Aircraft, model: CompleteAircraft) -> str:
 
 def with_installation(aircraft: CompleteAircraft, name: str) -> CompleteAircraft:
     """The aircraft with this name of its installation in its file. Raises InputError when the file has another one."""
-    stated = aircraft.installation.name
-    if stated == name:
+    present = aircraft.installation.name
+    if present == name:
         return aircraft
     if aircraft.has("installation.name"):
-        raise InputError(f'--installation {name}: the aircraft file has installation name = "{stated}"')
+        raise InputError(f'--installation {name}: the aircraft file has installation name = "{present}"')
     section, line = "[installation]\n", f'name = "{name}"\n'
     if aircraft.has("installation"):
         text = aircraft.text.replace(section, section + line, 1)

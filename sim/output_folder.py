@@ -43,7 +43,7 @@ def whole_or_nothing(output: Path) -> Iterator[None]:
     Raises StorageError when the disk is full or fails, InputError when the folder cannot be written.
     """
     new_folder, others = not output.exists(), (AIRCRAFT, PROPELLER, PROBE)
-    kept = [name for name in others if (output / name).exists()]
+    existing = [name for name in others if (output / name).exists()]
     mark = output / UNFINISHED
     try:
         output.mkdir(parents=True, exist_ok=True)
@@ -52,7 +52,7 @@ def whole_or_nothing(output: Path) -> Iterator[None]:
         mark.unlink()
     except BaseException as error:
         with suppress(OSError):
-            for name in (*OUTPUT_FILES, *(name for name in others if name not in kept), UNFINISHED):
+            for name in (*OUTPUT_FILES, *(name for name in others if name not in existing), UNFINISHED):
                 (output / name).unlink(missing_ok=True)
             if new_folder:
                 output.rmdir()
@@ -80,7 +80,7 @@ def check_probe(output: Path, calibration: str, probe: Path | None) -> None:
 
 
 def write_flight(
-    output: Path, flight: "Flight", drawn: "DrawnErrors", world: "World", *, aircraft: str, calibration: str
+    output: Path, flight: "Flight", errors: "DrawnErrors", world: "World", *, aircraft: str, calibration: str
 ) -> None:
     """Write all but the log. Raises OSError when something cannot be written.
 
@@ -90,7 +90,7 @@ def write_flight(
 
     for name in OUTPUT_FILES:
         (output / name).unlink(missing_ok=True)
-    metadata = {**flight.metadata, "world": world.name, "errors": drawn.as_dict()}
+    metadata = {**flight.metadata, "world": world.name, "errors": errors.as_dict()}
     write_truth(output / TRUTH, flight.truth, metadata, flight.power_required)
     flight.power_required.to_csv(output / CURVE, index=False)
     (output / TRAY).write_text(_tray_text(_aircraft(output, flight, world, aircraft)), "utf-8")

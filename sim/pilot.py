@@ -108,7 +108,7 @@ class TrimSchedule:
             throttle + share * d_throttle,
         )
 
-    def known(self, share: float, elsewhere: TrimPoint) -> "TrimSchedule":
+    def mixed_with_point(self, share: float, elsewhere: TrimPoint) -> "TrimSchedule":
         """The schedule mixed with one trim point: share 1 gives the schedule, share 0 that point everywhere."""
         return TrimSchedule(self._low, self._high, [between(elsewhere, row, share, 1 - share) for row in self._rows])
 
@@ -140,7 +140,7 @@ class Pilot:
         schedule = schedule_of(trimmer)
         self._slowest = schedule.at(0.0)
         # Without feed-forward the pilot uses the trim of cruise at all speeds.
-        self._known = schedule.known(gains.feedforward, schedule.at(self._V_reference))
+        self._feedforward = schedule.mixed_with_point(gains.feedforward, schedule.at(self._V_reference))
         self._gamma_integral = 0.0
         self._throttle_integral = 0.0
         self._bank_integral = 0.0
@@ -162,7 +162,7 @@ class Pilot:
         bank = min(max(seen.phi, -1.2), 1.2)
         lift = max(want.load_factor or 1.0, 0.2) if want.load_factor is not None else 1 / cos(bank)
         # At load factor n the aircraft needs the angle of attack of level flight at V / sqrt(n).
-        loaded, level = self._known.at(V / sqrt(lift)), self._known.at(V)
+        loaded, level = self._feedforward.at(V / sqrt(lift)), self._feedforward.at(V)
         alpha_ff, elevator_ff = loaded.alpha, loaded.elevator
         stiffness = min((self._V_reference / V) ** 2, 2.5) if gains.scheduled else 1.0
 
@@ -236,7 +236,7 @@ class Pilot:
         self._speed = before + change
         error = self._speed - seen.V
         gains, k = self._gains, self._gains.skill
-        base = self._known.at(self._speed).throttle
+        base = self._feedforward.at(self._speed).throttle
         throttle = base + gains.acceleration_s2_per_m * change / self._dt
         throttle += k * gains.speed_per_m * error + self._throttle_integral
         if 0 < throttle < 1:

@@ -87,15 +87,15 @@ class _Head:
 
 
 def _gains(table: Any, where: str) -> Gains:
-    known = {f.name: f.type for f in fields(Gains)}
+    types = {f.name: f.type for f in fields(Gains)}
     if not isinstance(table, dict):
         raise InputError(f"{where}: should be a name or a table, is {table!r}")
     for key, value in table.items():
-        if key not in known:
-            raise InputError(f"{where}: unknown key {key!r}; known here: {', '.join(known)}")
-        if known[key] is bool and not isinstance(value, bool):
+        if key not in types:
+            raise InputError(f"{where}: unknown key {key!r}; known here: {', '.join(types)}")
+        if types[key] is bool and not isinstance(value, bool):
             raise InputError(f"{where}: {key}: should be true or false, is {value!r}")
-        if known[key] is not bool and (isinstance(value, bool) or not isinstance(value, int | float)):
+        if types[key] is not bool and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise InputError(f"{where}: {key}: should be a plain number, is {value!r}")
     return Gains(**table)
 
@@ -105,26 +105,26 @@ def _segments(raw: Any, where: str) -> list[Any]:
         raise InputError(f"{where}: has no [[segment]]")
     segments: list[Any] = []
     for i, entry in enumerate(raw, start=1):
-        at = f"{where}: segment {i}"
+        place = f"{where}: segment {i}"
         if not isinstance(entry, dict):
-            raise InputError(f"{at}: should be a table, is {entry!r}")
+            raise InputError(f"{place}: should be a table, is {entry!r}")
         entry = dict(entry)
         kind = entry.pop("kind", None)
         if kind == "repeat":
             times = entry.pop("times", None)
             if not isinstance(times, int) or isinstance(times, bool) or times < 1:
-                raise InputError(f"{at}: repeat: times should be a whole number, one or more, is {times!r}")
-            inner = _segments(entry.pop("segment", None), at)
+                raise InputError(f"{place}: repeat: times should be a whole number, one or more, is {times!r}")
+            inner = _segments(entry.pop("segment", None), place)
             if entry:
-                raise InputError(f"{at}: repeat: unknown key {next(iter(entry))!r}; known here: times, segment")
+                raise InputError(f"{place}: repeat: unknown key {next(iter(entry))!r}; known here: times, segment")
             segments += inner * times
         elif kind in KINDS:
-            segment: Any = read_table(KINDS[kind], entry, f"{at} ({kind})")
+            segment: Any = read_table(KINDS[kind], entry, f"{place} ({kind})")
             if not 0 < getattr(segment, "duration_s", 1.0) < LONGEST_S:
-                raise InputError(f"{at} ({kind}): duration should be above zero and below {LONGEST_S / 3600:g} h")
+                raise InputError(f"{place} ({kind}): duration should be above zero and below {LONGEST_S / 3600:g} h")
             if not getattr(segment, "climb_mps", 1.0) > 0:
-                raise InputError(f"{at} ({kind}): climb should be above zero; the height says whether up or down")
+                raise InputError(f"{place} ({kind}): climb should be above zero; the height says whether up or down")
             segments.append(segment)
         else:
-            raise InputError(f"{at}: kind = {kind!r} is not one of {', '.join([*KINDS, 'repeat'])}")
+            raise InputError(f"{place}: kind = {kind!r} is not one of {', '.join([*KINDS, 'repeat'])}")
     return segments

@@ -31,7 +31,7 @@ def figure(truth: pd.DataFrame, metadata: dict[str, Any]) -> Any:
     from plotly.subplots import make_subplots
 
     gap = 0.02
-    drawn = make_subplots(rows=len(PANELS), cols=1, shared_xaxes=True, vertical_spacing=gap)
+    chart = make_subplots(rows=len(PANELS), cols=1, shared_xaxes=True, vertical_spacing=gap)
     table = truth.assign(battery_W=truth["battery_voltage_V"] * truth["battery_current_A"])
     for name in ONLY_IN_FLIGHT:
         table[name] = table[name].where(table["phase"] == "flight")
@@ -40,16 +40,16 @@ def figure(truth: pd.DataFrame, metadata: dict[str, Any]) -> Any:
         legend = "legend" if row == 1 else f"legend{row}"
         for color, (column, (name, factor)) in zip(COLORS, columns.items(), strict=False):
             line = {"color": color, "width": 1.5}
-            drawn.add_scatter(
+            chart.add_scatter(
                 x=every["time_s"], y=every[column] * factor, name=name, line=line, legend=legend, row=row, col=1
             )
-        top = drawn.layout[f"yaxis{row if row > 1 else ''}"].domain[1]
-        drawn.update_layout({legend: {"y": top, "yanchor": "top", "x": 1.01}})
-        drawn.update_yaxes(title_text=title, row=row, col=1)
+        top = chart.layout[f"yaxis{row if row > 1 else ''}"].domain[1]
+        chart.update_layout({legend: {"y": top, "yanchor": "top", "x": 1.01}})
+        chart.update_yaxes(title_text=title, row=row, col=1)
     for i, (_, segment) in enumerate(table.groupby("segment")):
         begin, end = segment["time_s"].iloc[[0, -1]]
-        drawn.add_vrect(x0=begin, x1=end, fillcolor="gray", opacity=0.08 if i % 2 else 0.0, line_width=0)
-        drawn.add_annotation(
+        chart.add_vrect(x0=begin, x1=end, fillcolor="gray", opacity=0.08 if i % 2 else 0.0, line_width=0)
+        chart.add_annotation(
             x=(begin + end) / 2,
             y=1.0,
             yref="paper",
@@ -61,6 +61,6 @@ def figure(truth: pd.DataFrame, metadata: dict[str, Any]) -> Any:
         )
     title = f"{metadata.get('aircraft', '')}: {metadata.get('plan', '')}, seed {metadata.get('seed', '')}"
     height = PANEL_HEIGHT * len(PANELS) + 180
-    drawn.update_layout(title=title, height=height, template="plotly_white", margin={"t": 130, "b": 50})
-    drawn.update_xaxes(title_text="time [s]", row=len(PANELS), col=1)
-    return drawn
+    chart.update_layout(title=title, height=height, template="plotly_white", margin={"t": 130, "b": 50})
+    chart.update_xaxes(title_text="time [s]", row=len(PANELS), col=1)
+    return chart

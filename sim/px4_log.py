@@ -84,10 +84,10 @@ def _times(name: str, sensors: SensorTruth, phase_s: float = 0.0) -> Array:
     return np.asarray(np.arange(phase_s, sensors.duration_s, 1 / RATES_HZ[name]))
 
 
-def _topic(name: str, t_s: Array, columns: dict[str, Array], instance: int = 0, **whole: Array) -> UlogTopic:
+def _topic(name: str, t_s: Array, columns: dict[str, Array], instance: int = 0, **integers: Array) -> UlogTopic:
     """columns: written as float; whole: as uint8."""
     fields: dict[str, NDArray[np.generic]] = {key: np.asarray(x, dtype=np.float32) for key, x in columns.items()}
-    fields |= {key: np.asarray(x, dtype=np.uint8) for key, x in whole.items()}
+    fields |= {key: np.asarray(x, dtype=np.uint8) for key, x in integers.items()}
     return UlogTopic(name, BOOT_US + np.round(t_s * 1e6).astype(np.uint64), fields, instance)
 
 

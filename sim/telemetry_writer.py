@@ -45,7 +45,10 @@ def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
     # The first of a moment is the heartbeat, by which the sender is known.
     sent.sort(key=lambda entry: (entry[0], not isinstance(entry[2], mavlink.MAVLink_heartbeat_message)))
     path.write_bytes(
-        b"".join((BOOTED_US + at).to_bytes(8, "big") + bytes(message.pack(senders[who])) for at, who, message in sent)
+        b"".join(
+            (BOOTED_US + sent_us).to_bytes(8, "big") + bytes(message.pack(senders[who]))
+            for sent_us, who, message in sent
+        )
     )
 
 

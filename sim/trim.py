@@ -138,29 +138,29 @@ class Trimmer:
     def density(self) -> float:
         return float(ambient(self.plant.air, self.height_m).density)
 
-    def solve(self, *, bank_rad: float = 0.0, start: TrimUnknowns | None = None, **given: float) -> Trim:
+    def solve(self, *, bank_rad: float = 0.0, start: TrimUnknowns | None = None, **fixed: float) -> Trim:
         """The trim with this bank and any two of `V`, `climb`, `motor` given.
 
         Raises InputError with the limiting value when the aircraft cannot fly it: too slow, too fast, too steep.
         """
-        if len(given) != 2 or not set(given) <= {"V", "climb", "motor"}:
+        if len(fixed) != 2 or not set(fixed) <= {"V", "climb", "motor"}:
             raise InputError("a trim takes exactly two of airspeed, climb and motor speed")
-        z, norm = self._newton({**given, "phi": bank_rad}, start)
-        self._check(z, norm, given, bank_rad)
+        z, norm = self._newton({**fixed, "phi": bank_rad}, start)
+        self._check(z, norm, fixed, bank_rad)
         propulsion = self.plant.aircraft.propulsion
         throttle = float(throttle_for(propulsion, self.plant.propeller, V=z.V, n=z.motor, rho=self.density))
         if throttle > 1 + 1e-9:
-            raise InputError(f"{self._needs(z)}, more than the battery can give{self._limit(given)}")
+            raise InputError(f"{self._needs(z)}, more than the battery can give{self._limit(fixed)}")
         if throttle == 0:
             raise InputError(f"{self._needs(z)}: less than it windmills with the motor off; it cannot glide so steeply")
         return Trim(z, min(throttle, 1.0), self.height_m, norm)
 
-    def _newton(self, given: dict[str, float], start: TrimUnknowns | None) -> tuple[TrimUnknowns, float]:
+    def _newton(self, fixed: dict[str, float], start: TrimUnknowns | None) -> tuple[TrimUnknowns, float]:
         names = TrimUnknowns._fields
-        z = np.array(start if start is not None else self._guess(given), dtype=float)
-        for name, value in given.items():
+        z = np.array(start if start is not None else self._guess(fixed), dtype=float)
+        for name, value in fixed.items():
             z[names.index(name)] = value
-        free = [i for i, name in enumerate(names) if name not in given]
+        free = [i for i, name in enumerate(names) if name not in fixed]
         r, J = (np.array(a) for a in self._function(z))
         norm = float(np.linalg.norm(r))
         for _ in range(60):
@@ -180,29 +180,29 @@ class Trimmer:
             z, r, J, norm = trial, r_trial, J_trial, trial_norm
         return TrimUnknowns(*z.tolist()), norm
 
-    def _guess(self, given: dict[str, float]) -> TrimUnknowns:
+    def _guess(self, fixed: dict[str, float]) -> TrimUnknowns:
         aero, S = self.plant.aero, self.plant.aircraft.geometry.wing_area_m2
-        V = given.get("V") or 1.6 * self.V_stall
-        load = 1 / np.cos(given["phi"])
+        V = fixed.get("V") or 1.6 * self.V_stall
+        load = 1 / np.cos(fixed["phi"])
         CL = load * self.plant.mass_kg * g / (self.density * V**2 / 2 * S)
         alpha = float(np.clip((CL - aero.CL0) / aero.CLa, -0.2, 0.95 * aero.stall_angle_rad))
-        climb = given.get("climb", 0.0)
+        climb = fixed.get("climb", 0.0)
         elevator = -(aero.Cm0 + aero.Cma * alpha) / aero.Cmde
-        motor = given.get("motor") or V / (0.6 * self.plant.propeller.diameter_m)
-        turn = g / V * np.tan(given["phi"])
+        motor = fixed.get("motor") or V / (0.6 * self.plant.propeller.diameter_m)
+        turn = g / V * np.tan(fixed["phi"])
         return TrimUnknowns(
-            V, alpha, 0.0, alpha + climb / V, given["phi"], elevator, 0.0, 0.0, motor, climb, float(turn)
+            V, alpha, 0.0, alpha + climb / V, fixed["phi"], elevator, 0.0, 0.0, motor, climb, float(turn)
         )
 
-    def _check(self, z: TrimUnknowns, norm: float, given: dict[str, float], bank_rad: float) -> None:
+    def _check(self, z: TrimUnknowns, norm: float, fixed: dict[str, float], bank_rad: float) -> None:
         name, stall = self.plant.aircraft.name, self.V_stall / np.sqrt(np.cos(bank_rad))
-        if "V" in given and given["V"] < stall:
+        if "V" in fixed and fixed["V"] < stall:
             raise InputError(
-                f"{name}: {given['V']:.2f} m/s is too slow to trim at {np.rad2deg(bank_rad):.0f} deg of bank: "
+                f"{name}: {fixed['V']:.2f} m/s is too slow to trim at {np.rad2deg(bank_rad):.0f} deg of bank: "
                 f"it stalls at {stall:.2f} m/s"
             )
         if not norm < RESIDUAL_LIMIT:
-            request = ", ".join(f"{key} = {value:g}" for key, value in given.items())
+            request = ", ".join(f"{key} = {value:g}" for key, value in fixed.items())
             raise InputError(f"{name}: no trim found for {request} (residual {norm:.2g}); it stalls at {stall:.2f} m/s")
         travel = self.plant.aircraft.elevator.angle_rad
         if not min(travel) <= z.elevator <= max(travel):
@@ -212,15 +212,15 @@ class Trimmer:
             )
         fastest = self.plant.aircraft.propulsion.max_rpm / 60
         if z.motor > fastest * (1 + 1e-9):
-            raise InputError(f"{self._needs(z)}, the motor has {60 * fastest:.0f}{self._limit(given)}")
+            raise InputError(f"{self._needs(z)}, the motor has {60 * fastest:.0f}{self._limit(fixed)}")
 
     def _needs(self, z: TrimUnknowns) -> str:
         return (
             f"{self.plant.aircraft.name}: {z.V:.2f} m/s with {z.climb:+.2f} m/s of climb needs {60 * z.motor:.0f} rpm"
         )
 
-    def _limit(self, given: dict[str, float]) -> str:
-        return f"; level flight is possible up to {self.V_max:.2f} m/s" if given.get("climb") == 0 else ""
+    def _limit(self, fixed: dict[str, float]) -> str:
+        return f"; level flight is possible up to {self.V_max:.2f} m/s" if fixed.get("climb") == 0 else ""
 
     @cached_property
     def V_stall(self) -> float:

@@ -27,8 +27,10 @@ class UlogTopic:
     columns: dict[str, NDArray[np.generic]]
     instance: int = 0
 
-    def selected(self, kept: NDArray[np.bool_]) -> "UlogTopic":
-        return replace(self, time_us=self.time_us[kept], columns={name: x[kept] for name, x in self.columns.items()})
+    def selected(self, selection: NDArray[np.bool_]) -> "UlogTopic":
+        return replace(
+            self, time_us=self.time_us[selection], columns={name: x[selection] for name, x in self.columns.items()}
+        )
 
     def at(self, time_us: NDArray[np.uint64]) -> "UlogTopic":
         """These messages at other times."""

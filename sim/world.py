@@ -158,15 +158,15 @@ def parse_world(text: str, name: str) -> World:
     budget, changes = _times(load_budget(file.errors), file.times), read_table(ErrorBudget, changed, where)
     errors = replace(
         budget,
-        noise=replace(budget.noise, **_given(changes.noise, changed["noise"])),
-        systematic=replace(budget.systematic, **_given(changes.systematic, changed["systematic"])),
-        defects=replace(budget.defects, **_given(changes.defects, changed["defects"])),
+        noise=replace(budget.noise, **_fields_present(changes.noise, changed["noise"])),
+        systematic=replace(budget.systematic, **_fields_present(changes.systematic, changed["systematic"])),
+        defects=replace(budget.defects, **_fields_present(changes.defects, changed["defects"])),
     )
-    air = _given(file.air, table.get("air", {}))
+    air = _fields_present(file.air, table.get("air", {}))
     return World(name, file.title, errors, air, file.pilot, file.propeller_table, file.uncertainty)
 
 
-def _given(read: Any, table: dict[str, Any]) -> dict[str, Any]:
+def _fields_present(read: Any, table: dict[str, Any]) -> dict[str, Any]:
     """The fields of a dataclass whose keys the table has."""
     return {f.name: getattr(read, f.name) for f in fields(read) if split_unit(f.name)[0] in table}
 

@@ -54,9 +54,9 @@ def folder() -> Path:
     return mine
 
 
-def kept(at: Path, key: bytes, make: Callable[[], Made]) -> Made:
+def cached(directory: Path, key: bytes, make: Callable[[], Made]) -> Made:
     """What `make` gives, or gave to whichever process asked first for this key; the others wait for it."""
-    path = at / hashlib.sha256(key).hexdigest()[:24]
+    path = directory / hashlib.sha256(key).hexdigest()[:24]
     with _alone(path.with_suffix(".lock")):
         with contextlib.suppress(FileNotFoundError):
             return pickle.loads(path.read_bytes())  # type: ignore[no-any-return]
@@ -80,7 +80,7 @@ def from_corpus(make: Callable[..., Made]) -> Callable[..., Made]:
 
     @wraps(make)
     def taken(*arguments: Any) -> Made:
-        return kept(folder(), key_of(make.__qualname__, *arguments), lambda: make(*arguments))
+        return cached(folder(), key_of(make.__qualname__, *arguments), lambda: make(*arguments))
 
     return taken
 

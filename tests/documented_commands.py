@@ -171,8 +171,8 @@ def same(shown: str, printed: str) -> bool:
     )
 
 
-def parse(command: str, *, whole: bool) -> None:
-    """Check names and options of a command without running it, and also its arguments if it is `whole`.
+def parse(command: str, *, complete: bool) -> None:
+    """Check names and options of a command without running it, and also its arguments if it is `complete`.
 
     Raises typer's errors, or AssertionError for an unknown option.
     """
@@ -180,10 +180,10 @@ def parse(command: str, *, whole: bool) -> None:
     program: Any = typer.main.get_command(importlib.import_module(MODULES[name]).app)
     while hasattr(program, "resolve_command") and arguments and not arguments[0].startswith("-"):
         name, program, arguments = program.resolve_command(typer.Context(program), arguments)
-    known = {option for parameter in program.params for option in (*parameter.opts, *parameter.secondary_opts)}
-    unknown = [word for word in arguments if word.startswith("--") and word not in {*known, "--help", *COMPLETION}]
+    options = {option for parameter in program.params for option in (*parameter.opts, *parameter.secondary_opts)}
+    unknown = [word for word in arguments if word.startswith("--") and word not in {*options, "--help", *COMPLETION}]
     assert not unknown, f"{command}: there is no option {unknown}"
-    if whole:
+    if complete:
         program.make_context(name, arguments)
 
 

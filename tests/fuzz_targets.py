@@ -44,11 +44,11 @@ class Wire:
     """A bus and a port whose replies are cut from the input, over and over."""
 
     def __init__(self, data: bytes):
-        self._data, self._at = data or b"\0", 0
+        self._data, self._position = data or b"\0", 0
 
     def _cut(self, count: int) -> bytes:
-        piece = b"".join(self._data[(self._at + i) % len(self._data)].to_bytes() for i in range(count))
-        self._at += count
+        piece = b"".join(self._data[(self._position + i) % len(self._data)].to_bytes() for i in range(count))
+        self._position += count
         return piece
 
     def write(self, *arguments: object) -> None: ...

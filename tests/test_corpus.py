@@ -18,9 +18,9 @@ def test_all_who_ask_get_one_flight(tmp_path: Path) -> None:
         return list(flown)
 
     with ThreadPoolExecutor(8) as pool:
-        requests = [pool.submit(corpus.kept, tmp_path, b"a", fly) for _ in range(8)]
+        requests = [pool.submit(corpus.cached, tmp_path, b"a", fly) for _ in range(8)]
         assert [request.result() for request in requests] == [[0]] * 8
-    assert corpus.kept(tmp_path, b"b", fly) == [0, 1]
+    assert corpus.cached(tmp_path, b"b", fly) == [0, 1]
     assert len(flown) == 2
 
 
@@ -29,8 +29,8 @@ def test_a_flight_that_failed_is_flown_again(tmp_path: Path) -> None:
         raise ArithmeticError
 
     with pytest.raises(ArithmeticError):
-        corpus.kept(tmp_path, b"a", fall)
-    assert corpus.kept(tmp_path, b"a", lambda: 3) == 3
+        corpus.cached(tmp_path, b"a", fall)
+    assert corpus.cached(tmp_path, b"a", lambda: 3) == 3
 
 
 def test_another_source_or_value_is_another_corpus(tmp_path: Path) -> None:

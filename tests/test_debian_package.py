@@ -66,7 +66,10 @@ def test_the_package_asks_for_a_python_that_its_modules_are_built_for():
     def fits(version: tuple[int, ...]) -> bool:
         holds = {"<<": lambda limit: version < limit, ">=": lambda limit: version >= limit}
         return all(
-            any(holds[sign](tuple(map(int, at.split(".")))) for sign, at in re.findall(r"\((\S+) ([\d.]+)\)", part))
+            any(
+                holds[sign](tuple(map(int, bound.split("."))))
+                for sign, bound in re.findall(r"\((\S+) ([\d.]+)\)", part)
+            )
             for part in parts
         )
 

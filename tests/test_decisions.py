@@ -73,10 +73,12 @@ def decisions_by_text(root: Path) -> list[Finding]:
     decisions = []
     for name, path in modules.items():
         if not name.startswith(tuple(PARSERS)):
-            known = constants[name] | _imported_constants(syntax_of(path), constants)
+            constants_here = constants[name] | _imported_constants(syntax_of(path), constants)
             nodes = [node for node in nodes_of(path) if isinstance(node, ast.expr | ast.Match)]
             deciding = [
-                node for node in nodes if _decides(node, known) or (name.startswith("analysis/") and _tells_kinds(node))
+                node
+                for node in nodes
+                if _decides(node, constants_here) or (name.startswith("analysis/") and _tells_kinds(node))
             ]
             decisions += [Finding(name, node.lineno, ast.unparse(node)) for node in deciding]
     return decisions
@@ -185,7 +187,9 @@ def estimated() -> frozenset[str]:
     calls = [item for path in paths for item in nodes_of(path) if isinstance(item, ast.Call)]
     parameters = [call for call in calls if _last_name(call.func) in ("Parameter", "ParameterVector")]
     named = [[*call.args[:1], *(key.value for key in call.keywords if key.arg == "name")] for call in parameters]
-    return frozenset({*SENSOR_ERRORS, *POOLED, *(name for given in named for item in given for name in _strings(item))})
+    return frozenset(
+        {*SENSOR_ERRORS, *POOLED, *(name for arguments in named for item in arguments for name in _strings(item))}
+    )
 
 
 def _text_constants(tree: ast.Module) -> set[str]:

@@ -43,8 +43,8 @@ def imported_packages(path: Path) -> set[str]:
         if isinstance(node, ast.Import):
             names |= {dotted_path(alias.name).split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            whole = (dotted_path(f"{node.module}.{alias.name}") for alias in node.names)
-            names |= {name.split(".")[0] for name in whole}
+            imported = (dotted_path(f"{node.module}.{alias.name}") for alias in node.names)
+            names |= {name.split(".")[0] for name in imported}
     return names
 
 

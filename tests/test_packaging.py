@@ -87,13 +87,16 @@ def test_every_file_of_a_package_is_installed(package: str) -> None:
 
 def test_every_part_is_installed_inside_flightpower(monkeypatch: pytest.MonkeyPatch) -> None:
     """Other packages are called `analysis` or `daq`, too: their files would mix in one folder."""
-    given: dict[str, Any] = {}
+    arguments: dict[str, Any] = {}
     setuptools = pytest.importorskip("setuptools")  # of the builder; environments of Python 3.12 have none
-    monkeypatch.setattr(setuptools, "setup", given.update)
+    monkeypatch.setattr(setuptools, "setup", arguments.update)
     runpy.run_path(str(ROOT / "setup.py"))
     folders = {path.parent.relative_to(ROOT) for part in PARTS for path in (ROOT / part).rglob("__init__.py")}
-    assert set(given["packages"]) == {"flightpower", *(f"flightpower.{'.'.join(folder.parts)}" for folder in folders)}
-    assert given["package_dir"] == {f"flightpower.{part}": part for part in PARTS}
+    assert set(arguments["packages"]) == {
+        "flightpower",
+        *(f"flightpower.{'.'.join(folder.parts)}" for folder in folders),
+    }
+    assert arguments["package_dir"] == {f"flightpower.{part}": part for part in PARTS}
     for part in PARTS:
         assert (ROOT / "flightpower" / part).resolve() == ROOT / part
 

@@ -26,7 +26,7 @@ def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFram
     extra = _force_by_rotation(table, aircraft.imu_position_m)
     square = np.nan_to_num(table["n_revps"].to_numpy(dtype=float) / VIBRATION_REVPS) ** 2  # 0 where the motor stands
     mounted = aircraft.installation
-    stated = (
+    aircraft_errors = (
         mounted.accelerometer_offset_mps2,
         mounted.accelerometer_scale_fraction,
         mounted.accelerometer_vibration_mps2,
@@ -34,7 +34,7 @@ def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFram
     return table.assign(
         **{
             name: (table[name] - offset - at_100 * square) / (1 + scale) - more
-            for name, more, offset, scale, at_100 in zip(FORCES, extra, *stated, strict=True)
+            for name, more, offset, scale, at_100 in zip(FORCES, extra, *aircraft_errors, strict=True)
         }
     )
 

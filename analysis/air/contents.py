@@ -202,12 +202,12 @@ def damage(log: Log) -> list[str]:
 def _what_is_missing(log: Log, replacements: Replacements, aircraft: list[Aircraft]) -> list[str]:
     """The attachments that are needed, but neither in the log nor replaced. aircraft: that used, and the log's own."""
     propeller_named = any(aircraft_file.propulsion.propeller for aircraft_file in aircraft)
-    given = {
+    present = {
         "aircraft.toml": bool(aircraft),
         "propeller.csv": replacements.propeller is not None or propeller_named,
         "probe.json": replacements.probe is not None,
     }
-    return [name for name in REMEDIES if not given[name] and name not in log.attachments]
+    return [name for name in REMEDIES if not present[name] and name not in log.attachments]
 
 
 def _not_in_log(log: Log, names: list[str]) -> InputError:

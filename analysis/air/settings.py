@@ -175,8 +175,8 @@ class ThrustStandSettings(Settings):
     @property
     def largest_error(self) -> float:
         """1 sigma of the ratio: a worse stand shows no more than the table, whose error at rest is scale - slope/2."""
-        stated = Uncertainty()
-        return STATISTICS.determined_share * math.hypot(stated.thrust_scale_fraction, stated.thrust_slope / 2)
+        default = Uncertainty()
+        return STATISTICS.determined_share * math.hypot(default.thrust_scale_fraction, default.thrust_slope / 2)
 
 
 STAND_LIMITS = ThrustStandSettings()

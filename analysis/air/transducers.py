@@ -122,9 +122,11 @@ def in_words(plateaus: Sequence[Plateau]) -> str:
     """The plateaus with their times, to be matched with the pressures written down; those at zero without a number."""
     words, number = [], 0
     for plateau in plateaus:
-        at = f"at {plateau.start_s:.0f} s"
+        start_text = f"at {plateau.start_s:.0f} s"
         number += not plateau.open
-        words.append(f"zero {at}" if plateau.open else f"{number}: {plateau.readings_Pa[-1]:.0f} Pa {at}")
+        words.append(
+            f"zero {start_text}" if plateau.open else f"{number}: {plateau.readings_Pa[-1]:.0f} Pa {start_text}"
+        )
     return ", ".join(words) or "none"
 
 
@@ -244,8 +246,8 @@ def _with_change(air: pd.DataFrame, channel: str, change_Pa: Array) -> pd.DataFr
     if channel == "q_c_Pa":
         V, alpha = air["V_mps"] * (1 + relative / 2), air["alpha_rad"] * (1 - relative)
         return air.assign(V_mps=V, qbar_Pa=air["qbar_Pa"] * (1 + relative), alpha_rad=alpha)
-    known = flying & air["alpha_rad"].notna() & q_c.notna()
-    slope, _ = np.polyfit((air["dp_alpha_Pa"] / q_c)[known], air["alpha_rad"][known], 1)
+    finite = flying & air["alpha_rad"].notna() & q_c.notna()
+    slope, _ = np.polyfit((air["dp_alpha_Pa"] / q_c)[finite], air["alpha_rad"][finite], 1)
     return air.assign(alpha_rad=air["alpha_rad"] + slope * relative)
 
 

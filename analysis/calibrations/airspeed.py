@@ -56,10 +56,10 @@ def airspeed(
     if autopilot:
         refuse_drag_options(log, "the log is an autopilot's", probe=probe, aircraft=aircraft)
         return _calibrated(autopilot_airspeed(log, autopilot), [], log)
-    given = Replacements(
+    replacements = Replacements(
         aircraft=load_aircraft(aircraft) if aircraft else None, probe=PROBE_FILE.load(probe) if probe else None
     )
-    flight = synchronized(recorded(read_log(log), given))
+    flight = synchronized(recorded(read_log(log), replacements))
     if not flight.table["flying"].any():
         raise InputError(f"{log}: no flight in this log")
     calibration = calibrate(flight.table, trajectory_with(flight, flight.data))

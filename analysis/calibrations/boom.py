@@ -169,8 +169,8 @@ def boom(
 
 def quantities(text: str, unit: str, option: str, example: str) -> list[float]:
     """Values in `unit` of a list with its unit at the end; empty for an empty text. Raises InputError."""
-    numbers, given = numbers_and_unit(text, option, example)
-    return [to_si(f"{number} {given}", unit, option) for number in numbers]
+    numbers, unit_text = numbers_and_unit(text, option, example)
+    return [to_si(f"{number} {unit_text}", unit, option) for number in numbers]
 
 
 def summary(bending: "BoomBending") -> list[str]:

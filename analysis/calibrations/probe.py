@@ -309,7 +309,7 @@ def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sig
         100 * (predicted_ratio / ratio - 1),
     )
     dependence = speed_dependence(tunnel, alpha_error_rad, tunnel.alpha_rad)
-    drawn: dict[str, Figure | Sequence[Figure]] = {
+    figures: dict[str, Figure | Sequence[Figure]] = {
         "residuals": residual_maps(tunnel, residuals),
         "sections": sections(tunnel, calibration),
         "speed": by_speed(dependence),
@@ -324,7 +324,7 @@ def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sig
         quality=_quality(calibration, residuals),
         speed_effect=speed_effect(dependence),
         validity=validity(calibration),
-        figures={name: html_figure(figure, name) for name, figure in drawn.items()},
+        figures={name: html_figure(figure, name) for name, figure in figures.items()},
     )
 
 
@@ -437,10 +437,10 @@ def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
 
 def by_speed(dependence: SpeedDependence) -> list[Figure]:
     """Residual of alpha at each tunnel speed: error of the slope with its 95 % interval, and offset at zero."""
-    V = np.array([at.speed_mps for at in dependence.speeds])
-    offset = np.array([np.degrees(at.offset_rad) for at in dependence.speeds])
-    slope = np.array([100 * at.slope for at in dependence.speeds])
-    half_width = np.array([100 * NORMAL_95 * at.slope_error for at in dependence.speeds])
+    V = np.array([point.speed_mps for point in dependence.speeds])
+    offset = np.array([np.degrees(point.offset_rad) for point in dependence.speeds])
+    slope = np.array([100 * point.slope for point in dependence.speeds])
+    half_width = np.array([100 * NORMAL_95 * point.slope_error for point in dependence.speeds])
     figures = []
     for values, axis, ends in (
         (slope, Axis("error of slope", "%"), np.stack([slope - half_width, slope + half_width])),

@@ -136,17 +136,17 @@ def speed_over_constant(speeds: list[HeldSpeed], propulsion: Propulsion) -> floa
         for speed in speeds
         if speed.mean["throttle"] >= 1 - STAND_LIMITS.same_speed
     ]
-    known = [float(ratio) for ratio in ratios if np.isfinite(ratio)]
-    return float(np.median(known)) if known else None
+    finite = [float(ratio) for ratio in ratios if np.isfinite(ratio)]
+    return float(np.median(finite)) if finite else None
 
 
 def battery(speeds: list[HeldSpeed]) -> Battery | None:
     """The battery, from voltage and current of the held stretches; None if these were not measured."""
     volts, amperes = (np.array([speed.mean[name] for speed in speeds]) for name in ("battery_V", "battery_A"))
-    known = np.isfinite(volts) & np.isfinite(amperes)
-    if known.sum() < STATISTICS.fewest_readings:
+    finite = np.isfinite(volts) & np.isfinite(amperes)
+    if finite.sum() < STATISTICS.fewest_readings:
         return None
-    volts, amperes = volts[known], amperes[known]
+    volts, amperes = volts[finite], amperes[finite]
     X = np.column_stack([np.ones(len(volts)), -amperes])
     return Battery(*(float(value) for pair in zip(*student_fit(X, volts), strict=True) for value in pair))
 

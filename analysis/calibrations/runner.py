@@ -62,13 +62,15 @@ def calibration(file: Any, default: str | None = None) -> Callable[[Callable[...
         parameters.append(inspect.Parameter("output", keyword, default=path, annotation=file))
         parameters.append(inspect.Parameter("replace", keyword, default=False, annotation=ReplaceOption))
 
-        def run_calibration(**given: Any) -> None:
-            if given["output"] is not None:
-                check_new_file(given["output"], replace=given["replace"])
-            calibration = calibrate(**{name: value for name, value in given.items() if name in signature})
-            lines_to_stdout = file is AircraftFileLines and given["output"] is None and calibration.content is not None
-            _report(calibration, given[source], sys.stderr if lines_to_stdout else sys.stdout)
-            _write(calibration, given["output"])
+        def run_calibration(**keywords: Any) -> None:
+            if keywords["output"] is not None:
+                check_new_file(keywords["output"], replace=keywords["replace"])
+            calibration = calibrate(**{name: value for name, value in keywords.items() if name in signature})
+            lines_to_stdout = (
+                file is AircraftFileLines and keywords["output"] is None and calibration.content is not None
+            )
+            _report(calibration, keywords[source], sys.stderr if lines_to_stdout else sys.stdout)
+            _write(calibration, keywords["output"])
 
         return as_command(run_calibration, calibrate, parameters)
 

@@ -159,10 +159,10 @@ def surfaces(
     recorded = read_log(log)
     number = channel
     if number is None:
-        known: ControlSurface | None = getattr(aircraft_of(recorded), surface.value)
-        if known is None:
+        previous: ControlSurface | None = getattr(aircraft_of(recorded), surface.value)
+        if previous is None:
             raise InputError(f"{log}: its aircraft file has no section [{surface.value}]; give --channel, from 1")
-        number = known.channel
+        number = previous.channel
     if number < 1:
         raise InputError(f"--channel {number}: servo outputs count from 1")
     t_s, pulse_us = servo_pulses(recorded, number)

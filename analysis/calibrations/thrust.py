@@ -229,8 +229,8 @@ def thrust(
     """
     if (propeller is None) == (aircraft is None):
         raise InputError("--propeller, --aircraft: give one of the two, which names the table to compare with")
-    given = load_aircraft(aircraft) if aircraft else None
-    name = given.propulsion.propeller if given else propeller
+    craft = load_aircraft(aircraft) if aircraft else None
+    name = craft.propulsion.propeller if craft else propeller
     if name is None:
         raise InputError(f"{aircraft}: no [propulsion] propeller; name it there, or give --propeller")
     if (pressure is None) != (temperature is None):
@@ -245,7 +245,7 @@ def thrust(
     return Calibrated(
         summary(thrust_stand),
         thrust_stand,
-        warnings=doubts(thrust_stand, readings, table, given),
+        warnings=doubts(thrust_stand, readings, table, craft),
         unsupported=unsupported,
         remark=f"; the same in the aircraft file:\n{to_toml(thrust_stand)}".rstrip("\n"),
     )

@@ -161,13 +161,13 @@ def transducers(
     from flightpower.analysis.air.transducers import in_words, plateaus, readings
     from flightpower.flight.log_reader import read_log
 
-    given = pressures_Pa(pressures) if pressures.strip() else None
+    entered_Pa = pressures_Pa(pressures) if pressures.strip() else None
     steps = plateaus(readings(read_log(log)), str(log))
     if not any(not plateau.open for plateau in steps):
         raise InputError(f"{log}: no pressure was held for five seconds; begin with open tubes, hold each for ten")
-    if given is None:
+    if entered_Pa is None:
         return Calibrated([f"plateaus: {in_words(steps)}. Now give {EXAMPLE}."])
-    calibrated, unsupported = calibrate(steps, given, reference_error / 100, log.name)
+    calibrated, unsupported = calibrate(steps, entered_Pa, reference_error / 100, log.name)
     return Calibrated(summary(calibrated), calibrated, unsupported=unsupported)
 
 

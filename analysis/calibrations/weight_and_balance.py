@@ -60,9 +60,9 @@ def weighed(supports: Sequence[Support], errors: ScaleErrors) -> WeightAndBalanc
     sigma = np.maximum(spread, errors.reading_kg) / np.sqrt(counts)
     mass_error = float(np.hypot(np.sqrt(np.sum(sigma**2)), errors.gain * total))
     position = position_error = None
-    known = [support.position_m for support in supports if support.position_m is not None]
-    if len(known) == len(supports):
-        x = np.array(known)
+    positions_m = [support.position_m for support in supports if support.position_m is not None]
+    if len(positions_m) == len(supports):
+        x = np.array(positions_m)
         position = float(mass @ x / total)  # a gain that is common to all scales does not move it
         by_mass, by_position = (x - position) / total * sigma, mass / total * errors.position_m
         position_error = float(np.sqrt(np.sum(by_mass**2) + np.sum(by_position**2)))

@@ -149,9 +149,9 @@ def analyze(
         done = analyze_log(file, folder, options, lambda step: status.update(f"{step} …"), command_line)
         name_by_address(folder, file, log)
         done = done._replace(results=msgspec.structs.replace(done.results, log=str(log)))
-    if done.kept:
-        edited = done.kept.with_stem(done.kept.stem.rpartition("-")[0])
-        note = f"note: {edited} was written; the previous file is now {done.kept.name}"
+    if done.backup:
+        edited = done.backup.with_stem(done.backup.stem.rpartition("-")[0])
+        note = f"note: {edited} was written; the previous file is now {done.backup.name}"
         stderr.print(note, highlight=False, markup=False, soft_wrap=True)
     if done.replaced_report:
         stderr.print(f"note: {done.replaced_report}", highlight=False, markup=False, soft_wrap=True)

@@ -49,7 +49,7 @@ def add(
     from flightpower.analysis.records.flight import Kind
 
     console = Console(highlight=False)
-    new = known = 0
+    new = already_in = 0
     left_out = []
     for of_folder in [flight_folders_of(folder) for folder in folders]:
         flights = []
@@ -59,12 +59,12 @@ def add(
             else:
                 left_out.append(f"{flight.log}: its curve is not by the dynamic method, and its log has no battery")
         added = Dataset(to).add(flights, {folder.name: folder for folder in of_folder})
-        new, known = new + added.new, known + added.known
-    if not new and not known:
+        new, already_in = new + added.new, already_in + added.already_there
+    if not new and not already_in:
         raise InputError(f"{folders[0]}: no flight to add; {left_out[0]}")
     for line in left_out:
         console.print(f"left out: {line}", markup=False)
-    console.print(f"{to}: {new} flights added, {known} were already there", markup=False)
+    console.print(f"{to}: {new} flights added, {already_in} were already there", markup=False)
 
 
 @app.command()

@@ -60,8 +60,8 @@ class FlightAnalysis:
         return self.options.with_own_aircraft() if self.mixed and _has_aircraft(log) else self.options
 
     def under(self, root: Path) -> "FlightAnalysis":
-        given = {field.name: getattr(self.options, field.name) for field in fields(Options)}
-        moved: dict[str, Any] = {name: below(root, value) for name, value in given.items() if isinstance(value, Path)}
+        values = {field.name: getattr(self.options, field.name) for field in fields(Options)}
+        moved: dict[str, Any] = {name: below(root, value) for name, value in values.items() if isinstance(value, Path)}
         if self.options.propeller:
             moved["propeller"] = str(below(root, Path(self.options.propeller)))
         return replace(self, options=replace(self.options, **moved))
@@ -223,11 +223,11 @@ class ProgressOnConsole:
     ) -> None:
         self.bars.stop()
 
-    def planned(self, jobs: int, kept: int) -> None:
+    def planned(self, jobs: int, completed: int) -> None:
         self.jobs = jobs
-        self.bars.update(self.total, total=jobs + kept, completed=kept, step="")
-        if kept:
-            self._note(f"flights done already: {kept}; to analyze: {jobs}")
+        self.bars.update(self.total, total=jobs + completed, completed=completed, step="")
+        if completed:
+            self._note(f"flights done already: {completed}; to analyze: {jobs}")
 
     def step(self, name: str, step: str) -> None:
         if name not in self.rows:
@@ -265,8 +265,8 @@ def files_used(log: Log, options: Options) -> list[tuple[str, Path]]:
 
     Raises InputError when the aircraft file cannot be used.
     """
-    given = ((option_name(field), getattr(options, field)) for field in ATTACHMENTS)
-    files = [(option, path) for option, path in given if isinstance(path, Path) and path.is_file()]
+    attached = ((option_name(field), getattr(options, field)) for field in ATTACHMENTS)
+    files = [(option, path) for option, path in attached if isinstance(path, Path) and path.is_file()]
     propeller = options.propeller or _named_propeller(log, options.aircraft)
     maps = map_files(log, options.columns) if isinstance(log, Path) else [options.columns] if options.columns else []
     files += [(option_name("columns"), path) for path in maps]
@@ -318,12 +318,12 @@ def _indexed_attachments(stream: IO[bytes]) -> Iterator[Attachment]:
 
 def _contents(records: bytes) -> list[tuple[int, ReadDataStream]]:
     """Operation code and content of each whole record."""
-    contents, at = [], 0
-    while at < len(records):
-        opcode, length = RECORD_HEAD.unpack_from(records, at)
-        begin = at + RECORD_HEAD.size
+    contents, offset = [], 0
+    while offset < len(records):
+        opcode, length = RECORD_HEAD.unpack_from(records, offset)
+        begin = offset + RECORD_HEAD.size
         contents.append((opcode, ReadDataStream(io.BytesIO(records[begin : begin + length]))))
-        at = begin + length
+        offset = begin + length
     return contents
 
 

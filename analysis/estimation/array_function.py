@@ -95,8 +95,8 @@ class ArrayFunction:
                 elif kind is unary:
                     w[to] = operation(w[a])
                 elif kind is given_in:
-                    given = arguments[a][b]
-                    w[to] = given[rows] if np.ndim(given) else given
+                    argument = arguments[a][b]
+                    w[to] = argument[rows] if np.ndim(argument) else argument
                 elif kind is constant:
                     w[to] = operation
                 else:

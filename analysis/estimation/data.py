@@ -45,21 +45,21 @@ class Segment:
         median = float(np.median(steps))
         deviation = np.abs(steps - median)
         if not (median > 0 and deviation.max() <= COMPUTATION.uniformity * median):
-            at = int(np.argmax(deviation))  # argmax returns the first NaN, if any
+            index = int(np.argmax(deviation))  # argmax returns the first NaN, if any
             raise InputError(
-                f"segment {self.name}: the time base is not uniform: the step at t = {t[at]:g} s is {steps[at]:g} s,"
-                f" the median step is {median:g} s; resample to a uniform time base"
+                f"segment {self.name}: the time base is not uniform: the step at t = {t[index]:g} s is"
+                f" {steps[index]:g} s, the median step is {median:g} s; resample to a uniform time base"
             )
         for signals in ("u", "z"):
-            given = getattr(self, signals)
-            arrays = {name: _vector(values, f"segment {self.name}: {name}") for name, values in given.items()}
+            columns = getattr(self, signals)
+            arrays = {name: _vector(values, f"segment {self.name}: {name}") for name, values in columns.items()}
             for name, values in arrays.items():
                 if len(values) != len(t):
                     raise InputError(f"segment {self.name}: {name} has {len(values)} samples, the time base {len(t)}")
                 if signals == "u" and not np.isfinite(values).all():
-                    at = int(np.argmax(~np.isfinite(values)))
+                    index = int(np.argmax(~np.isfinite(values)))
                     raise InputError(
-                        f"segment {self.name}: input {name} is {values[at]} at t = {t[at]:g} s;"
+                        f"segment {self.name}: input {name} is {values[index]} at t = {t[index]:g} s;"
                         " inputs must be given at every sample"
                     )
                 if signals == "z" and np.isinf(values).any():
@@ -110,10 +110,10 @@ def delayed(signal: Array, step_s: float, delay_s: float) -> tuple[Array, Array]
     from scipy.interpolate import PchipInterpolator  # takes 0.15 s to import
 
     t = np.arange(len(signal)) * step_s
-    at = np.clip(t - delay_s, t[0], t[-1])
+    delayed_s = np.clip(t - delay_s, t[0], t[-1])
     cubic = PchipInterpolator(t, signal)
-    inside = at == t - delay_s
-    return np.asarray(cubic(at)), np.where(inside, cubic(at, 1), 0.0)
+    inside = delayed_s == t - delay_s
+    return np.asarray(cubic(delayed_s)), np.where(inside, cubic(delayed_s, 1), 0.0)
 
 
 Band = tuple[float, float]  # lowest and highest frequency [Hz]

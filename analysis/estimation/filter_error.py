@@ -152,7 +152,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             point,
             max_iterations,
             step_tolerance=FILTER_ERROR.step_tolerance,
-            stop=lambda at: bool(likelihood.negligible(at) or likelihood.doubtful(at, tried)),  # noqa: B023
+            stop=lambda best: bool(likelihood.negligible(best) or likelihood.doubtful(best, tried)),  # noqa: B023
             secant=True,
         )
         iterations += more

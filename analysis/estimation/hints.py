@@ -128,18 +128,20 @@ def unstable_growth(fit: Fit, segment_fit: SegmentFit) -> tuple[float, float, st
     segment, x = segment_fit.segment, segment_fit.response.x
     if not fit.model.states:
         return 0.0, 0.0, segment.name
-    at = np.linspace(0, len(segment) - 1, min(20, len(segment))).astype(int)
-    known = [fit.parameters.get(q.name) or fit.parameters[f"{q.name}[{segment.name}]"] for q in fit.model.parameters]
-    values, u = [estimate.value for estimate in known], [segment.u[name][at] for name in fit.model.inputs]
+    indices = np.linspace(0, len(segment) - 1, min(20, len(segment))).astype(int)
+    estimates = [
+        fit.parameters.get(q.name) or fit.parameters[f"{q.name}[{segment.name}]"] for q in fit.model.parameters
+    ]
+    values, u = [estimate.value for estimate in estimates], [segment.u[name][indices] for name in fit.model.inputs]
 
     def rates(x: Array) -> Array:
-        return np.array([rate + np.zeros(len(at)) for rate in fit.model.evaluate_dynamics(x.T, u, values)])
+        return np.array([rate + np.zeros(len(indices)) for rate in fit.model.evaluate_dynamics(x.T, u, values)])
 
     share = 1e-6  # of the largest value of a state, for central differences
     steps = share * np.maximum(np.abs(x).max(axis=0), share)
     with np.errstate(all="ignore"):
         A = np.stack(
-            [(rates(x[at] + d) - rates(x[at] - d)) / (2 * d.max()) for d in np.diag(steps)], axis=1
+            [(rates(x[indices] + d) - rates(x[indices] - d)) / (2 * d.max()) for d in np.diag(steps)], axis=1
         )  # (i, j, k)
     real_parts = np.linalg.eigvals(np.nan_to_num(A).transpose(2, 0, 1)).real.max(axis=1)
     mean = float(np.mean(real_parts))

@@ -89,9 +89,9 @@ class KalmanFilter:
 
         U, n = record.U, len(record.U)
         present = np.isfinite(Z)
-        given = np.hstack([U, np.vstack([U[1:], U[-1:]]), np.where(present, Z, 0.0), present])
+        step_inputs = np.hstack([U, np.vstack([U[1:], U[-1:]]), np.where(present, Z, 0.0), present])
         results, nonzeros = self._evaluate(
-            first, given, np.concatenate([record.p, noise.ln_w, noise.ln_v, [record.step_s]])
+            first, step_inputs, np.concatenate([record.p, noise.ln_w, noise.ln_v, [record.step_s]])
         )
         e, ln_s, y, x = np.split(results, np.cumsum([ny, ny, ny]), axis=1)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -107,10 +107,10 @@ class KalmanFilter:
         d[:, :, :nc] += observed[:, :, na:]
         return Innovations(x, y, e, ln_s, d[:, :ny], d[:, ny:])
 
-    def _evaluate(self, first: Array, given: Array, constants: Array) -> tuple[Array, Array]:
+    def _evaluate(self, first: Array, step_inputs: Array, constants: Array) -> tuple[Array, Array]:
         """All cycles in sequence: e, ln_s, y, x (n, 3 outputs + states), and the blocks' nonzeros (n, nonzeros)."""
-        n = len(given)
-        now, row = first.copy(), np.empty(given.shape[1])
+        n = len(step_inputs)
+        now, row = first.copy(), np.empty(step_inputs.shape[1])
         following, out, values = (np.empty(self.cycle.size1_out(i)) for i in range(3))
         results, nonzeros = np.empty((n, len(out))), np.empty((n, len(values)))
         buffer: Any
@@ -120,7 +120,7 @@ class KalmanFilter:
         for i, result in enumerate((following, out, values)):
             buffer.set_res(i, result.data)
         for k in range(n):
-            row[:] = given[k]
+            row[:] = step_inputs[k]
             evaluate()
             now[:] = following
             results[k], nonzeros[k] = out, values
@@ -140,11 +140,11 @@ class KalmanFilter:
 
         def through(block: Array, *parts: Array) -> Array:
             """A block's Jacobian times the derivatives of its first arguments."""
-            at, total = 0, np.zeros((n, block.shape[1], width))
+            offset, total = 0, np.zeros((n, block.shape[1], width))
             for part in parts:
                 rows = part.shape[1]
-                total += block[:, :, at : at + rows] @ part
-                at += rows
+                total += block[:, :, offset : offset + rows] @ part
+                offset += rows
             return total
 
         def direct(block: Array, columns: slice) -> Array:
@@ -158,13 +158,13 @@ class KalmanFilter:
         outputs = next(blocks)
         linearized = through(outputs[:, :, :nx], T[:, :nx]) + direct(outputs[:, :, nx:], free)
         observed = np.empty((n, 2 * ny, width))
-        at = 0
+        offset = 0
         for i in range(ny):
             block = next(blocks)
             size = block.shape[2] - na - 1  # the offset and the nonzeros of H's row
-            after = through(block[:, :, :-1], T, linearized[:, at : at + size])
+            after = through(block[:, :, :-1], T, linearized[:, offset : offset + size])
             after[:, :, width - ny + i] += block[:, :, -1]
-            at += size
+            offset += size
             T, observed[:, i], observed[:, ny + i] = after[:, :na], after[:, na], after[:, na + 1]
         mean, middle, dynamics, transition, covariance = blocks
         x = T[:, :nx]
@@ -178,12 +178,12 @@ class KalmanFilter:
 
     def _dense(self, nonzeros: Array) -> list[Array]:
         """The Jacobian of each block as a dense array (n, rows, columns)."""
-        result, at = [], 0
+        result, offset = [], 0
         for pattern in self.blocks:
             J = np.zeros((len(nonzeros), *pattern.shape))
             rows, columns = (np.array(i, dtype=int) for i in pattern.get_triplet())
-            J[:, rows, columns] = nonzeros[:, at : at + pattern.nnz()]
-            at += pattern.nnz()
+            J[:, rows, columns] = nonzeros[:, offset : offset + pattern.nnz()]
+            offset += pattern.nnz()
             result.append(J)
         return result
 
@@ -239,10 +239,10 @@ def build_filter(
 
     patterns, nonzeros = [], []
 
-    def call(value: Any, over: list[Any], arguments: list[Any], at: list[Any]) -> Any:
+    def call(value: Any, over: list[Any], arguments: list[Any], position: list[Any]) -> Any:
         """The value of a block at actual arguments. Keeps the nonzeros of its Jacobian to the arguments `over`."""
         J = ca.jacobian(value, ca.vertcat(*over))
-        result, J_result = ca.Function("block", arguments, [value, J], {"cse": True})(*at)
+        result, J_result = ca.Function("block", arguments, [value, J], {"cse": True})(*position)
         patterns.append(J.sparsity())
         nonzeros.append(ca.vertcat(*J_result.nonzeros()))  # a function's output keeps its sparsity
         return result
@@ -252,7 +252,7 @@ def build_filter(
     rows: list[Any] = [H[i, :] for i in range(ny)]
     linearized = ca.vertcat(*(ca.vertcat(y[i] - rows[i] @ x, *rows[i].nonzeros()) for i in range(ny)))
     linearized_now = call(linearized, [x, p_free], [x, u0, p], [x, u0, p])
-    x_now, packed_now, e, ln_s, at = x, packed, [], [], 0
+    x_now, packed_now, e, ln_s, position = x, packed, [], [], 0
     offset, ln_sigma, z_i, present_i = sym("offset"), sym("ln_sigma"), sym("z"), sym("present")
     for i in range(ny):
         size = 1 + rows[i].nnz()
@@ -267,9 +267,10 @@ def build_filter(
         updated = call(
             ca.densify(after), [x, packed, offset, values, ln_sigma],
             [x, packed, offset, values, ln_sigma, z_i, present_i],
-            [x_now, packed_now, linearized_now[at], linearized_now[at + 1 : at + size], ln_v[i], z[i], present[i]],
+            [x_now, packed_now, linearized_now[position], linearized_now[position + 1 : position + size], ln_v[i],
+             z[i], present[i]],
         )  # fmt: skip
-        at += size
+        position += size
         x_now, packed_now = updated[:nx], updated[nx : nx + packed.shape[0]]
         e.append(updated[-2])
         ln_s.append(updated[-1])

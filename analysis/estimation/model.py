@@ -138,8 +138,8 @@ class PriorMeasurement:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "coefficients", tuple(dict(self.coefficients).items()))
-        stated = (*(coefficient for _, coefficient in self.coefficients), self.value, self.sigma)
-        if not self.coefficients or not all(map(math.isfinite, stated)):
+        numbers = (*(coefficient for _, coefficient in self.coefficients), self.value, self.sigma)
+        if not self.coefficients or not all(map(math.isfinite, numbers)):
             raise InputError(f"prior measurement {self.name}: coefficients, value and sigma must be finite numbers")
         if not self.sigma > 0:
             raise InputError(f"prior measurement {self.name}: sigma must be greater than zero, is {self.sigma}")
@@ -210,12 +210,12 @@ class Model:
 
     def _as_tuple(self, kind: str, item_type: type) -> tuple[Any, ...]:
         """The names or parameters as a tuple; lists are accepted."""
-        given = getattr(self, kind)
-        if isinstance(given, (list, tuple)) and all(isinstance(item, item_type) for item in given):
-            return tuple(given)
+        items = getattr(self, kind)
+        if isinstance(items, (list, tuple)) and all(isinstance(item, item_type) for item in items):
+            return tuple(items)
         what = "Parameter objects" if item_type is Parameter else "names"
         raise InputError(
-            f"model {self.name}: {kind} must be a tuple of {what}, with a comma if it is one; is {given!r}"
+            f"model {self.name}: {kind} must be a tuple of {what}, with a comma if it is one; is {items!r}"
         )
 
     def changed(self, **changes: Mapping[str, Any]) -> "Model":

@@ -71,10 +71,10 @@ def responses_in_blocks(simulator: "Simulator", records: Iterable[Record]) -> It
         yield from ([response] for response in simulator.run_all(block))
 
 
-def summed(blocks: Iterable[Response], Z: Array, kept: NDArray[np.intp]) -> Sums | None:
+def summed(blocks: Iterable[Response], Z: Array, columns: NDArray[np.intp]) -> Sums | None:
     """The sums over a record; None if the response is not finite. kept : unknowns among those of the simulator."""
     y, residuals = np.empty_like(Z), np.empty_like(Z)
-    gram, product = np.zeros((Z.shape[1], len(kept), len(kept))), np.zeros((Z.shape[1], len(kept)))
+    gram, product = np.zeros((Z.shape[1], len(columns), len(columns))), np.zeros((Z.shape[1], len(columns)))
     first = 0
     for block in blocks:
         if not (np.isfinite(block.y).all() and np.isfinite(block.S).all()):
@@ -86,7 +86,7 @@ def summed(blocks: Iterable[Response], Z: Array, kept: NDArray[np.intp]) -> Sums
         e = np.nan_to_num(residuals[rows])
         present = np.isfinite(residuals[rows])
         for i in range(Z.shape[1]):
-            S = np.ascontiguousarray(block.S[:, i, kept]) * present[:, i, None]
+            S = np.ascontiguousarray(block.S[:, i, columns]) * present[:, i, None]
             gram[i] += S.T @ S
             product[i] += S.T @ e[:, i]
     return Sums(y, residuals, gram, product)
@@ -196,9 +196,11 @@ def _fit_from(
 
     simulator = build_simulator(model, free_names(model), options.integrator, options.inputs)
     problem = Problem.assemble(model, segments, options.initial_states, start)
-    known = None if noise.covariance is None else _known_covariance(noise.covariance, model)
+    noise_covariance = None if noise.covariance is None else _known_covariance(noise.covariance, model)
     transforms = None if band_Hz is None else [_band_matrix(model, segment, band_Hz) for segment in segments]
-    likelihood = OutputErrorLikelihood(problem, simulator, noise.structure, known, noise.tail_dof, transforms)
+    likelihood = OutputErrorLikelihood(
+        problem, simulator, noise.structure, noise_covariance, noise.tail_dof, transforms
+    )
     point = likelihood.evaluate(problem.start)
     if not np.isfinite(point.cost):
         raise InputError(_not_finite(likelihood))
@@ -229,8 +231,8 @@ def _band_matrix(model: Model, segment: Segment, band_Hz: Band) -> Array:
     return band_matrix(band_Hz, len(segment), segment.step_s)
 
 
-def _known_covariance(given: ArrayLike, model: Model) -> Array:
-    R = np.asarray(given, dtype=float)
+def _known_covariance(covariance: ArrayLike, model: Model) -> Array:
+    R = np.asarray(covariance, dtype=float)
     R = np.diag(R) if R.ndim == 1 else R
     m = len(model.outputs)
     if R.shape != (m, m) or not np.allclose(R, R.T) or np.linalg.eigvalsh(R)[0] <= 0:
@@ -259,8 +261,8 @@ class OutputErrorLikelihood:
         responses = self.simulator.run_all(self._records(theta))
         if len(problem.free_states) == len(problem.model.states):
             return responses
-        kept = np.concatenate([np.arange(count), count + problem.free_states])
-        return [response._replace(S=response.S[:, :, kept]) for response in responses]
+        columns = np.concatenate([np.arange(count), count + problem.free_states])
+        return [response._replace(S=response.S[:, :, columns]) for response in responses]
 
     def _records(self, theta: Array) -> list[Record]:
         problem, records = self.problem, []
@@ -279,11 +281,11 @@ class OutputErrorLikelihood:
     def evaluate_in_blocks(self, theta: Array) -> Evaluation:
         """`evaluate` for an estimated diagonal R, without sensitivities in the segment fits."""
         problem, m = self.problem, len(theta)
-        kept = np.concatenate([np.arange(len(self.simulator.free)), len(self.simulator.free) + problem.free_states])
+        columns = np.concatenate([np.arange(len(self.simulator.free)), len(self.simulator.free) + problem.free_states])
         sums = []
         for blocks, Z in zip(responses_in_blocks(self.simulator, self._records(theta)), problem.Z, strict=True):
             with np.errstate(over="ignore", invalid="ignore"):
-                of_segment = summed(blocks, Z, kept)
+                of_segment = summed(blocks, Z, columns)
             if of_segment is None:
                 return nowhere(theta)
             sums.append(of_segment)

@@ -231,11 +231,11 @@ def _prior_measurements(model: Model, index: Mapping[str, int]) -> tuple[Array, 
 
 def as_segments(segments: Segment | Sequence[Segment]) -> tuple[Segment, ...]:
     """One or several segments as a tuple. Raises InputError for anything else."""
-    given = (segments,) if isinstance(segments, Segment) else tuple(segments)
-    for segment in given:
+    items = (segments,) if isinstance(segments, Segment) else tuple(segments)
+    for segment in items:
         if not isinstance(segment, Segment):
             raise InputError(f"segments: give Segment objects, not {segment!r}")
-    return given
+    return items
 
 
 def free_names(model: Model) -> tuple[str, ...]:

@@ -214,9 +214,9 @@ def build_simulator(
     Raises InputError for an unknown integrator or input rule, a model function that returns the wrong number of values,
     or one that does not accept CasADi symbols.
     """
-    for what, choice, known in (("integrator", integrator, INTEGRATORS), ("inputs", inputs, INPUT_RULES)):
-        if choice not in known:
-            raise InputError(f"{what} = {choice!r}: choose one of {', '.join(known)}")
+    for what, choice, choices in (("integrator", integrator, INTEGRATORS), ("inputs", inputs, INPUT_RULES)):
+        if choice not in choices:
+            raise InputError(f"{what} = {choice!r}: choose one of {', '.join(choices)}")
     names = [q.name for q in model.parameters]
     states = len(model.states)
     x = ca.SX.sym("x", states)
@@ -227,11 +227,11 @@ def build_simulator(
     h = ca.SX.sym("h")
     p_free = ca.vertcat(*(p[names.index(name)] for name in free))
 
-    def at_delay(given: Any) -> Any:
+    def at_delay(rows: Any) -> Any:
         """The inputs, whose derivatives to the delays are the slopes. In value, p of a delay equals `delays_s`."""
-        u = given[: len(model.inputs)]
+        u = rows[: len(model.inputs)]
         for k, (input_name, parameter) in enumerate(model.delays):
-            slope = given[len(model.inputs) + k]
+            slope = rows[len(model.inputs) + k]
             u[model.inputs.index(input_name)] -= slope * (p[names.index(parameter)] - delays_s[k])
         return u
 

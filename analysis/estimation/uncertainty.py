@@ -83,8 +83,8 @@ def block_bootstrap(fit: Fit, *, block_s: float, draws: int = 500, seed: int = 0
         length = min(n, max(1, round(block_s / segment_fit.segment.step_s)))
         starts = rng.integers(0, n - length + 1, size=(draws, -(-n // length)))
         index = (starts[:, :, None] + np.arange(length)).reshape(draws, -1)[:, :n]
-        drawn = (e - e.mean(axis=0))[index].reshape(draws, -1)
-        score[:, segment_fit.columns] += drawn @ segment_fit.white.S.reshape(-1, len(segment_fit.columns))
+        residual_draws = (e - e.mean(axis=0))[index].reshape(draws, -1)
+        score[:, segment_fit.columns] += residual_draws @ segment_fit.white.S.reshape(-1, len(segment_fit.columns))
     return _sandwich(fit, "block bootstrap", np.cov(score, rowvar=False).reshape(m, m) + fit.variance_information)
 
 
@@ -117,15 +117,15 @@ def delta_method(uncertainty: Uncertainty, function: Callable[[NamedValues], Any
     """
     fit = uncertainty.fit
 
-    def at(values: Array) -> Array:
+    def value_of(values: Array) -> Array:
         return np.atleast_1d(np.asarray(function(fit.shared(values)), dtype=float))
 
     h = 1e-3 * np.sqrt(np.diag(uncertainty.covariance))  # of central differences: a thousandth of a standard error
     if not np.isfinite(h).all():
         raise InputError(f"the covariance of the estimate is not finite, the delta method needs it: {fit.verdict}")
-    gradient = np.stack([(at(fit.values + d) - at(fit.values - d)) for d in np.diag(h)], axis=1)
+    gradient = np.stack([(value_of(fit.values + d) - value_of(fit.values - d)) for d in np.diag(h)], axis=1)
     gradient = np.divide(gradient, 2 * h, out=np.zeros_like(gradient), where=h > 0)
-    return Derived(at(fit.values), gradient @ uncertainty.covariance @ gradient.T)
+    return Derived(value_of(fit.values), gradient @ uncertainty.covariance @ gradient.T)
 
 
 class Significance(NamedTuple):

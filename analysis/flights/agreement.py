@@ -71,11 +71,11 @@ class Test(NamedTuple):
 class LargestDifference(NamedTuple):
     """Whether there is any difference at several speeds, by that which is largest in its standard errors.
 
-    at : number of that speed     z : the difference there, in its standard errors
+    speed_index : number of that speed     z : the difference there, in its standard errors
     p : probability that the largest of all speeds is as large if nothing differs
     """
 
-    at: int
+    speed_index: int
     z: float
     p: float
 
@@ -286,8 +286,8 @@ def chi_square_test(chi_square: float, degrees_of_freedom: int) -> Test:
 def of_difference(value: Array, covariance: Array) -> LargestDifference:
     """Whether a difference (n,) at several speeds is one at all. covariance : (n, n)"""
     z = value / np.sqrt(np.diag(covariance))
-    at = int(np.argmax(np.abs(z)))
-    return LargestDifference(at, float(z[at]), largest_of_errors(covariance)(abs(float(z[at]))))
+    index = int(np.argmax(np.abs(z)))
+    return LargestDifference(index, float(z[index]), largest_of_errors(covariance)(abs(float(z[index]))))
 
 
 def largest_of_errors(covariance: Array) -> Callable[[float], float]:
@@ -342,14 +342,14 @@ def trends(flights: Sequence[PoolFlight], deviations_percent: Array, errors: Err
         (TrendQuantity.BATTERY, "V", [_or_nan(f.battery_V) for f in flights]),
     ):
         x = np.array(values)
-        known = np.isfinite(x)
-        if known.sum() < POOLING.fewest_for_trend or np.ptp(x[known]) < 1e-9 * np.abs(x[known]).max():
+        finite = np.isfinite(x)
+        if finite.sum() < POOLING.fewest_for_trend or np.ptp(x[finite]) < 1e-9 * np.abs(x[finite]).max():
             continue
-        X = np.stack([np.ones(known.sum()), x[known] - x[known].mean()], axis=1)
-        of_known = ErrorParts(errors.own[known], errors.shared[known])
-        fit = least_squares(deviations_percent[known, None], X[:, None, :], of_known)
+        X = np.stack([np.ones(finite.sum()), x[finite] - x[finite].mean()], axis=1)
+        of_known = ErrorParts(errors.own[finite], errors.shared[finite])
+        fit = least_squares(deviations_percent[finite, None], X[:, None, :], of_known)
         (_, slope), (_, error) = fit.values.tolist(), np.sqrt(np.diag(fit.covariance)).tolist()
-        lowest, highest = float(x[known].min()), float(x[known].max())
+        lowest, highest = float(x[finite].min()), float(x[finite].max())
         trends.append(
             Trend(
                 quantity=quantity,
@@ -359,7 +359,7 @@ def trends(flights: Sequence[PoolFlight], deviations_percent: Array, errors: Err
                 change_percent=slope * (highest - lowest),
                 standard_error_percent=error * (highest - lowest),
                 p=float(2 * ndtr(-abs(slope / error))),
-                flights=int(known.sum()),
+                flights=int(finite.sum()),
             )
         )
     return trends

@@ -65,11 +65,11 @@ def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names
     alarms_a_year : false ones that are accepted of an airframe that does not change     unread : receives a line for
     each file that cannot be read. Raises InputError for a name that the dataset lacks.
     """
-    airframes, known = [], dataset.airframes
+    airframes, stored = [], dataset.airframes
     for name in names:
-        if name not in known:
-            raise InputError(f"{dataset.address}: no airframe {name}; there are {', '.join(known)}")
-    for name in names or known:
+        if name not in stored:
+            raise InputError(f"{dataset.address}: no airframe {name}; there are {', '.join(stored)}")
+    for name in names or stored:
         for configuration, flights in dataset.flights(name, unread).items():
             airframes.append(airframe(name, configuration, flights, alarms_a_year))
     return airframes
@@ -82,24 +82,24 @@ def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarm
     """
     dated = [flight for flight in flights if flight.dated]
     ordered = (*dated, *(flight for flight in flights if not flight.dated))
-    whole = pool_flights(ordered)
+    pool = pool_flights(ordered)
     changes, shares = (
-        _watched(whole if len(dated) == len(flights) else pool_flights(dated), alarms_a_year)
+        _watched(pool if len(dated) == len(flights) else pool_flights(dated), alarms_a_year)
         if len(dated) > 2
         else ([], None)
     )
-    lately = pool_flights(dated[max(change.since for change in changes) :]) if changes else whole
+    lately = pool_flights(dated[max(change.since for change in changes) :]) if changes else pool
     return Airframe(name, configuration, ordered, lately, tuple(changes), shares)
 
 
-def _watched(whole: Pool, alarms_a_year: float) -> tuple[list[Change], FlightShares | None]:
+def _watched(pool: Pool, alarms_a_year: float) -> tuple[list[Change], FlightShares | None]:
     """Changes by date, from three or more dated flights; none of electrical power, where drag and thrust are one."""
-    if not isinstance(whole, JointPool):
+    if not isinstance(pool, JointPool):
         return [], None
-    flights = whole.flights
+    flights = pool.flights
     times = np.array([flight.start_unix_s for flight in flights], dtype=float) / DAY_S
     flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
-    of_flights = series(whole)
+    of_flights = series(pool)
     changes = find_changes(of_flights, times, flights_a_year / alarms_a_year)
     return changes, flight_shares(of_flights, changes)
 

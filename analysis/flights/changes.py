@@ -124,14 +124,16 @@ def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: floa
     """
     threshold = least_gain(flights_per_false_alarm)
     equations = _normal_equations(of_flights)
-    kept = np.arange(len(times))
+    regular = np.arange(len(times))
     while True:
-        changes = _reported(equations[kept], times[kept], threshold)
+        changes = _reported(equations[regular], times[regular], threshold)
         odd = [change.since for change, following in pairwise(changes) if following.since == change.since + 1]
         if not odd:
             break
-        kept = np.delete(kept, odd)
-    return [change._replace(since=int(kept[change.since]), detected=int(kept[change.detected])) for change in changes]
+        regular = np.delete(regular, odd)
+    return [
+        change._replace(since=int(regular[change.since]), detected=int(regular[change.detected])) for change in changes
+    ]
 
 
 def _reported(equations: Array, times: Array, threshold: float) -> list[Change]:
@@ -174,11 +176,11 @@ def _normal_equations(of_flights: Series) -> Array:
 class _Sums(NamedTuple):
     """Sums over the flights before each of n + 1, of c columns.
 
-    known : (n + 1, c, c) products of all columns
+    products : (n + 1, c, c) products of all columns
     change : (3, n + 1, c, 2) those with the columns of the change, times powers 0 to 2 of the time since the first
     """
 
-    known: Array
+    products: Array
     change: Array
 
 
@@ -195,13 +197,13 @@ def _before_each(of_flights: Array) -> Array:
 
 def _best(sums: _Sums, times: Array, part: slice) -> _Best:
     """The step or drift, from the second flight of a part on, that improves the fit most."""
-    G, t = sums.known[part.stop] - sums.known[part.start], (times[part] - times[0])[:, None, None]
+    G, t = sums.products[part.stop] - sums.products[part.start], (times[part] - times[0])[:, None, None]
     before = len(G) - 1 - _SHARES  # columns of mean and shared errors
     change, value = slice(before, before + _SHARES), -1
     A = G[:before, :before]
     A[_SHARES:, _SHARES:] += np.eye(before - _SHARES)
     inverse = np.linalg.inv(A)
-    known = inverse @ G[:before, value]
+    explained = inverse @ G[:before, value]
     zeroth, first, second = sums.change[:, part.stop, None] - sums.change[:, part.start + 1 : part.stop]
     start = t[:-1]  # of a drift: the flight before
     lasts = t[-1] > start  # no drift has a time among flights of one time
@@ -218,7 +220,7 @@ def _best(sums: _Sums, times: Array, part: slice) -> _Best:
     ):
         B = linear[:, :before]
         information = square - B.transpose(0, 2, 1) @ inverse @ B
-        vector = linear[:, value] - known @ B
+        vector = linear[:, value] - explained @ B
         seen = possible & (np.linalg.eigvalsh(information)[:, 0] > np.finfo(float).eps * np.trace(square[0]))
         information[~seen] = np.eye(_SHARES)
         estimate = np.linalg.solve(information, vector[:, :, None])[:, :, 0]

@@ -160,7 +160,7 @@ class Comparison(OfAKind["Comparison"]):
     def _quoted(self) -> int:
         """Number of the difference that is quoted: the clearest, or the best known where all intervals contain zero."""
         clear = any(row.excludes_zero for row in self._differences)
-        return self.test.at if clear else int(np.argmin(self.half_width_percent))
+        return self.test.speed_index if clear else int(np.argmin(self.half_width_percent))
 
     def _text(self) -> str:
         row, p = self._differences[self._quoted], self.test.p
@@ -269,11 +269,11 @@ def _by_joint_estimate(a: JointPool, b: JointPool, relation: Relation) -> _Power
 
 
 def _of_installations(a: JointPool, b: JointPool) -> Relation:
-    stated = _same_installation(a, b)
-    contradicted = _contradicted(a, b, INSTALLATION_PART) if stated else None
+    same = _same_installation(a, b)
+    contradicted = _contradicted(a, b, INSTALLATION_PART) if same else None
     one_propeller = _same_propeller(a, b)
     of_thrust = _contradicted(a, b, THRUST_PART) if one_propeller else None
-    same_installation, same_propeller = stated and contradicted is None, one_propeller and of_thrust is None
+    same_installation, same_propeller = same and contradicted is None, one_propeller and of_thrust is None
     shared = SharedErrors.PROPELLER if same_propeller else SharedErrors.NEITHER if of_thrust else SharedErrors.NONE
     if same_installation:
         shared = SharedErrors.INSTALLATION_AND_PROPELLER if same_propeller else SharedErrors.INSTALLATION
@@ -295,8 +295,8 @@ def _same_installation(a: JointPool, b: JointPool) -> bool:
 def _same_day(a: JointPool, b: JointPool) -> bool:
     """Whether all flights were made within half a day, so that no night lies between; not, where one has no date."""
     starts = [flight.start_unix_s if flight.dated else None for pool in (a, b) for flight in pool.flights]
-    known = [start for start in starts if start is not None]
-    return len(known) == len(starts) and max(known) - min(known) < DAY_S / 2
+    start_times = [start for start in starts if start is not None]
+    return len(start_times) == len(starts) and max(start_times) - min(start_times) < DAY_S / 2
 
 
 def _contradicted(a: JointPool, b: JointPool, part: slice) -> Test | None:

@@ -99,7 +99,7 @@ class CurvePool(Pool):
     @cached_property
     def ends_mps(self) -> tuple[float, float]:
         """The slowest and the fastest speed that half of the flights reach."""
-        slow, fast = (float(np.median([curve.V_mps[at] for curve in self.curves])) for at in (0, -1))
+        slow, fast = (float(np.median([curve.V_mps[end] for curve in self.curves])) for end in (0, -1))
         return slow, fast
 
     @cached_property
@@ -108,8 +108,8 @@ class CurvePool(Pool):
 
     def power(self, V: Array) -> tuple[Array, Array]:
         """Electrical power and its standard error [W], each (k,), at speeds V (k,) [m/s] within those flown."""
-        at, power_W = self.curve.V_mps, self.curve.power_W
-        return np.interp(V, at, power_W.value), np.interp(V, at, power_W.standard_error)
+        speeds, power_W = self.curve.V_mps, self.curve.power_W
+        return np.interp(V, speeds, power_W.value), np.interp(V, speeds, power_W.standard_error)
 
     def mean(self, V: Array, counts: Sequence[float] = ()) -> Uncertain:
         """At each speed (n,) the mean of the curves that contain it, weighed by the inverse variance of their own
@@ -205,11 +205,11 @@ class CurvePool(Pool):
         names = list(dict.fromkeys(name for part in parts for name in part.shared))
         values, own, shared = [], [], []
         for curve, part in zip(self.curves, parts, strict=True):
-            known = curve.covers(V)
-            values.append(np.where(known, part.value - 1, 0.0))
-            own.append(np.where(np.outer(known, known), part.own, np.eye(len(V)) / np.finfo(float).eps))
+            covered = curve.covers(V)
+            values.append(np.where(covered, part.value - 1, 0.0))
+            own.append(np.where(np.outer(covered, covered), part.own, np.eye(len(V)) / np.finfo(float).eps))
             changes = [part.shared.get(name, np.zeros(len(V))) for name in names]
-            shared.append(np.where(known[:, None], np.array(changes).reshape(len(names), len(V)).T, 0.0))
+            shared.append(np.where(covered[:, None], np.array(changes).reshape(len(names), len(V)).T, 0.0))
         return np.stack(values), ErrorParts(np.stack(own), np.stack(shared))
 
     def half_widths_percent(self, counts: Sequence[int], V: Array) -> Array:
@@ -236,15 +236,15 @@ class CurvePool(Pool):
             of_difference = -weights
             of_difference[i] += 1
             difference = total(self._parts(V, of_difference))
-            known = np.where(curve.covers(V), 1.0, np.nan)
-            deviations.append((100 * known * difference.value / power, 100 * known * difference.half_width / power))
+            covered = np.where(curve.covers(V), 1.0, np.nan)
+            deviations.append((100 * covered * difference.value / power, 100 * covered * difference.half_width / power))
         return deviations
 
     def deviations_for_trends(self) -> tuple[Array, ErrorParts]:
         values, errors = self._shares(self.speeds_mps)
-        at = int(np.argmin(np.einsum("fkk->k", errors.own)))
-        own, shared = errors.own[:, at : at + 1, at : at + 1], errors.shared[:, at : at + 1]
-        return 100 * values[:, at], ErrorParts(100**2 * own, 100 * shared)
+        index = int(np.argmin(np.einsum("fkk->k", errors.own)))
+        own, shared = errors.own[:, index : index + 1, index : index + 1], errors.shared[:, index : index + 1]
+        return 100 * values[:, index], ErrorParts(100**2 * own, 100 * shared)
 
     def planned_difference(self, flights: int) -> Array:
         n = len(self.flights)

@@ -38,7 +38,7 @@ class Added(NamedTuple):
     """Numbers of flights that were new and that the dataset had already."""
 
     new: int
-    known: int
+    already_there: int
 
 
 class StoredFlight(NamedTuple):
@@ -77,8 +77,8 @@ class Dataset:
             count += 1
         added = 0
         for airframe, flights in new.items():
-            known = set(self._column(airframe, "flight"))
-            fresh = {flight.flight: flight for flight in flights if flight.flight not in known}
+            flight_names = set(self._column(airframe, "flight"))
+            fresh = {flight.flight: flight for flight in flights if flight.flight not in flight_names}
             if fresh:
                 self._write(airframe, [fresh[key] for key in sorted(fresh)])
                 added += len(fresh)

@@ -160,16 +160,16 @@ def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
     unchanged = [airframe for airframe in airframes if not airframe.changes]
     in_mean = unchanged if len(unchanged) > 2 else airframes
     curve = fleet_curve(in_mean)
-    at = max(
+    largest_pool = max(
         (airframe.pool for airframe in in_mean if isinstance(airframe.pool, JointPool)),
         key=lambda pool: len(pool.flights),
     )
     return FleetCurveResult(
         airframes=[airframe.name for airframe in in_mean],
         changed=[airframe.name for airframe in airframes if airframe.changes],
-        test=_condition(at),
-        mean=polar_curve(curve.mean, at.condition, at.flown_CL).points(),
-        another=polar_curve(curve.of_another, at.condition, at.flown_CL).points(),
+        test=_condition(largest_pool),
+        mean=polar_curve(curve.mean, largest_pool.condition, largest_pool.flown_CL).points(),
+        another=polar_curve(curve.of_another, largest_pool.condition, largest_pool.flown_CL).points(),
     )
 
 

@@ -192,10 +192,10 @@ def without_details(results: Results) -> Results:
     if use is not None:
         use = PerformanceResult(power_train=PowerTrainResult(measured=use.power_train.measured), model=use.model)
     curves = {kind: replace(curve, standard=[], interval_parts=[]) for kind, curve in results.curves.items()}
-    kept = ("trust", "evidence", "software_version", "aircraft", "test", "kind", "air", "battery", "slowest_flown",
+    fields = ("trust", "evidence", "software_version", "aircraft", "test", "kind", "air", "battery", "slowest_flown",
             "log", "vehicle", "drag_polar")  # fmt: skip
     origin = results.provenance and replace(results.provenance, files=[], sensors=[], events=[])
-    return Results(curves=curves, use=use, provenance=origin, **{name: getattr(results, name) for name in kept})
+    return Results(curves=curves, use=use, provenance=origin, **{name: getattr(results, name) for name in fields})
 
 
 def of_content(content: Results) -> FlightStatistics:
@@ -204,17 +204,17 @@ def of_content(content: Results) -> FlightStatistics:
     if of_flight is None:
         raise ValueError("there are none")
     names, weighting = of_flight.names, of_flight.weighting_covariance
-    kept = [names.index(name) for name in POOLED]
+    indices = [names.index(name) for name in POOLED]
     drag = [names.index(name) for name in POLAR + THRUST_CORRECTIONS]
-    sigma = np.array([np.inf if s is None else s for s in of_flight.prior_sigma])[kept]
+    sigma = np.array([np.inf if s is None else s for s in of_flight.prior_sigma])[indices]
     statistics = FlightStatistics(
         parameters=Uncertain(
             np.array(of_flight.values),
             _symmetric(of_flight.covariance, len(names)),
             {name: np.array(change) for name, change in of_flight.changes.items()},
-        ).at(kept),
+        ).at(indices),
         weighting_covariance=_symmetric(weighting, len(weighting))[np.ix_(drag, drag)],
-        prior_mean=np.array(of_flight.prior_mean)[kept],
+        prior_mean=np.array(of_flight.prior_mean)[indices],
         prior_information=sigma**-2.0,
         polar_covariance=np.array(of_flight.polar_covariance),
         flown_CL=of_flight.flown_CL,

@@ -61,15 +61,17 @@ class Prior(NamedTuple):
     @property
     def covariance(self) -> Array:
         """(k, k); 0 where there is no prior."""
-        known = np.diag(self.information) > 0
+        informed = np.diag(self.information) > 0
         covariance = np.zeros(self.information.shape)
-        own = self.information[np.ix_(known, known)]
+        own = self.information[np.ix_(informed, informed)]
         scale = 1 / np.sqrt(np.diag(own))
         off_diagonal = own - np.diag(np.diag(own))
         if not off_diagonal.any():
-            covariance[known, known] = 1 / np.diag(own)
+            covariance[informed, informed] = 1 / np.diag(own)
         else:
-            covariance[np.ix_(known, known)] = np.linalg.inv(own * np.outer(scale, scale)) * np.outer(scale, scale)
+            covariance[np.ix_(informed, informed)] = np.linalg.inv(own * np.outer(scale, scale)) * np.outer(
+                scale, scale
+            )
         return covariance
 
 
@@ -150,9 +152,9 @@ def stacked(flights: Sequence[FlightStatistics], remounted: Collection[int] = ()
 
 def take(stack: FlightStack, numbers: Sequence[int]) -> FlightStack:
     """Some of the flights, by number."""
-    at = list(numbers)
-    changes = {name: change[at] for name, change in stack.changes.items()}
-    arrays = {name: getattr(stack, name)[at] for name in FlightStack._fields if name != "changes"}
+    indices = list(numbers)
+    changes = {name: change[indices] for name, change in stack.changes.items()}
+    arrays = {name: getattr(stack, name)[indices] for name in FlightStack._fields if name != "changes"}
     return FlightStack(**arrays, changes=changes)
 
 
@@ -230,11 +232,11 @@ def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
 def solve(groups: Sequence[Group], prior: Prior) -> PooledEstimate:
     """Solve for all parameters (k,) that the flights share."""
     H, b = prior.information.copy(), prior.vector.copy()  # not symmetric: the first step does not see the second
-    for stack, at, counts in groups:
-        H[np.ix_(at, at)] += np.tensordot(counts, stack.normal_matrix, 1)
-        b[at] += counts @ stack.vector
+    for stack, indices, counts in groups:
+        H[np.ix_(indices, indices)] += np.tensordot(counts, stack.normal_matrix, 1)
+        b[indices] += counts @ stack.vector
     solution = _inverse(H)
-    influences = [solution[:, at] @ stack.gain for stack, at, _ in groups]
+    influences = [solution[:, indices] @ stack.gain for stack, indices, _ in groups]
     prior_covariance = prior.covariance
     prior_part = solution @ prior.information
     own = prior_part @ prior_covariance @ prior_part.T

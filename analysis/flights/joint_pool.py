@@ -103,12 +103,12 @@ class JointPool(Pool):
         """Each flight against the pool of all others; empty for one flight. Installations are compared as stated."""
         if len(self.flights) < 2:
             return []
-        differences, stated = (
+        differences, as_declared = (
             differences_to_others(flight_stack, self.prior) for flight_stack in (self.stack, self.as_stated)
         )
         return [
             difference._replace(p_installation=as_said.p_installation)
-            for difference, as_said in zip(differences, stated, strict=True)
+            for difference, as_said in zip(differences, as_declared, strict=True)
         ]
 
     @cached_property
@@ -181,9 +181,9 @@ class JointPool(Pool):
         J = self._percent(self.speeds_mps)
         errors = error_parts(self.stack, self.prior)
         covariance = errors.own + errors.shared @ errors.shared.transpose(0, 2, 1)
-        at = int(np.argmin(np.einsum("vi,fij,vj->v", J, covariance, J, optimize=True)))
-        deviations = np.array([J[at] @ (flight.polar.A - self.polar.A) for flight in self.flights])
-        of_power = J[at : at + 1]
+        index = int(np.argmin(np.einsum("vi,fij,vj->v", J, covariance, J, optimize=True)))
+        deviations = np.array([J[index] @ (flight.polar.A - self.polar.A) for flight in self.flights])
+        of_power = J[index : index + 1]
         return deviations, ErrorParts(of_power @ errors.own @ of_power.T, of_power @ errors.shared)
 
     def planned_difference(self, flights: int) -> Array:
@@ -313,18 +313,18 @@ def _prior_of_a(a: "JointPool", b: "JointPool", same_installation: bool, same_pr
 
 def thrust_known(flights: Sequence[FlightStatistics], CL: Array) -> NDArray[np.bool_]:
     """Whether the propeller's table covers the thrust of at least one flight that covers this lift coefficient (n,)."""
-    known = np.zeros(len(CL), dtype=bool)
+    covered_at = np.zeros(len(CL), dtype=bool)
     for flight in flights:
         points = flight.content.power_required
         covered = inside(CL, flight.flown_CL)
         if not points:
-            known |= covered
+            covered_at |= covered
             continue
         CL_of_points = lift_coefficient(np.array([point.speed_mps for point in points]), flight.condition)
         nearest = np.abs(CL_of_points[:, None] / CL - 1).argmin(axis=0)
         sure = np.array([not point.extrapolated for point in points])
-        known |= covered & sure[nearest]
-    return known
+        covered_at |= covered & sure[nearest]
+    return covered_at
 
 
 def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:

@@ -283,12 +283,12 @@ class Pool(OfAKind["Pool"], ABC):
                 log=flight.name,
                 vehicle=flight.content.vehicle,
                 test=flight.content.test,
-                half_width_percent=_known(self.half_widths_alone_percent(i, V)),
-                half_width_without_percent=_known(without[i]) if n > 1 else None,
+                half_width_percent=_finite_or_none(self.half_widths_alone_percent(i, V)),
+                half_width_without_percent=_finite_or_none(without[i]) if n > 1 else None,
                 share_of_information=float(shares[i]),
                 against_pool=[
                     Deviation(speed_mps=v, difference_percent=d, limit_percent=m)
-                    for v, d, m in zip(V.tolist(), _known(value), _known(limit), strict=True)
+                    for v, d, m in zip(V.tolist(), _finite_or_none(value), _finite_or_none(limit), strict=True)
                 ],
                 p=difference.p if difference else None,
                 p_installation=difference.p_installation if difference else None,
@@ -323,7 +323,7 @@ class Pool(OfAKind["Pool"], ABC):
         return [undated_text(self.flights)]
 
 
-def _known(values: Array) -> list[float | None]:
+def _finite_or_none(values: Array) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
 

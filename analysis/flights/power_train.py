@@ -52,12 +52,12 @@ class DragPool(Protocol):
 
 def pooled_use(pool: DragPool) -> PooledUse | None:
     """None where no flight has a power train. Losses that are measured count, where there are any, or else assumed."""
-    known = [
+    candidates = [
         (candidate, candidate.content.use, candidate.content.use.model)
         for candidate in pool.flights
         if candidate.content.use
     ]
-    having = [(candidate, use, model) for candidate, use, model in known if model is not None]
+    having = [(candidate, use, model) for candidate, use, model in candidates if model is not None]
     chosen = [candidate for candidate in having if candidate[1].power_train.measured] or having
     if not chosen:
         return None
@@ -75,9 +75,9 @@ def pooled_performance(
     the battery or the air is not known, or the propeller's table cannot give the thrust of level flight."""
     if pool.battery is None or air.temperature_K is None or air.pressure_Pa is None:
         return None
-    at = FlownCondition(pool.condition, air.pressure_Pa, air.temperature_K)
+    condition = FlownCondition(pool.condition, air.pressure_Pa, air.temperature_K)
     performance = flight_performance(
-        model_of(use.model), pool.condition, requested_conditions(request, at), pool.battery
+        model_of(use.model), pool.condition, requested_conditions(request, condition), pool.battery
     )
     if performance is None:
         return None
@@ -123,14 +123,14 @@ def _mean(parts: Sequence[ParameterVector]) -> ParameterVector:
 
 def slowest_flown(pool: DragPool) -> SlowestFlown | None:
     """Slowest speed at the pool's condition, with the largest lift coefficient of any flight; None if unknown."""
-    known = [
+    slowest = [
         flight.content.slowest_flown.largest_lift_coefficient for flight in pool.flights if flight.content.slowest_flown
     ]
     largest_CL = pool.flown_CL[1]
-    if not known:
+    if not slowest:
         return None
     return SlowestFlown(
         speed_mps=float(speed_at(largest_CL, pool.condition)),
         lift_coefficient=largest_CL,
-        largest_lift_coefficient=max(known),
+        largest_lift_coefficient=max(slowest),
     )

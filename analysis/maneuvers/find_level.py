@@ -33,9 +33,9 @@ def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list
     search = Search(table, motion.V)
     for stretch in [*stretches(flying & ~turning_or_steep), *stretches(flying & turning_or_steep)]:
         for leg in legs_of(motion.V[stretch].tolist()):
-            whole = _changing_rows(motion, stretch.start, leg, changing_mps2)
-            judged = _judged([whole], table, motion, leg.sign, noise)
-            for divided in (_pieces(whole, motion.step_s, scale), _between_gaps(table, whole)):
+            changing = _changing_rows(motion, stretch.start, leg, changing_mps2)
+            judged = _judged([changing], table, motion, leg.sign, noise)
+            for divided in (_pieces(changing, motion.step_s, scale), _between_gaps(table, changing)):
                 if not any(part.rejection is None for part in judged):
                     parts = _judged(divided, table, motion, leg.sign, noise)
                     judged = parts if any(part.rejection is None for part in parts) else judged
@@ -81,8 +81,8 @@ def _pieces(rows: slice, step_s: float, scale: float) -> list[slice]:
 
 def _between_gaps(table: pd.DataFrame, rows: slice) -> list[slice]:
     """The parts of a leg in which all needed quantities are measured."""
-    known = table.iloc[rows][list(NEEDED_COLUMNS)].notna().all(axis=1).to_numpy()
-    return [slice(rows.start + part.start, rows.start + part.stop) for part in stretches(known)]
+    finite = table.iloc[rows][list(NEEDED_COLUMNS)].notna().all(axis=1).to_numpy()
+    return [slice(rows.start + part.start, rows.start + part.stop) for part in stretches(finite)]
 
 
 def _changing_rows(motion: SmoothedMotion, start: int, leg: runs.Leg, changing_mps2: float) -> slice:

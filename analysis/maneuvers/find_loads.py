@@ -106,8 +106,8 @@ def _wind_up_turn_rejection(data: pd.DataFrame, motion: SmoothedMotion, rows: sl
     t = data.index.to_numpy()
     if t[-1] - t[0] < LOADS.shortest_s:
         return Rejection(RunRejected.TOO_SHORT, float(t[-1] - t[0]), LOADS.shortest_s)
-    known = np.isfinite(n)
-    t, n = t[known], n[known]
+    finite = np.isfinite(n)
+    t, n = t[finite], n[finite]
     slope, level = np.polyfit(t - t[0], n, 1)
     explained = 1 - np.var(n - level - slope * (t - t[0])) / np.var(n)
     if slope < LOADS.loading_per_s or explained < LOADS.linear:

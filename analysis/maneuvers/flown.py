@@ -62,8 +62,8 @@ def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
     CL = force_N.rolling(rows, center=True).mean() / (
         table["qbar_Pa"].rolling(rows, center=True).mean() * condition.wing_area_m2
     )
-    known = CL[aloft].dropna()
-    return float(np.percentile(known, 99.9)) if len(known) else np.inf
+    finite = CL[aloft].dropna()
+    return float(np.percentile(finite, 99.9)) if len(finite) else np.inf
 
 
 class TableLimit(StrEnum):

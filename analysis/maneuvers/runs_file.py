@@ -153,30 +153,30 @@ def apply(entries: list[ManeuverEntry], table: pd.DataFrame, rejected: list[Reje
     """
     motion = smooth(table, LEVEL_RUN.smoothing_s)
     last_s = float(table.index[-1])
-    kept: list[Maneuver] = []
+    maneuvers_left: list[Maneuver] = []
     left_out: list[RejectedManeuver] = []
     for i, entry in enumerate(entries, start=1):
         if not entry.keep:
             rejection = next((stretch.rejection for stretch in rejected if _same(entry, stretch)), LEFT_OUT)
             left_out.append(RejectedManeuver(entry.kind, entry.start_s, entry.end_s, rejection))
             continue
-        at = f"{where}: run {i} ({entry.kind}, {entry.start_s:g} to {entry.end_s:g} s)"
+        place = f"{where}: run {i} ({entry.kind}, {entry.start_s:g} to {entry.end_s:g} s)"
         if entry.start_s > last_s or entry.end_s > last_s + 1:
-            raise InputError(f"{at}: the log ends at {last_s:.0f} s")
+            raise InputError(f"{place}: the log ends at {last_s:.0f} s")
         first, end = np.searchsorted(table.index.to_numpy(), (entry.start_s - 1e-3, entry.end_s + 1e-3))
         rows = slice(int(first), int(end))
         if rows.stop - rows.start < FLIGHT.fewest_samples:
-            raise InputError(f"{at}: only {rows.stop - rows.start} samples; {FLIGHT.fewest_samples} are needed")
+            raise InputError(f"{place}: only {rows.stop - rows.start} samples; {FLIGHT.fewest_samples} are needed")
         data = table.iloc[rows]
         missing = None if entry.kind in CONTEXT_KINDS else quality.without_data(data)
         if missing:
-            raise InputError(f"{at}: {reason_in_words(missing)}")
-        for other in kept if entry.kind in LEVEL_RUNS else ():
+            raise InputError(f"{place}: {reason_in_words(missing)}")
+        for other in maneuvers_left if entry.kind in LEVEL_RUNS else ():
             if other.kind in LEVEL_RUNS and other.rows.start < rows.stop - 1 and rows.start < other.rows.stop - 1:
-                raise InputError(f"{at}: overlaps the {other.name}")
+                raise InputError(f"{place}: overlaps the {other.name}")
         notes = () if entry.kind in CONTEXT_KINDS else quality.notes(data, motion.bank[rows])
-        kept.append(maneuver_in(entry.kind, rows, table, motion.V, notes))
-    return Maneuvers(sorted(kept, key=_start), left_out)
+        maneuvers_left.append(maneuver_in(entry.kind, rows, table, motion.V, notes))
+    return Maneuvers(sorted(maneuvers_left, key=_start), left_out)
 
 
 def _start(stretch: Maneuver | RejectedManeuver) -> float:

@@ -233,8 +233,8 @@ def with_step_of_motor_speed(
     error_revps = float(np.sqrt(0.5)) * step_revps / 2
     if not len(turning) or 2 * error_revps < EVIDENCE.negligible * float(np.median(turning)):  # of thrust: the square
         return added
-    known = air["n_revps"].to_numpy(dtype=float)
-    faster = air.assign(n_revps=np.where(known > STANDING.motor_revps, known + error_revps, known))
+    motor_revps = air["n_revps"].to_numpy(dtype=float)
+    faster = air.assign(n_revps=np.where(motor_revps > STANDING.motor_revps, motor_revps + error_revps, motor_revps))
     uncertainty = _with_other_air(added, values_from, air, {MOTOR_SPEED_STEP: faster})
     note = (
         f"Motor speed is recorded in steps of {step_revps:.2g} rev/s, as of whole pulses counted in a time: the"

@@ -116,14 +116,14 @@ def _compare(
     if cause is None:
         return None
     speed, power = float(V_worst[0]), float(_power(V_worst, first.A, condition)[0])
-    at = Difference(speed, power, difference, cause, shares.get(cause), shares[Cause.UNEXPLAINED])
+    quoted = Difference(speed, power, difference, cause, shares.get(cause), shares[Cause.UNEXPLAINED])
     return DisagreementResult(
         methods=(first.name, second.name),
         speed_mps=speed,
         difference_W=difference,
         allowed_W=allowed,
         culprit=cause,
-        text=sentences((first.title, second.title), at, errors, condition),
+        text=sentences((first.title, second.title), quoted, errors, condition),
         shares_W=shares,
     )
 
@@ -190,10 +190,10 @@ class Difference(NamedTuple):
 
 
 def sentences(
-    titles: tuple[str, str], at: Difference, errors: Mapping[str, ErrorEstimate], condition: Condition
+    titles: tuple[str, str], quoted: Difference, errors: Mapping[str, ErrorEstimate], condition: Condition
 ) -> str:
     """The difference of the second method from the first, its cause, and what that explains of it."""
-    V, power_W, difference_W, cause, share_W, unexplained_W = at
+    V, power_W, difference_W, cause, share_W, unexplained_W = quoted
     first, second = titles
     size, where = abs(difference_W), "above" if difference_W > 0 else "below"
     difference = (

@@ -242,15 +242,15 @@ class JointEstimate(NamedTuple):
 
     def with_changes(self, changes: Mapping[str, Array]) -> "JointEstimate":
         """Adds consider errors; `changes` covers the leading parameters, the rest are zero."""
-        return self._with_changes({name: self._whole(change) for name, change in changes.items()})
+        return self._with_changes({name: self._padded(change) for name, change in changes.items()})
 
     def with_density_error(self, change: Array, airspeed_scale: float) -> "JointEstimate":
         """Adds the error of density. change: of the leading parameters. airspeed_scale: change of V_scale."""
-        whole = self._whole(change)
-        whole[self.names.index("V_scale")] = airspeed_scale
-        return self._with_changes({DENSITY: whole})
+        full_change = self._padded(change)
+        full_change[self.names.index("V_scale")] = airspeed_scale
+        return self._with_changes({DENSITY: full_change})
 
-    def _whole(self, change: Array) -> Array:
+    def _padded(self, change: Array) -> Array:
         return np.pad(change, (0, len(self.names) - len(change)))
 
     def _with_changes(self, changes: Mapping[str, Array]) -> "JointEstimate":

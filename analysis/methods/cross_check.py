@@ -47,16 +47,16 @@ OUTPUTS = {"V": "V_mps", "alpha": "alpha_rad", "ax": "ax_mps2", "az": "az_mps2",
 
 def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
     """Priors of the sensor errors and of thrust. zeroed: the gyro biases at rest were subtracted."""
-    stated = aircraft.uncertainty
-    known = Priors(
-        alpha_bias_rad=stated.angle_of_attack_offset_rad,
-        alpha_scale=math.hypot(stated.angle_of_attack_slope_fraction, upwash_slope_sigma(aircraft)),
-        accelerometer_bias_mps2=stated.accelerometer_offset_mps2,
-        V_scale=stated.airspeed_scale_fraction,
-        thrust_scale=stated.thrust_scale_fraction,
-        thrust_slope=stated.thrust_slope,
+    uncertainty = aircraft.uncertainty
+    priors_of_file = Priors(
+        alpha_bias_rad=uncertainty.angle_of_attack_offset_rad,
+        alpha_scale=math.hypot(uncertainty.angle_of_attack_slope_fraction, upwash_slope_sigma(aircraft)),
+        accelerometer_bias_mps2=uncertainty.accelerometer_offset_mps2,
+        V_scale=uncertainty.airspeed_scale_fraction,
+        thrust_scale=uncertainty.thrust_scale_fraction,
+        thrust_slope=uncertainty.thrust_slope,
     )
-    return known if zeroed else replace(known, gyro_bias_radps=CROSS_CHECK.unzeroed_gyro_radps)
+    return priors_of_file if zeroed else replace(priors_of_file, gyro_bias_radps=CROSS_CHECK.unzeroed_gyro_radps)
 
 
 def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller, *, block: int) -> list[Segment]:

@@ -128,7 +128,7 @@ class DynamicEstimate:
     joint : with the sensor errors, for the joint estimate of several flights; None by another method
     convergence : of the regression of drag; None by another method
     shares : of each run; None by another method
-    other_blades : gain of the log likelihood if the blades fold beyond zero thrust instead of windmilling, as is
+    folding_gain : gain of the log likelihood if the blades fold beyond zero thrust instead of windmilling, as is
         assumed, or the other way around; 0 where no run has such thrust, and by another method
     """
 
@@ -144,7 +144,7 @@ class DynamicEstimate:
     joint: JointEstimate | None = None
     convergence: Convergence | None = None
     shares: RunShares | None = None
-    other_blades: float = 0.0
+    folding_gain: float = 0.0
 
 
 class _Nominal(NamedTuple):
@@ -230,12 +230,12 @@ def estimate_polar(
         joint=joint,
         convergence=fit.convergence,
         shares=_run_shares(fit, polar_part(noise)),
-        other_blades=_gain_by_other_blades(nominal, runs),
+        folding_gain=_folding_gain(nominal, runs),
     )
 
 
-def _gain_by_other_blades(nominal: _Nominal, runs: list[Maneuver]) -> float:
-    """See `DynamicEstimate.other_blades`."""
+def _folding_gain(nominal: _Nominal, runs: list[Maneuver]) -> float:
+    """See `DynamicEstimate.folding_gain`."""
     forces, propeller = nominal.flight_forces, nominal.flight_forces.propeller
     thrust = np.concatenate(
         [segment_fit.segment.u["thrust_along_V_over_m"] for segment_fit in nominal.fit.segment_fits]

@@ -108,14 +108,16 @@ def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Share, A
         return np.asarray(np.sum(with_them * np.linalg.lstsq(own, with_them.T, rcond=None)[0].T, axis=1))
 
     every = frozenset(members)
-    by_known = {frozenset(known): explained(known) for n in range(len(every) + 1) for known in combinations(members, n)}
+    by_known = {
+        frozenset(subset): explained(subset) for n in range(len(every) + 1) for subset in combinations(members, n)
+    }
     orders = [1 / (len(every) * comb(len(every) - 1, n)) for n in range(len(every))]
     return {
         source: np.sum(
             [
-                orders[len(known)] * (by_known[known | {source}] - value)
-                for known, value in by_known.items()
-                if source not in known
+                orders[len(subset)] * (by_known[subset | {source}] - value)
+                for subset, value in by_known.items()
+                if source not in subset
             ],
             axis=0,
         )

@@ -48,7 +48,7 @@ class DragEstimates:
 
     main : the polar of the power curve, valid over the lift coefficients flown_CL, which are others than those of
         `Reconstructed` where there was no run
-    methods, one_by_one : by all other methods; from each acceleration and deceleration alone
+    methods, single_runs : by all other methods; from each acceleration and deceleration alone
     cross_check : None where the flight has no run for it, in gusts, and where it failed
     cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve
     runs_against_others : each run against the others of its kind, by the method of the curve
@@ -60,7 +60,7 @@ class DragEstimates:
     main: DynamicEstimate
     flown_CL: tuple[float, float]
     methods: list[MethodEstimate]
-    one_by_one: list[MethodEstimate]
+    single_runs: list[MethodEstimate]
     disagreements: list[DisagreementResult]
     cross_check: CrossCheck | None
     warnings: list[str]
@@ -95,7 +95,7 @@ def estimated(flight: Reconstructed, *, by_likelihood: bool = False) -> Estimate
     """The record with `estimate`."""
     flight.progress(f"estimating drag from {len(flight.maneuvers.for_drag)} runs")
     drag = estimate(flight, by_likelihood=by_likelihood)
-    return Estimated(**flight.known() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
+    return Estimated(**flight.fields_so_far() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
 
 
 def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstimates:
@@ -127,7 +127,7 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
             text = f"{error}{by_dynamic}; {advice} delay in the log is wrong"
             raise NoCurve(text, flight.maneuvers, [first, *lower]) from None
     else:
-        agreement = runs_against_others(others.one_by_one, flight.condition, aircraft.uncertainty)
+        agreement = runs_against_others(others.single_runs, flight.condition, aircraft.uncertainty)
         flight.progress("cross-checking on the runs alone")
         check, failures = checking()
         differs, differences = disagreement(by_runs.polar, check, flight.condition, flight.flown_CL)
@@ -135,7 +135,7 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
         curve = _Curve(by_runs, flight.flown_CL, [first], notes, agreement, None, check, differs)
     return DragEstimates(
         methods=[*others.by_method, *by_source.methods],
-        one_by_one=others.one_by_one,
+        single_runs=others.single_runs,
         disagreements=others.disagreements,
         likelihood=by_source,
         **curve._asdict(),
@@ -158,7 +158,7 @@ def by_simpler_method(flight: Reconstructed, dynamic: DragEstimates) -> Estimate
     ladder = [tried(DYNAMIC, DYNAMIC_TITLE, MethodRejection.MISFIT), *drag.ladder[1:]]
     likelihood = dynamic.likelihood
     drag = replace(drag, ladder=ladder, methods=[*drag.methods, *likelihood.methods], likelihood=likelihood)
-    return Estimated(**flight.known() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
+    return Estimated(**flight.fields_so_far() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
 
 
 def _by_another_method(flight: Reconstructed, methods: list[MethodEstimate], first: MethodTried) -> _Curve:
@@ -179,7 +179,7 @@ def _by_another_method(flight: Reconstructed, methods: list[MethodEstimate], fir
         flown_CL,
         ladder,
         notes,
-        runs_against_others(runs.one_by_one, condition, uncertainty),
+        runs_against_others(runs.single_runs, condition, uncertainty),
         one_kind_against_another(runs.accelerations, runs.decelerations, condition, uncertainty),
     )
 

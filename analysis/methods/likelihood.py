@@ -82,8 +82,8 @@ def estimate(flight: Reconstructed, wanted: tuple[MethodDescription, ...] = METH
         return LikelihoodEstimates([not_flown(method) for method in wanted], None, fits)
     try:
         data = _Data(flight)
-        known = priors(aircraft, zeroed=flight.data.zeroed)
-        two_state = aircraft_models.two_state(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
+        file_priors = priors(aircraft, zeroed=flight.data.zeroed)
+        two_state = aircraft_models.two_state(aircraft, priors=file_priors, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
         start = aircraft_models.starting_values(aircraft, data.segments)
         fits[TWO_STATE.name] = fit_output_error(two_state, data.segments, start=start)
         fits[AS_MEASURED_FIT] = fit_output_error(two_state, data.rate_as_measured, start=start)
@@ -93,7 +93,9 @@ def estimate(flight: Reconstructed, wanted: tuple[MethodDescription, ...] = METH
         )
         pitch_rate = pitch_rate_of(flight.table, level, fits[CLQ_FIT])
         if FORCE_MODELS in wanted:
-            model = aircraft_models.force_models(aircraft, priors=known, J_ref=J_REFERENCE).changed(**TABLE_AS_IT_IS)
+            model = aircraft_models.force_models(aircraft, priors=file_priors, J_ref=J_REFERENCE).changed(
+                **TABLE_AS_IT_IS
+            )
             fits[FORCE_MODELS.name] = fit_output_error(model, data.segments)
         polars: dict[str, PolarOf] = {
             TWO_STATE.name: lambda p: np.array([p.A0, p.A1, p.A2]),
@@ -207,9 +209,9 @@ def _alpha_and_elevator(segments: list[Segment]) -> tuple[Array, Array]:
     """Angles of attack over the range flown, and the elevator at each, by a straight line through all samples."""
     alpha = np.concatenate([segment.z["alpha"] for segment in segments])
     elevator = np.concatenate([segment.u["elevator"] for segment in segments])
-    known = np.isfinite(alpha)
-    slope, offset = np.polyfit(alpha[known], elevator[known], 1)
-    low, high = np.percentile(alpha[known], FLOWN.robust_percentiles)
+    finite = np.isfinite(alpha)
+    slope, offset = np.polyfit(alpha[finite], elevator[finite], 1)
+    low, high = np.percentile(alpha[finite], FLOWN.robust_percentiles)
     grid = np.linspace(low, high, 31)
     return grid, offset + slope * grid
 

@@ -102,19 +102,19 @@ def input_table(
     """
     vertical_gust, longitudinal_gust = gusts
     e = {name: removed.get(name, 0.0) for names in CAUSES.values() for name in names}
-    known = dict(zip(SENSOR_ERRORS, sensor_errors, strict=True))
+    errors = dict(zip(SENSOR_ERRORS, sensor_errors, strict=True))
     ax, az = flight_forces.corrected_force(NamedArrays(SENSOR_ERRORS, sensor_errors))
     mean, m = flight_forces.block_means, flight_forces.aircraft.mass_kg
     V, alpha, theta, Vdot = (f[name].to_numpy() for name in ("V", "alpha", "theta", "Vdot"))
     rho, climb = f["rho"].to_numpy(), f["climb"].to_numpy()
     # Flow angles are pressures over dynamic pressure: the estimated airspeed scale corrects them too.
-    alpha_measured = mean["alpha_rad"] + 2 * known["V_scale"] * alpha
+    alpha_measured = mean["alpha_rad"] + 2 * errors["V_scale"] * alpha
     alpha_measured = (
         alpha_measured - e["alpha_bias"] - e["alpha_scale"] * alpha + e["lag"] * np.gradient(alpha, flight_forces.t_s)
     )
     V_measured = mean["V_mps"] / (1 + e["airspeed_scale"]) + e["lag"] * Vdot
-    V_lagged = mean["V_mps"] / (1 + known["V_scale"]) + e["lag"] * Vdot
-    tilt = known["ax_bias"] / g - e["pitch"]
+    V_lagged = mean["V_mps"] / (1 + errors["V_scale"]) + e["lag"] * Vdot
+    tilt = errors["ax_bias"] / g - e["pitch"]
     n, S = f["n"].to_numpy(), flight_forces.aircraft.geometry.wing_area_m2
 
     def qS_over_m(V: Array) -> Array:

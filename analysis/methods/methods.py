@@ -42,10 +42,10 @@ ALL_METHODS: tuple[Method, ...] = (
 
 
 class MethodEstimates(NamedTuple):
-    """The estimates of all methods; one_by_one: of each acceleration and deceleration alone."""
+    """The estimates of all methods. single_runs: from each acceleration and deceleration alone."""
 
     by_method: list[MethodEstimate]
-    one_by_one: list[MethodEstimate]
+    single_runs: list[MethodEstimate]
     disagreements: list[DisagreementResult]
 
 
@@ -66,7 +66,7 @@ def every_method(
     inputs, errors = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
     by_method = [estimate_with(method, inputs) for method in ALL_METHODS]
     differ = disagreements(dynamic, dynamic_CL, by_method, errors, condition)
-    return MethodEstimates(by_method, _one_by_one(ONE_RUN, inputs), differ)
+    return MethodEstimates(by_method, _single_run_estimates(ONE_RUN, inputs), differ)
 
 
 def _inputs(flight_forces: FlightForces, runs: list[Maneuver]) -> tuple[MethodInputs, dict[str, ErrorEstimate]]:
@@ -76,7 +76,7 @@ def _inputs(flight_forces: FlightForces, runs: list[Maneuver]) -> tuple[MethodIn
     return method_inputs(flight_forces, trajectory, runs, errors), errors
 
 
-def _one_by_one(method: Method, inputs: MethodInputs) -> list[MethodEstimate]:
+def _single_run_estimates(method: Method, inputs: MethodInputs) -> list[MethodEstimate]:
     """One estimate for each acceleration and deceleration alone."""
     return [
         estimate_with(replace(method, title=run.name, kinds=(run.kind,)), replace(inputs, runs=[run]))
@@ -88,7 +88,7 @@ def _one_by_one(method: Method, inputs: MethodInputs) -> list[MethodEstimate]:
 class EnergyOfRuns(NamedTuple):
     """Estimates by energy: of each run alone, of the accelerations, of the decelerations."""
 
-    one_by_one: list[MethodEstimate]
+    single_runs: list[MethodEstimate]
     accelerations: MethodEstimate
     decelerations: MethodEstimate
 
@@ -101,7 +101,7 @@ def energy_of_runs(
     accelerations, decelerations = (
         estimate_with(replace(ENERGY, title=f"{kind}s", kinds=(kind,)), inputs) for kind in (ACCELERATION, DECELERATION)
     )
-    return EnergyOfRuns(_one_by_one(ENERGY, inputs), accelerations, decelerations)
+    return EnergyOfRuns(_single_run_estimates(ENERGY, inputs), accelerations, decelerations)
 
 
 def one_method(
@@ -199,12 +199,12 @@ def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: 
     polar = Polar(best.polar.A + sensitivity @ prior.mean, best.polar.covariance + by_stand)
     values = np.concatenate([polar.A, prior.mean])
     warning = f"The curve is from another method, {best.method.title}; it is not pooled with those of other flights."
-    known = trajectory.converged or trajectory.as_measured
+    usable_path = trajectory.converged or trajectory.as_measured
     estimate = DynamicEstimate(
         polar=polar,
         parameters=parameter_list(values, noise + systematic, trajectory),
-        status=CurveStatus.BY_ANOTHER_METHOD if known else CurveStatus.TRAJECTORY_NOT_CONVERGED,
-        verdict=f"by {best.method.title}" if known else TRAJECTORY_DID_NOT_CONVERGE,
+        status=CurveStatus.BY_ANOTHER_METHOD if usable_path else CurveStatus.TRAJECTORY_NOT_CONVERGED,
+        verdict=f"by {best.method.title}" if usable_path else TRAJECTORY_DID_NOT_CONVERGE,
         warnings=[warning],
         fits=[],
         values=values,

@@ -41,8 +41,8 @@ def suspect(fit: Fit, flight_forces: FlightForces) -> MotorSpeedError | None:
     for above in (0.0, *np.quantile(n, MOTOR_SPEED.tested)):
         column = np.where(np.isfinite(residuals), -by_speed * (n > above) / sigma, 0.0)
         with_others = others.T @ column
-        known = column @ column - with_others @ fit.covariance @ with_others
-        information = float(known) + MOTOR_SPEED.least_pole_share**-2
+        left_information = column @ column - with_others @ fit.covariance @ with_others
+        information = float(left_information) + MOTOR_SPEED.least_pole_share**-2
         score = float(column @ np.nan_to_num(residuals))
         gain, error = score**2 / information, MotorSpeedError(float(above), score / information)
         if gain > most and (error.share > 0 or error.by_poles):  # pulses are lost, not added

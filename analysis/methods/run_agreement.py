@@ -36,11 +36,11 @@ def runs_against_others(
     runs: Sequence[MethodEstimate], condition: Condition, uncertainty: Uncertainty
 ) -> list[RunAgainstOthers]:
     """The comparison of each run that shares lift coefficients with another of its kind; of others there is none."""
-    known = [run for run in runs if run.polar is not None]
+    with_polar = [run for run in runs if run.polar is not None]
     compared = []
-    for run in known:
-        others = [other for other in known if other is not run and other.method.kinds == run.method.kinds]
-        lift = np.linspace(*run.flown_CL, 2 * len(known) + 1)  # finer than the ends of the others' ranges
+    for run in with_polar:
+        others = [other for other in with_polar if other is not run and other.method.kinds == run.method.kinds]
+        lift = np.linspace(*run.flown_CL, 2 * len(with_polar) + 1)  # finer than the ends of the others' ranges
         if comparison := _compared(run, others, lift, condition, uncertainty):
             compared.append(comparison)
     return compared

@@ -60,10 +60,10 @@ def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) 
     rows = []
     for run in runs:
         within = slice(*np.searchsorted(t_s, (run.start_s, np.nextafter(run.end_s, np.inf))))
-        known = ~np.isnan(values[COLUMNS.index("thrust_x_over_m_mps2"), within])
-        if known.sum() < REGRESSION.fewest_blocks:
+        finite = ~np.isnan(values[COLUMNS.index("thrust_x_over_m_mps2"), within])
+        if finite.sum() < REGRESSION.fewest_blocks:
             continue
-        t, f = t_s[within][known], dict(zip(COLUMNS, values[:, within][:, known], strict=True))
+        t, f = t_s[within][finite], dict(zip(COLUMNS, values[:, within][:, finite], strict=True))
         thrust_over_m, alpha, V = f["thrust_x_over_m_mps2"], f["alpha"], f["V"]
         along_V, across_V = thrust_over_m * np.cos(alpha), thrust_over_m * np.sin(alpha)
         mean_Vdot = _slope(t, V)

@@ -64,8 +64,8 @@ def stand_information(aircraft: Aircraft) -> Array:
 
 def thrust_prior(aircraft: Aircraft) -> ThrustPrior:
     """The joint prior of the errors of thrust."""
-    stated = aircraft.uncertainty
-    sigma = np.array([stated.thrust_scale_fraction, stated.thrust_slope])
+    uncertainty = aircraft.uncertainty
+    sigma = np.array([uncertainty.thrust_scale_fraction, uncertainty.thrust_slope])
     mean, vector = np.zeros(2), np.zeros(2)
     with np.errstate(divide="ignore"):  # an error stated as zero is known
         covariance, information = np.diag(sigma**2), np.diag(1 / sigma**2) + stand_information(aircraft)
@@ -78,10 +78,10 @@ def thrust_prior(aircraft: Aircraft) -> ThrustPrior:
     return ThrustPrior(mean, covariance, information, vector)
 
 
-def stand_conflict(ratio: float, error: float, stated: Uncertainty) -> str:
+def stand_conflict(ratio: float, error: float, uncertainty: Uncertainty) -> str:
     """A sentence if a ratio on a stand is further from one than the priors of the table allow; else empty."""
-    scale, slope = stated.thrust_scale_fraction, J_REFERENCE * stated.thrust_slope
-    expected = math.hypot(scale, slope, error, stated.thrust_curvature_fraction)
+    scale, slope = uncertainty.thrust_scale_fraction, J_REFERENCE * uncertainty.thrust_slope
+    expected = math.hypot(scale, slope, error, uncertainty.thrust_curvature_fraction)
     z = (ratio - 1) / expected
     if abs(z) <= EVIDENCE.contradiction:
         return ""

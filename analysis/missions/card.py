@@ -142,8 +142,8 @@ def uncovered_mps(plan: FlightPlan) -> Array:
     """The speeds asked for [m/s] at which most of the runs lie outside the propeller's table."""
     runs, propeller, speeds = _runs(plan), plan.aircraft.propeller, np.array(plan.question.speeds)
     inside = propeller.covers(*_propeller_in(runs, propeller))
-    known = thrust_known(pd.DataFrame({"V_mps": runs["V_mps"].to_numpy(), "propeller_covered": inside}), speeds)
-    return np.asarray(speeds[~known])
+    covered = thrust_known(pd.DataFrame({"V_mps": runs["V_mps"].to_numpy(), "propeller_covered": inside}), speeds)
+    return np.asarray(speeds[~covered])
 
 
 def _propeller_in(history: pd.DataFrame, propeller: Propeller) -> tuple[Array, Array]:

@@ -220,8 +220,8 @@ def _title(command: int) -> str:
     """What MAVLink calls it, in a message; imported where one is made."""
     from pymavlink.dialects.v20 import ardupilotmega
 
-    known = ardupilotmega.enums["MAV_CMD"].get(command)
-    return f", {known.name.replace('MAV_CMD_', '')}," if known else ""
+    command_entry = ardupilotmega.enums["MAV_CMD"].get(command)
+    return f", {command_entry.name.replace('MAV_CMD_', '')}," if command_entry else ""
 
 
 def _or_zero(value: float) -> float:
@@ -241,10 +241,10 @@ def unrolled(items: Sequence[Item], where: str) -> list[Item]:
         if item.command == Command.JUMP_TAG:
             tags.setdefault(item.params[0], i)
     left: dict[int, int] = {}
-    ordered, at = list[Item](), 0
-    while at < len(items):
-        item = items[at]
-        at += 1
+    ordered, offset = list[Item](), 0
+    while offset < len(items):
+        item = items[offset]
+        offset += 1
         if item.command not in (Command.JUMP, Command.JUMP_TO_TAG):
             ordered += [item] if item.command != Command.JUMP_TAG else []
             if item.command in ENDS:
@@ -257,9 +257,9 @@ def unrolled(items: Sequence[Item], where: str) -> list[Item]:
             raise InputError(f"{jump}, which is not in the file; give one that is, or remove the jump")
         if not 0 <= times <= 1000:
             raise InputError(f"{jump} {times:g} times, which has no end; give a number up to 1000, or remove the jump")
-        if left.setdefault(at, int(times)) > 0:
-            left[at] -= 1
-            at = ends[target]
+        if left.setdefault(offset, int(times)) > 0:
+            left[offset] -= 1
+            offset = ends[target]
         if len(ordered) > 100_000:
             raise InputError(f"{where}: item {item.number} makes the mission endless")
     return ordered

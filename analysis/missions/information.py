@@ -72,8 +72,8 @@ def read_results(path: Path) -> Results:
 
 def polar(results: Sequence[Results]) -> Array | None:
     """A0, A1, A2 of the last flight that has a drag polar; None without one."""
-    known = [flight_results.drag_polar for flight_results in results if flight_results.drag_polar is not None]
-    return np.array([known[-1].A0, known[-1].A1, known[-1].A2]) if known else None
+    polars = [flight_results.drag_polar for flight_results in results if flight_results.drag_polar is not None]
+    return np.array([polars[-1].A0, polars[-1].A1, polars[-1].A2]) if polars else None
 
 
 def information(results: Sequence[Results]) -> Array | None:
@@ -246,7 +246,7 @@ def _linearized(
         uncertainty = replace(uncertainty, updraft_mps=max(STILL_MPS, lasting_mps))
     priors = SensorPriors(
         alpha_scale_sigma=math.hypot(alpha_scale_sigma, upwash_slope_sigma(aircraft.aircraft)),
-        stated=stated_sigma(uncertainty, aircraft.aircraft.wing_loading_Pa),
+        file_sigma=stated_sigma(uncertainty, aircraft.aircraft.wing_loading_Pa),
         probe_ahead_m=probe_ahead_sigma_m(aircraft.aircraft),
     )
     problem = TrajectoryProblem(history.table, history.rest, priors)
@@ -358,8 +358,8 @@ def expected(
             f" stall, {aircraft.stall_mps:.1f} m/s, and {aircraft.fastest_mps:.1f} m/s, the fastest that motor, battery"
             " and propeller's table allow; check weight and propeller, or plan for less wind"
         )
-    stated = aircraft.aircraft.uncertainty
-    prior = np.diag([0, 0, 0, stated.thrust_scale_fraction**-2, stated.thrust_slope**-2, 1.0])
+    uncertainty = aircraft.aircraft.uncertainty
+    prior = np.diag([0, 0, 0, uncertainty.thrust_scale_fraction**-2, uncertainty.thrust_slope**-2, 1.0])
     prior[3:5, 3:5] += stand_information(aircraft.aircraft)
 
     residual_mps2 = float(np.interp(gust_mps, *np.transpose(NOISE.residuals_in_gusts)))
@@ -410,8 +410,8 @@ def expected(
     ):
         systematic += np.outer(polar_part(change), polar_part(change))
 
-    def values_after_step(at: _Linearized, forces: FlightForces) -> Array:
-        return values(states + at.step.states, errors + at.step.sensor_errors, forces)
+    def values_after_step(linear_model: _Linearized, forces: FlightForces) -> Array:
+        return values(states + linear_model.step.states, errors + linear_model.step.sensor_errors, forces)
 
     as_assumed, changes = values_after_step(linearized, forces), []
     with_other_values = _with_other_values(history, aircraft, gust_mps, alpha_scale_sigma)

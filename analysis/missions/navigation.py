@@ -122,11 +122,11 @@ def _parts(plan: Sequence[Maneuver], flown: Sequence[Path]) -> Iterator[_Part]:
 
 def _turned_to(turn: Turn, angle_rad: float) -> Turn:
     """The turn, to the same side and by about as much, that ends after this angle or whole circles more."""
-    whole = 2 * pi
-    more = (angle_rad - turn.angle_rad + pi) % whole - pi
+    turn_rad = 2 * pi
+    more = (angle_rad - turn.angle_rad + pi) % turn_rad - pi
     angle = turn.angle_rad + more
     if abs(angle) < pi / 2:  # rather a circle than none
-        angle += copysign(whole, turn.angle_rad)
+        angle += copysign(turn_rad, turn.angle_rad)
     return replace(turn, angle_rad=angle)
 
 

@@ -226,16 +226,16 @@ def catalog(
         *porpoising(expected, space, pilot, wind_kt, longest_s),
     ]
     narrowest_mps = _turning_mps(expected, STEEP_BANK_RAD, wind_kt)
-    kept = [
+    affordable = [
         piece for piece in (_with_room(piece, narrowest_mps, space.side_m) for piece in pieces) if piece is not None
     ]
-    if not any(piece.kind is PieceKind.RUNS for piece in kept):
+    if not any(piece.kind is PieceKind.RUNS for piece in affordable):
         raise InputError(
             f"--side {space.side_m:g}: too narrow for a turn of {expected.aircraft.name}; its narrowest, at"
             f" {narrowest_mps:.1f} m/s and a bank of {degrees(STEEP_BANK_RAD):.0f}°, needs"
             f" {ceil(Turn(narrowest_mps, pi, STEEP_BANK_RAD).width_m)} m"
         )
-    return kept
+    return affordable
 
 
 def _with_room(piece: Piece, narrowest_mps: float, side_m: float) -> Piece | None:

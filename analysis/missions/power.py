@@ -89,13 +89,13 @@ class ElectricalPower:
     def _curve_W(self, V: Array) -> Array:
         """(n, k); the first and last parts of the curve go on as straight lines."""
         V = np.broadcast_to(V, (len(self.power_W), V.shape[-1])) if len(self.power_W) > 1 else V
-        at = (V - self.V_mps[0]) / (self.V_mps[1] - self.V_mps[0])
-        low = np.clip(np.floor(at).astype(int), 0, len(self.V_mps) - 2)
+        grid_place = (V - self.V_mps[0]) / (self.V_mps[1] - self.V_mps[0])
+        low = np.clip(np.floor(grid_place).astype(int), 0, len(self.V_mps) - 2)
         if len(self.power_W) == 1:
             below, above = self.power_W[0][low], self.power_W[0][low + 1]
         else:
             below, above = (np.take_along_axis(self.power_W, low + step, axis=1) for step in (0, 1))
-        return np.asarray(below + (at - low) * (above - below))
+        return np.asarray(below + (grid_place - low) * (above - below))
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class RoutePower:
     flown_CL: tuple[float, float]
     largest_CL: float
     nominal: SteadyPower
-    drawn: SteadyPower
+    power_draws: SteadyPower
 
 
 def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.random.Generator) -> RoutePower:
@@ -164,13 +164,13 @@ def aerodynamic_source(
     be larger than the wing ever carried: the former counts where it is known.
     """
     parameters = model.parameters
-    drawn = _draw(parameters.values, parameters.covariance, draws)
+    parameter_draws = _draw(parameters.values, parameters.covariance, draws)
     return RoutePower(
         reference,
         model.flown_CL,
         largest_CL or model.flown_CL[1],
         AerodynamicPower(_as_columns(parameters, parameters.values[None]), model, idle_W),
-        AerodynamicPower(_as_columns(parameters, drawn), model, idle_W),
+        AerodynamicPower(_as_columns(parameters, parameter_draws), model, idle_W),
     )
 
 

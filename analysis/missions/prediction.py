@@ -174,7 +174,7 @@ class Route:
         self.limits = self._limits(self.legs)
         self.V = self._speeds()
         self.legs = self._with_changes_of_speed()
-        self.drawn = self._draw(rng)
+        self.world_draws = self._draw(rng)
         self.capacity_J = flight.battery.energy_J * np.maximum(
             rng.normal(flight.battery.health, flight.battery.health_sd, RESOLUTION.draws), 0.05
         )
@@ -304,7 +304,7 @@ class Route:
         mean = rng.normal(0.0, wind.sd_mps, (2, RESOLUTION.draws, 1))
         of_legs = sigma_mps * rng.standard_normal((2, RESOLUTION.draws, len(self.legs)))
         return World(
-            self.source.drawn,
+            self.source.power_draws,
             wind.east_mps + mean[0] + of_legs[0],
             wind.north_mps + mean[1] + of_legs[1],
             1 + GPS.scale_sigma * rng.standard_normal((RESOLUTION.draws, 1)),
@@ -313,7 +313,7 @@ class Route:
 
     def left(self) -> tuple[Array, Array, Array]:
         """Energy [J] and time [s] by leg, and the charge left at the end of each, a share; each (n, k)."""
-        energy_J, seconds = energy_and_time(self.legs, self.V, self.drawn, self.flight.battery)
+        energy_J, seconds = energy_and_time(self.legs, self.V, self.world_draws, self.flight.battery)
         return energy_J, seconds, np.maximum(1 - np.cumsum(energy_J, axis=1) / self.capacity_J[:, None], -np.inf)
 
     def result(self) -> RouteResult:
@@ -362,9 +362,10 @@ class Route:
         """Energy (n, k) of straight level flight at the best speeds, in the mean wind of each draw."""
         legs = straight_legs(distance_m, course_rad, condition, self.legs)
         mean = {
-            name: getattr(self.drawn, name).mean(axis=1, keepdims=True) for name in ("wind_east_mps", "wind_north_mps")
+            name: getattr(self.world_draws, name).mean(axis=1, keepdims=True)
+            for name in ("wind_east_mps", "wind_north_mps")
         }
-        return energy_and_time(legs, self._best(legs), replace(self.drawn, **mean), self.flight.battery)[0]
+        return energy_and_time(legs, self._best(legs), replace(self.world_draws, **mean), self.flight.battery)[0]
 
     def _home_J(self, places: list[Place], weight_N: Array) -> Array:
         """Energy (n, k) of the direct way home at the height of each place."""

@@ -204,8 +204,8 @@ def plan_flight(
     progress("its interval")
 
     def covariances_of(aircraft: ExpectedAircraft) -> Covariances:
-        whole = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
-        return _covariances(whole, request)
+        expected_errors = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
+        return _covariances(expected_errors, request)
 
     covariances, worst_with_keys = covariances_of(aircraft), None
     if missing := missing_values(aircraft.aircraft):
@@ -390,7 +390,7 @@ def _contributions(
     chosen: Sequence[Piece],
     seconds: Sequence[float],
     increments: Mapping[Piece, _Increment],
-    whole: Covariances,
+    covariances: Covariances,
     question: Question,
 ) -> tuple[Contribution, ...]:
     """Each kind of piece, and the worst half width of the plan without it. seconds: of each piece chosen"""
@@ -400,10 +400,10 @@ def _contributions(
         if increment is None:
             continue
         taken_s = sum(one_s for other, one_s in zip(chosen, seconds, strict=True) if other == piece)
-        without = whole._replace(
-            errors=_without_information(whole.errors, n * increment.errors),
-            noise=_without_information(whole.noise, n * increment.polar),
-            assumed=whole.assumed._replace(scores=whole.assumed.scores - n * increment.scores),
+        without = covariances._replace(
+            errors=_without_information(covariances.errors, n * increment.errors),
+            noise=_without_information(covariances.noise, n * increment.polar),
+            assumed=covariances.assumed._replace(scores=covariances.assumed.scores - n * increment.scores),
         )
         worst = float(np.max(question.half_widths(without)))
         listed.append(Contribution(piece.title, n, taken_s, worst))

@@ -133,8 +133,8 @@ def _towards(expected: ExpectedAircraft, V: float, wanted: float, n: int) -> Arr
             left = (1 - PATH.step_s / PATH.speed_lag_s) ** np.arange(1, n - i + 1)
             speeds[i:] = wanted + (V - wanted) * left
             break
-        at = (V - grid[0]) / (grid[1] - grid[0])
-        k = min(max(int(at), 0), len(grid) - 1)
+        grid_place = (V - grid[0]) / (grid[1] - grid[0])
+        k = min(max(int(grid_place), 0), len(grid) - 1)
         V += PATH.step_s * min(max((wanted - V) / PATH.speed_lag_s, -drag[k]), most[k])
         speeds[i] = V
     return speeds
@@ -242,7 +242,7 @@ def _history(
     north, east, down = acceleration.T
     force = motion.body_from_earth((north, east, down), (bank, theta, heading))
     flying = V > 0.7 * expected.stall_mps
-    known = np.where(flying, 1.0, np.nan)
+    nan_at_rest = np.where(flying, 1.0, np.nan)
     drag = expected.drag_N(flown, load)
     thrust = drag + expected.aircraft.mass_kg * (np.gradient(V, PATH.step_s) + g * np.sin(climb))
     revps = np.where(V > 0, expected.revps_of_thrust(np.maximum(flown, 1.0), thrust / np.cos(alpha)), 0.0)
@@ -258,16 +258,16 @@ def _history(
         SPEED_SCALE: np.full(n, speed_scale(expected.aircraft)),
         "height_m": height,
         "rho": np.full(n, expected.rho),
-        "V_mps": V * known,
-        "alpha_rad": alpha * known,
-        "beta_rad": 0.0 * known,
+        "V_mps": V * nan_at_rest,
+        "alpha_rad": alpha * nan_at_rest,
+        "beta_rad": 0.0 * nan_at_rest,
         "bank_rad": bank,
-        "dalpha_dlndp_alpha_rad": dalpha_dlndp_alpha * known,
-        "dlnV_dlndp_alpha": C * dalpha_dlndp_alpha / 2 * known,
-        "alpha_by_upwash_rad": 0.0 * known,
+        "dalpha_dlndp_alpha_rad": dalpha_dlndp_alpha * nan_at_rest,
+        "dlnV_dlndp_alpha": C * dalpha_dlndp_alpha / 2 * nan_at_rest,
+        "alpha_by_upwash_rad": 0.0 * nan_at_rest,
         "n_revps": revps,
         "thrust_N": thrust,
-        "qbar_Pa": expected.rho * V**2 / 2 * known,
+        "qbar_Pa": expected.rho * V**2 / 2 * nan_at_rest,
         "propeller_covered": flying,
         "flying": flying,
     }

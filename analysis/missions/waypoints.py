@@ -49,8 +49,8 @@ def _without_home(items: list[Item]) -> ReadMission:
         return ReadMission(items, None, (note,))
     if home.latitude_deg is None or home.longitude_deg is None:
         return ReadMission(items[1:], None)
-    known = home.frame in ABOVE_SEA and math.isfinite(home.height_m)
-    return ReadMission(items[1:], Start(home.latitude_deg, home.longitude_deg, home.height_m if known else None))
+    height_given = home.frame in ABOVE_SEA and math.isfinite(home.height_m)
+    return ReadMission(items[1:], Start(home.latitude_deg, home.longitude_deg, home.height_m if height_given else None))
 
 
 def waypoints_text(items: Sequence[Item], home: Start) -> str:

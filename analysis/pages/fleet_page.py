@@ -117,9 +117,9 @@ def curves_csv(fleet: FleetResults) -> str:
         name = f"airframes like {curve.airframes[0]}"
         curves += [(f"mean of {name}", "", Kind.POWER_REQUIRED, curve.test, curve.mean)]
         curves += [(f"another of {name}", "", Kind.POWER_REQUIRED, curve.test, curve.another)]
-    for name, mounted, kind, at, points in curves:
+    for name, mounted, kind, condition, points in curves:
         for point in points:
-            numbers = (at.weight_N, at.air_density_kgpm3, *(getattr(point, field) for field in fields))
+            numbers = (condition.weight_N, condition.air_density_kgpm3, *(getattr(point, field) for field in fields))
             rows.append((name, mounted, kind, *(f"{number:.6g}" for number in numbers)))
     return _csv(rows)
 
@@ -178,12 +178,12 @@ def _date(unix_s: float | None) -> str:
 
 def _histories(fleet: FleetResults) -> list[tuple[str, HtmlFigure, bool]]:
     """Name, figure, and whether the airframe changed; those that did are first."""
-    known = sorted(
+    dated = sorted(
         (airframe for airframe in fleet.airframes if airframe.history), key=lambda airframe: not airframe.changes
     )
     return [
         (airframe.name, html_figure(history_figure(airframe), f"history-{i}"), bool(airframe.changes))
-        for i, airframe in enumerate(known)
+        for i, airframe in enumerate(dated)
     ]
 
 

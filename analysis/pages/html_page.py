@@ -26,11 +26,11 @@ class HtmlFigure(NamedTuple):
     run: str = ""
 
 
-def html_figure(drawn: Figure | Sequence[Figure], name: str, run: str = "") -> HtmlFigure:
+def html_figure(figures: Figure | Sequence[Figure], name: str, run: str = "") -> HtmlFigure:
     """name: id of the element; of several figures, with their number. run: the one that is shown, if it is one."""
-    if isinstance(drawn, Figure):
-        return HtmlFigure([(name, drawn)], run)
-    return HtmlFigure([(f"{name}-{i}", figure) for i, figure in enumerate(drawn, start=1)], run)
+    if isinstance(figures, Figure):
+        return HtmlFigure([(name, figures)], run)
+    return HtmlFigure([(f"{name}-{i}", figure) for i, figure in enumerate(figures, start=1)], run)
 
 
 def render_page(template: str, **context: object) -> str:

@@ -26,7 +26,7 @@ class Report(NamedTuple):
 
     results: "Results"
     print_summary: Callable[[Console], None]
-    kept: Path | None = None  # where previous content of a file that users edit is, if there was any
+    backup: Path | None = None  # where previous content of a file that users edit is, if there was any
     replaced_report: str = ""  # what was different in a report that was replaced; empty if nothing was
 
 
@@ -60,11 +60,11 @@ def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, c
 
     replaced = write_report(analysis, folder, predicted)
     if isinstance(analysis, Analysis):
-        kept = write_run_list(analysis, folder, log.name, given=options.runs)
+        backup = write_run_list(analysis, folder, log.name, source=options.runs)
     else:
-        kept = write_left_out(analysis, folder)
+        backup = write_left_out(analysis, folder)
     page, results = folder / "report.html", analysis.results
-    return Report(results, lambda console: print_summary(results, page, console), kept, replaced)
+    return Report(results, lambda console: print_summary(results, page, console), backup, replaced)
 
 
 def _predicted_polar(options: Options) -> "PredictedPolar | None":

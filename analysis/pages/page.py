@@ -64,8 +64,8 @@ def figures_by_name(
     histories = {"regression of drag": main.convergence} | (
         {"output error, cross-check": check.convergence} if check else {}
     )
-    if kept := {name: history for name, history in histories.items() if history and history.steps}:
-        figures["convergence"] = flight.convergence(kept)
+    if histories_with_steps := {name: history for name, history in histories.items() if history and history.steps}:
+        figures["convergence"] = flight.convergence(histories_with_steps)
     if analysis.trajectory.block_means.flying.any():
         figures["air_and_path"] = flight.air_and_path(analysis.trajectory)
     if results.track:

@@ -87,14 +87,14 @@ def _pool_section(pooled: PooledResults, prefix: str) -> dict[str, object]:
     flights = by_date(pooled.flights)
     best = min(flights, key=lambda flight: np.nanmean(_numbers(flight.half_width_percent)))
     more, middle = pooled.one_more, len(pooled.one_more.speed_mps) // 2
-    drawn: dict[str, Figure | Sequence[Figure]] = {
+    figures: dict[str, Figure | Sequence[Figure]] = {
         "power": pooled_power(pooled),
         "half_widths": half_widths(pooled, best),
     }
     if pooled.performance:
-        drawn |= {"loadings": loadings(pooled.performance), "efficiency": efficiency(pooled.performance)}
+        figures |= {"loadings": loadings(pooled.performance), "efficiency": efficiency(pooled.performance)}
     if len(flights) > 1:
-        drawn |= {"against_pool": against_pool(flights), "weights": weights(flights)}
+        figures |= {"against_pool": against_pool(flights), "weights": weights(flights)}
     return {
         "title": _pooled_title(pooled),
         "condition": _condition(pooled.test, pooled.aircraft.propeller, pooled.installation),
@@ -102,7 +102,7 @@ def _pool_section(pooled: PooledResults, prefix: str) -> dict[str, object]:
         "answers": [*headline_answers(pooled, pooled.performance), *pooled_answers(pooled)],
         "performance": performance_section(pooled, pooled.performance),
         "autopilot": autopilot_section(pooled),
-        "figures": {name: html_figure(figure, prefix + name) for name, figure in drawn.items()},
+        "figures": {name: html_figure(figure, prefix + name) for name, figure in figures.items()},
         "warnings": pooled.notes,
         "curve": curve_table(pooled),
         "one_more": (
@@ -475,21 +475,21 @@ def against_pool(flights: Sequence[PooledFlight]) -> Figure:
     figure = _rows([row_name(flight) for flight in ordered], Axis("power minus that of all flights", "%"))
     speeds = [point.speed_mps for point in ordered[0].against_pool]
     middle = len(speeds) // 2
-    for at, color, symbol in (
+    for field, color, symbol in (
         (0, GREEN, Symbol.LEFT),
         (middle, BLUE, Symbol.CIRCLE),
         (len(speeds) - 1, ORANGE, Symbol.DIAMOND),
     ):
-        points = [flight.against_pool[at] for flight in ordered]
+        points = [flight.against_pool[field] for flight in ordered]
         difference, limit = (column(points, name) for name in ("difference_percent", "limit_percent"))
         for y, flight, d, most in zip(_heights(ordered), ordered, difference, limit, strict=True):
             if np.isnan(d):  # it did not fly this speed
                 continue
             figure.add(
                 Points(
-                    x=np.array([d]), y=np.array([y]), name=f"{speeds[at]:.1f} m/s", label=row_name(flight), size=10,
+                    x=np.array([d]), y=np.array([y]), name=f"{speeds[field]:.1f} m/s", label=row_name(flight), size=10,
                     color=RED if flight.outlier else color, symbol=Symbol.CROSS if flight.outlier else symbol,
-                    x_ends=np.array([[d - most], [d + most]]) if at == middle else None, value="{x:+.1f} %",
+                    x_ends=np.array([[d - most], [d + most]]) if field == middle else None, value="{x:+.1f} %",
                 )
             )  # fmt: skip
     figure.zero_column = True

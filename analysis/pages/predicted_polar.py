@@ -74,7 +74,7 @@ def _table(lines: Sequence[str]) -> list[tuple[float, float]]:
     """Pairs of lift and drag coefficient of the first table that has both; empty where there is none."""
     for start, line in enumerate(lines):
         names = _cells(line)
-        lift, drag = (next((name for name in known if name in names), None) for known in (LIFT, DRAG))
+        lift, drag = (next((name for name in titles if name in names), None) for titles in (LIFT, DRAG))
         if lift is None or drag is None:
             continue
         columns, pairs = (names.index(lift), names.index(drag)), list[tuple[float, float]]()
@@ -114,15 +114,15 @@ def comparison(polar: PredictedPolar, results: Results) -> str:
     """How far the prediction is from the curve at the speeds flown, in a sentence."""
     V, P = np.array([(p.speed_mps, p.power_W) for p in results.power_required]).T
     percent = 100 * (polar.power_W(V, flown_at(results)) / P - 1)
-    known = np.isfinite(percent)
-    if not known.any():
+    finite = np.isfinite(percent)
+    if not finite.any():
         CL = lift_coefficient(V, flown_at(results))
         return (
             f"{polar.name} predicts nothing at the speeds flown: its lift coefficients end at {polar.CL[-1]:.2f}, those"
             f" of the flight are {CL.min():.2f} to {CL.max():.2f}."
         )
-    least, most = percent[known].min(), percent[known].max()
-    part = "" if known.all() else f" between {V[known][0]:.1f} and {V[known][-1]:.1f} m/s"
+    least, most = percent[finite].min(), percent[finite].max()
+    part = "" if finite.all() else f" between {V[finite][0]:.1f} and {V[finite][-1]:.1f} m/s"
     return (
         f"Dotted: {polar.name}, predicted. It lies {least:+.0f} to {most:+.0f} % from the measured curve{part}, at the"
         " weight and air density of the flight."
@@ -131,5 +131,5 @@ def comparison(polar: PredictedPolar, results: Results) -> str:
 
 def flown_at(results: Results) -> Condition:
     """Weight, air density and wing area of the curve."""
-    at = results.test
-    return Condition(at.weight_N, at.air_density_kgpm3, results.aircraft.wing_area_m2)
+    condition = results.test
+    return Condition(condition.weight_N, condition.air_density_kgpm3, results.aircraft.wing_area_m2)

@@ -98,14 +98,14 @@ def write_left_out(analysis: WholeFlightAnalysis, folder: Path) -> Path | None:
     return write_keeping_previous(path, f"{stretches_text(analysis.left_out_s)}\n")
 
 
-def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, given: Path | None) -> Path | None:
+def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, source: Path | None) -> Path | None:
     """Write runs.toml into `folder`; returns where other content that was there is kept, if there was any.
 
-    given: the list of runs that the analysis used. It is not overwritten, since it holds the user's remarks.
+    source: the list of runs that the analysis used. It is not overwritten, since it holds the user's remarks.
     Raises InputError when the file cannot be written.
     """
     path = folder / "runs.toml"
-    if given is not None and path.exists() and path.samefile(given):
+    if source is not None and path.exists() and path.samefile(source):
         return None
     return write_keeping_previous(path, to_toml(analysis.maneuvers, log_name))
 
@@ -208,14 +208,14 @@ def embedded_runs(analysis: Analysis) -> Json:
             "normal_95": NORMAL_95,
         }
     runs = named_runs(results)
-    kept, left_out = blocks(analysis.maneuvers), blocks(analysis.maneuvers, {run.name for run in runs})
+    listed, left_out = blocks(analysis.maneuvers), blocks(analysis.maneuvers, {run.name for run in runs})
     return {
         "runs": [run._asdict() for run in runs],
         "file": {
             "head": head(Path(results.log).name),
             "blocks": [
                 {"run": block.run, "kept": block.text, "left_out": other.text}
-                for block, other in zip(kept, left_out, strict=True)
+                for block, other in zip(listed, left_out, strict=True)
             ],
         },
         "shares": shares,

@@ -95,11 +95,11 @@ def compute(request: Request, flight: Estimated) -> Performance | None:
     if battery is None:
         return None
     flown = flight.rows_flown
-    at = FlownCondition(flight.condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
+    condition = FlownCondition(flight.condition, float(flown["static_Pa"].mean()), float(flown["temperature_K"].mean()))
     data = power_train_data(flight.trajectory, aircraft, flight.propeller)
     model = performance_model(data, drag.main, aircraft, flight.propeller, drag.flown_CL)
-    result = flight_performance(model, flight.condition, requested_conditions(request, at), battery)
-    return Performance(result, battery, model, at) if result else None
+    result = flight_performance(model, flight.condition, requested_conditions(request, condition), battery)
+    return Performance(result, battery, model, condition) if result else None
 
 
 def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:
@@ -137,8 +137,8 @@ def performance_model(
     polar = ParameterVector((*POLAR, *THRUST), estimate.values, estimate.noise + estimate.systematic)
     scale, slope = (float(estimate.values[polar.names.index(name)]) for name in THRUST)
     propulsion = with_assumed_motor(aircraft.propulsion, data, propeller)
-    known = {} if motor_is_known(aircraft.propulsion) else {"motor_source": WHY_ASSUMED}
-    train = fit_power_train(data, propulsion, propeller, thrust_scale=scale, thrust_slope=slope, **known)
+    source = {} if motor_is_known(aircraft.propulsion) else {"motor_source": WHY_ASSUMED}
+    train = fit_power_train(data, propulsion, propeller, thrust_scale=scale, thrust_slope=slope, **source)
     motor = fit_full_throttle(data, propulsion, propeller)
     parts = [polar, incidence(data), train.parameters]
     if motor.parameters is not None:

@@ -143,20 +143,20 @@ def _withheld(value: str, firmware: str | None = None) -> str:
     return f"{' and '.join(names)} {verb} withheld: {WITHOUT[value].format(takes=takes)}" if names else ""
 
 
-def withheld_of(firmware: str, given: Collection[str]) -> list[str]:
-    """Sentences on what does not follow for one firmware, in its own names. given: names of what does"""
-    missing = {entry.value for entry in ENTRIES if entry.firmware == firmware and entry.name not in given}
+def withheld_of(firmware: str, written: Collection[str]) -> list[str]:
+    """Sentences on what does not follow for one firmware, in its own names. written: names of what does"""
+    missing = {entry.value for entry in ENTRIES if entry.firmware == firmware and entry.name not in written}
     withheld = [_withheld(value, firmware) for value in WITHOUT if value in missing]
     return [*withheld, f"{THROTTLE[firmware]} does not follow: it requires {REQUIRES_THROTTLE}", NO_STALL]
 
 
 def typed_in(values: FlightValues) -> tuple[list[AutopilotParameter], list[str]]:
     """The parameters that follow from a flight, and sentences on those that do not."""
-    known = {name: interval for name in BASIS if (interval := getattr(values, name)) and _known(interval)}
-    if not {"CD0", "B"} <= known.keys():  # neither is of use alone
-        known = {name: known[name] for name in known.keys() - {"CD0", "B"}}
-    parameters = [_parameter(entry, known[entry.value], values.logged) for entry in ENTRIES if entry.value in known]
-    return parameters, [*(_withheld(name) for name in WITHOUT if name not in known), *ALWAYS_WITHHELD]
+    entered = {name: interval for name in BASIS if (interval := getattr(values, name)) and _is_determined(interval)}
+    if not {"CD0", "B"} <= entered.keys():  # neither is of use alone
+        entered = {name: entered[name] for name in entered.keys() - {"CD0", "B"}}
+    parameters = [_parameter(entry, entered[entry.value], values.logged) for entry in ENTRIES if entry.value in entered]
+    return parameters, [*(_withheld(name) for name in WITHOUT if name not in entered), *ALWAYS_WITHHELD]
 
 
 def _parameter(entry: _Entry, interval: Interval, logged: Mapping[str, float]) -> AutopilotParameter:
@@ -174,7 +174,7 @@ def _parameter(entry: _Entry, interval: Interval, logged: Mapping[str, float]) -
     )
 
 
-def _known(interval: Interval) -> bool:
+def _is_determined(interval: Interval) -> bool:
     ends = np.array([interval.lo, interval.value, interval.hi])
     return bool(
         np.isfinite(ends).all()
@@ -359,21 +359,21 @@ def flight_values(
     def polar_of(p: NamedValues) -> QuarticPolar:
         return QuarticPolar.of(p, p.idle_drag if drag is None else 0.0)
 
-    def sinking(p: NamedValues, given: FlightConditions) -> Array:
-        drag_W = drag_power(np.array([cruise]), 1.0, 1.0, polar_of(p), given)
-        return drag_W / (given.mass_kg * GRAVITY_MPS2)
+    def sinking(p: NamedValues, conditions: FlightConditions) -> Array:
+        drag_W = drag_power(np.array([cruise]), 1.0, 1.0, polar_of(p), conditions)
+        return drag_W / (conditions.mass_kg * GRAVITY_MPS2)
 
-    def two_term_polar(p: NamedValues, given: FlightConditions) -> Array:
+    def two_term_polar(p: NamedValues, conditions: FlightConditions) -> Array:
         """(2,): the nearest C_D0 + B C_L^2 over the speeds of level flight."""
-        qS = given.rho * V**2 / 2 * given.wing_area_m2
-        CL = given.mass_kg * GRAVITY_MPS2 / qS
-        CD = drag_power(V, 1.0, 1.0, polar_of(p), given) / (qS * V)
+        qS = conditions.rho * V**2 / 2 * conditions.wing_area_m2
+        CL = conditions.mass_kg * GRAVITY_MPS2 / qS
+        CD = drag_power(V, 1.0, 1.0, polar_of(p), conditions) / (qS * V)
         return np.asarray(np.linalg.lstsq(np.stack([np.ones_like(CL), CL**2], axis=1), CD, rcond=None)[0])
 
     (sink,), (CD0, B) = (_intervals(source.quantity(quantity)) for quantity in (sinking, two_term_polar))
 
-    def drag_power_W(p: NamedValues, given: FlightConditions) -> Array:
-        return drag_power(np.array([cruise]), 1.0, 0.0, QuarticPolar.of(p), given)
+    def drag_power_W(p: NamedValues, conditions: FlightConditions) -> Array:
+        return drag_power(np.array([cruise]), 1.0, 0.0, QuarticPolar.of(p), conditions)
 
     (level_W,) = source.quantity(drag_power_W).value
     possible = level_W <= power - c.idle_power_W

@@ -169,17 +169,17 @@ def available_result(
     maximum = full.maximum_speed.interval_if_known()
     service, absolute = (ceiling.interval_if_known() for ceiling in ceilings)
     end = max(1.03 * maximum.value, fastest_mps) if maximum else np.inf
-    drawn = [i for i, v in enumerate(full.V) if np.isfinite(full.power.standard_error[i]) and v <= end]
+    indices = [i for i, v in enumerate(full.V) if np.isfinite(full.power.standard_error[i]) and v <= end]
     return AvailableResult(
         reason="",
         basis=basis,
         power_available=power_points(
-            full.V[drawn],
-            full.power.value[drawn],
-            NORMAL_95 * full.power.standard_error[drawn],
-            (full.V > fastest_mps * (1 + 1e-9))[drawn] | ~full.covered[drawn],
+            full.V[indices],
+            full.power.value[indices],
+            NORMAL_95 * full.power.standard_error[indices],
+            (full.V > fastest_mps * (1 + 1e-9))[indices] | ~full.covered[indices],
         ),
-        climb_mps=[float(full.climb.value[i]) for i in drawn],
+        climb_mps=[float(full.climb.value[i]) for i in indices],
         maximum_speed_mps=maximum,
         maximum_speed_extrapolated=maximum is not None and (maximum.value > fastest_mps or not full.covers_maximum()),
         best_climb_mps=full.best_climb.interval_if_known(),

@@ -230,11 +230,11 @@ def with_assumed_motor(propulsion: Propulsion, data: pd.DataFrame, propeller: Pr
         assumed["motor_kv_rpm_per_volt"] = 60 * unloaded_revps / voltage
         assumed["motor_no_load_current_A"] = ASSUMED_MOTOR.loss_share * power_W / (2 * np.pi * n * k)
         assumed["motor_resistance_ohm"] = ASSUMED_MOTOR.loss_share * power_W * (k / torque_Nm) ** 2
-    known = {name: value for name, value in vars(propulsion).items() if value is not None}
+    given_values = {name: value for name, value in vars(propulsion).items() if value is not None}
     if not motor_is_known(propulsion):  # one constant says little without the others
-        known = {name: value for name, value in known.items() if name not in MOTOR}
+        given_values = {name: value for name, value in given_values.items() if name not in MOTOR}
     unused = {"propeller": "", "max_rpm": 0.0, "pole_pairs": 1, "battery_energy_Wh": 0.0}
-    return CompletePropulsion(**{**unused, **assumed, **known})
+    return CompletePropulsion(**{**unused, **assumed, **given_values})
 
 
 def _highest_power(data: pd.DataFrame, propeller: PropellerModel) -> tuple[float, float]:

@@ -83,9 +83,9 @@ class UncertainValue(NamedTuple):
     def interval(self, least: float = -np.inf) -> Interval:
         """The interval; of no width where the standard error is unknown. Its lower end is not below `least`, nor above
         the value for that."""
-        known = self.interval_if_known()
+        finite_interval = self.interval_if_known()
         value = float(self.value)
-        lo, hi = (known.lo, known.hi) if known else (value, value)
+        lo, hi = (finite_interval.lo, finite_interval.hi) if finite_interval else (value, value)
         return Interval(value=value, lo=max(lo, min(least, value)), hi=hi)
 
 

@@ -52,5 +52,5 @@ def model_of(result: ComputationModel) -> PerformanceModel:
 
 def part(parameters: ParameterVector, names: tuple[str, ...]) -> ParameterVector:
     """Some of the parameters, with their covariance."""
-    at = [parameters.names.index(name) for name in names]
-    return ParameterVector(names, parameters.values[at], parameters.covariance[np.ix_(at, at)])
+    index = [parameters.names.index(name) for name in names]
+    return ParameterVector(names, parameters.values[index], parameters.covariance[np.ix_(index, index)])

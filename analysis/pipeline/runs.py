@@ -55,30 +55,32 @@ def analyze_runs(
     measured = synchronized(read)
     flown = with_runs(measured, runs_file)
     path = reconstructed(flown)
-    energy = beside(lambda: whole_flight(path))
+    balancing = beside(lambda: whole_flight(path))
     flight = estimated(path, by_likelihood=by_likelihood)
     flight.progress("balancing the energy of the whole flight")
-    whole = energy()
-    analysis = _analysis(flight, whole, request, command_line)
+    flight_energy = balancing()
+    analysis = _analysis(flight, flight_energy, request, command_line)
     if analysis.results.trust is not Trust.NOT_TO_BE_TRUSTED or not misfit(path.trajectory):
         return analysis
     simpler = by_simpler_method(as_measured(flown, path.trajectory), flight.drag)
     if simpler is None:
         return analysis
-    other = _analysis(simpler, whole, request, command_line)
+    other = _analysis(simpler, flight_energy, request, command_line)
     return analysis if other.results.trust is Trust.NOT_TO_BE_TRUSTED else other
 
 
-def _analysis(flight: Estimated, whole: WholeFlight, request: Request, command_line: str) -> Analysis:
-    """What follows from the curve, with the verdict. whole: one more method, which needs neither runs nor flow angles,
-    but voltage and current."""
-    flight = replace(flight, drag=replace(flight.drag, methods=[*flight.drag.methods, whole.method]))
+def _analysis(flight: Estimated, flight_energy: WholeFlight, request: Request, command_line: str) -> Analysis:
+    """What follows from the curve, with the verdict. flight_energy: one more method, which needs voltage and current
+    but neither runs nor flow angles."""
+    flight = replace(flight, drag=replace(flight.drag, methods=[*flight.drag.methods, flight_energy.method]))
     flight.progress("computing performance")
     performance = compute(request, flight)
     flight = replace(flight, notes=(*flight.notes, *request.notes(flight.aircraft)))
     consistent = consistency(flight.trajectory)
     battery = request.battery(flight.aircraft)
     results = assemble(
-        flight, consistent, performance.result if performance else None, whole.electrical, battery, command_line
+        flight, consistent, performance.result if performance else None, flight_energy.electrical, battery, command_line
     )
-    return Analysis(**flight.known(), consistency=consistent, performance=performance, results=with_trust(results))
+    return Analysis(
+        **flight.fields_so_far(), consistency=consistent, performance=performance, results=with_trust(results)
+    )

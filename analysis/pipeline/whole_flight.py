@@ -70,20 +70,22 @@ def analyze_daemon_log(
     """
     check_lacking(log)
     text = log.attachments.get("aircraft.toml")
-    given = _aircraft_file(options)
-    if given is None and text is not None:
-        given = parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
+    aircraft = _aircraft_file(options)
+    if aircraft is None and text is not None:
+        aircraft = parse_aircraft(text.decode("utf-8", errors="replace"), f"{log.path}: aircraft.toml")
     table = None
-    if given is not None:
-        given = with_installation_of(log, given)
-    if given is not None and options.propeller is None:
+    if aircraft is not None:
+        aircraft = with_installation_of(log, aircraft)
+    if aircraft is not None and options.propeller is None:
         with contextlib.suppress(InputError):  # drag is then withheld
-            table = propeller_of(log, given)
+            table = propeller_of(log, aircraft)
     recording = recording_of(log)
     if reason:
         recording = replace(recording, notes=(reason, *recording.notes))
     try:
-        analysis = analyze_recording(recording, options, progress, given, table, tried=tried, command_line=command_line)
+        analysis = analyze_recording(
+            recording, options, progress, aircraft, table, tried=tried, command_line=command_line
+        )
         return replace(analysis, log=log)
     except InputError as error:
         if log.entries.get(SPEED[0]):
@@ -95,7 +97,7 @@ def analyze_recording(
     recording: FlightRecording,
     options: Options,
     progress: Progress,
-    given: Aircraft | None = None,
+    aircraft: Aircraft | None = None,
     table: Propeller | None = None,
     *,
     tried: Sequence[MethodTried] = (),
@@ -108,10 +110,10 @@ def analyze_recording(
     Raises InputError.
     """
     path = Path(recording.path)
-    given = given or _aircraft_file(options)
+    aircraft = aircraft or _aircraft_file(options)
     require_channels(recording)
     try:
-        flown = flown_aircraft(given, options.flown_weight_N, options.wing_area_m2, options.span_m, str(path))
+        flown = flown_aircraft(aircraft, options.flown_weight_N, options.wing_area_m2, options.span_m, str(path))
     except InputError:
         require_length(recording)  # nobody is asked to weigh and measure an aircraft for a log without a curve
         raise
@@ -120,8 +122,8 @@ def analyze_recording(
     of_airspeed: list[str] = []
     if airspeed is not None:
         airspeed.check_other_flight(path, str(options.airspeed))
-        if given is not None:
-            of_airspeed = airspeed.notes_on_aircraft(given, str(options.airspeed))
+        if aircraft is not None:
+            of_airspeed = airspeed.notes_on_aircraft(aircraft, str(options.airspeed))
         recording = airspeed.corrected_recording(recording)
     progress("finding the flight")
     flight = flight_table(recording, flown.weight_N, flown.wing_area_m2, options.left_out_s)
@@ -133,35 +135,35 @@ def analyze_recording(
     progress("balancing energy")
     electrical = estimate(flight, flown.weight_N, flown.wing_area_m2, flown.span_m, str(path))
     progress("balancing thrust")
-    propulsion = given.propulsion if given else Propulsion()
+    propulsion = aircraft.propulsion if aircraft else Propulsion()
     propeller = table or _propeller(options, propulsion)
     if propeller is not None:
         propeller = propeller.with_beyond_zero_thrust(propulsion.beyond_zero_thrust)
-    uncertainty = given.uncertainty if given else Uncertainty()
+    uncertainty = aircraft.uncertainty if aircraft else Uncertainty()
     if propeller is not None:
-        uncertainty, of_table = with_table_error(uncertainty, given.keys if given else (), propeller)
+        uncertainty, of_table = with_table_error(uncertainty, aircraft.keys if aircraft else (), propeller)
         flight = flight._replace(notes=[*flight.notes, of_table] if of_table else flight.notes)
     source = ThrustSource(
         propeller,
         motor_constants(propulsion),
         uncertainty,
-        stand_measurements(given) if given and options.propeller is None else (),
+        stand_measurements(aircraft) if aircraft and options.propeller is None else (),
     )
     drag = drag_estimate(flight, electrical, flown.span_m, source)
     weighed = "given with the command" if options.flown_weight_N is not None else "mass.weight of the aircraft file"
-    known = EnergyBalanceFindings(
+    findings = EnergyBalanceFindings(
         flight,
         electrical,
         drag,
         propeller.name if propeller else "",
-        options.request.battery(given),
+        options.request.battery(aircraft),
         recording.parameters,
         compared(recording, flight, electrical),
         recording.vehicle,
         tried,
     )
     provenance = provenance_of_file(path, weighed, options.aircraft, command_line, recording)
-    results = assemble_energy_balance(path, flown, known, provenance)
+    results = assemble_energy_balance(path, flown, findings, provenance)
     others = electrical_at_weights(electrical.curve, options.request.weights_N, results.battery)
     notes = [*others, *options.request.questions(flown.weight_N)]
     results = structs.replace(results, warnings=[*results.warnings, *notes])

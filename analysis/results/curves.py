@@ -108,8 +108,8 @@ def power_curve(
     if flown is None:
         return curve
     rows, flown_condition = flown
-    known = thrust_known(rows, speed_at(lift_coefficient(curve.V_mps, condition), flown_condition))
-    return replace(curve, extrapolated=~known)
+    covered = thrust_known(rows, speed_at(lift_coefficient(curve.V_mps, condition), flown_condition))
+    return replace(curve, extrapolated=~covered)
 
 
 def slowest_flown(table: pd.DataFrame, flown_CL: tuple[float, float], condition: Condition) -> SlowestFlown:

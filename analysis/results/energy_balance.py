@@ -73,19 +73,19 @@ def assemble_energy_balance(
 ) -> Results:
     """The contents of `results.json`."""
     flight, estimate, drag, propeller, battery, logged, simulated, vehicle, tried = findings
-    known = None if isinstance(drag, DragWithheld) else drag
+    polar_estimate = None if isinstance(drag, DragWithheld) else drag
     condition = estimate.curve.condition
     standard = condition._replace(rho=SEA_LEVEL_DENSITY)
     electrical = electrical_curve(estimate, standard, battery)
     curves = {Kind.ELECTRICAL: electrical}
-    if known:
-        curves[Kind.POWER_REQUIRED] = curve_result(known.curve, standard)
+    if polar_estimate:
+        curves[Kind.POWER_REQUIRED] = curve_result(polar_estimate.curve, standard)
         curves[Kind.SHAFT] = CurveResult(
             condition=condition_result(condition),
-            points=power_points(known.V_mps, known.shaft.value, known.shaft.half_width),
+            points=power_points(polar_estimate.V_mps, polar_estimate.shaft.value, polar_estimate.shaft.half_width),
         )
     best = electrical.best_range_speed or UNKNOWN_SPEED
-    parameters, withheld = typed_in(flight_values(estimate, best, logged, known))
+    parameters, withheld = typed_in(flight_values(estimate, best, logged, polar_estimate))
     return with_trust(
         Results(
             software_version=version(),
@@ -104,7 +104,7 @@ def assemble_energy_balance(
             curves=curves,
             air=_air(flight, estimate),
             battery=battery,
-            drag_polar=_polar(known, aircraft) if known else None,
+            drag_polar=_polar(polar_estimate, aircraft) if polar_estimate else None,
             status=CurveStatus.CONVERGED,
             verdict="converged",
             methods_tried=list(tried),
@@ -126,33 +126,34 @@ def against_field_table(
 
     required : points of the curve that the table follows from, whose relative interval the table has at least
     """
-    whole, drag = (np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points]).T
+    by_flight, drag = (np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points]).T
                    for points in (electrical.points, required))  # fmt: skip
-    rows = [row for row in table if whole[0, 0] <= row.speed_mps <= whole[0, -1] and not row.extrapolated]
+    rows = [row for row in table if by_flight[0, 0] <= row.speed_mps <= by_flight[0, -1] and not row.extrapolated]
     if not rows:
         return []
     V, table_W = np.array([(row.speed_mps, row.battery_W) for row in rows]).T
     (_, power_W, lo_W, hi_W), (_, drag_W, drag_lo_W, drag_hi_W) = (
-        [np.interp(V, curve[0], values) for values in curve] for curve in (whole, drag)
+        [np.interp(V, curve[0], values) for values in curve] for curve in (by_flight, drag)
     )
     allowed = np.hypot((hi_W - lo_W) / 2 / power_W, (drag_hi_W - drag_lo_W) / 2 / drag_W)
     ratio = np.abs(np.log(power_W / table_W)) / allowed
-    at = int(np.argmax(ratio))
-    if ratio[at] * NORMAL_95 <= -special.ndtri(EVIDENCE.rare_false_alarms / 2):
+    index = int(np.argmax(ratio))
+    if ratio[index] * NORMAL_95 <= -special.ndtri(EVIDENCE.rare_false_alarms / 2):
         return []
-    share = (drag_hi_W[at] - drag_lo_W[at]) / 2 / drag_W[at]
+    share = (drag_hi_W[index] - drag_lo_W[index]) / 2 / drag_W[index]
     return [
-        f"Two answers for the battery: at {V[at]:.0f} m/s the energy of the whole flight gives {power_W[at]:.0f} W"
-        f" ({lo_W[at]:.0f} to {hi_W[at]:.0f}), and drag, propeller and motor, as in the field table,"
-        f" {table_W[at]:.0f} W ({(1 - share) * table_W[at]:.0f} to {(1 + share) * table_W[at]:.0f}); their errors"
+        f"Two answers for the battery: at {V[index]:.0f} m/s the energy of the whole flight gives"
+        f" {power_W[index]:.0f} W ({lo_W[index]:.0f} to {hi_W[index]:.0f}), and drag, propeller and motor, as in the"
+        f" field table, {table_W[index]:.0f} W"
+        f" ({(1 - share) * table_W[index]:.0f} to {(1 + share) * table_W[index]:.0f}). Errors as large as assumed would"
         " explain this once in a thousand flights. Hold that speed for a minute, level, and compare with the meter."
     ]
 
 
 def electrical_curve(estimate: ElectricalEstimate, standard: Condition, battery: BatteryResult | None) -> CurveResult:
     """Electrical power with what a pool needs of it, at as many speeds as the curve is smooth between."""
-    at = np.linspace(0, len(estimate.V_mps) - 1, 1 + CURVES.points // 5).round().astype(int)
-    statistics = power_statistics(estimate.V_mps[at], estimate.among_flights.at(at))
+    indices = np.linspace(0, len(estimate.V_mps) - 1, 1 + CURVES.points // 5).round().astype(int)
+    statistics = power_statistics(estimate.V_mps[indices], estimate.among_flights.at(indices))
     return curve_result(estimate.curve, standard, statistics=statistics, battery=battery)
 
 
@@ -208,11 +209,11 @@ def _balance(findings: EnergyBalanceFindings) -> EnergyBalanceResult:
 def _thrust_efficiency(estimate: ElectricalEstimate) -> Interval | None:
     """Efficiency in level flight at the speed where the flight's energy shows it best; None if nowhere."""
     value, error = estimate.shown_efficiency.value, estimate.shown_efficiency.standard_error
-    known = np.flatnonzero(np.isfinite(value) & np.isfinite(error))
-    if not len(known):
+    determined = np.flatnonzero(np.isfinite(value) & np.isfinite(error))
+    if not len(determined):
         return None
-    at = known[np.argmin(error[known])]
-    lo, middle, hi = np.exp(value[at] + NORMAL_95 * error[at] * np.array([-1.0, 0.0, 1.0])).tolist()
+    index = determined[np.argmin(error[determined])]
+    lo, middle, hi = np.exp(value[index] + NORMAL_95 * error[index] * np.array([-1.0, 0.0, 1.0])).tolist()
     return Interval(value=middle, lo=lo, hi=hi)
 
 

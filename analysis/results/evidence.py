@@ -353,10 +353,10 @@ def _efficiencies(results: Results) -> Iterator[Evidence]:
     if results.use is None:
         return
     train = results.use.power_train
-    known = [point for point in train.efficiency if not point.extrapolated]
-    yield from _efficiency(EvidenceKind.PROPELLER_EFFICIENCY, [p.propeller for p in known], TRUST.best_propeller)
+    inside_table = [point for point in train.efficiency if not point.extrapolated]
+    yield from _efficiency(EvidenceKind.PROPELLER_EFFICIENCY, [p.propeller for p in inside_table], TRUST.best_propeller)
     if train.measured:
-        yield from _efficiency(EvidenceKind.MOTOR_EFFICIENCY, [p.motor for p in known], 1.0)
+        yield from _efficiency(EvidenceKind.MOTOR_EFFICIENCY, [p.motor for p in inside_table], 1.0)
 
 
 _CHECK_EFFICIENCY: Mapping[EvidenceKind, str] = {
@@ -417,15 +417,17 @@ def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
     error = math.hypot(math.log(eta.hi / eta.lo) / (2 * NORMAL_95), usual.sigma * (1 - usual.mean))
     z_limit = -float(special.ndtri(T.false_alarm_rate))  # on each side: too little current, and too much
 
-    def at(sigmas: float) -> float:
+    def efficiency_at(sigmas: float) -> float:
         return usual.mean * math.exp(sigmas * error)
 
-    least = max(at(-z_limit), min(T.least_power_train, at(-NORMAL_95)))
-    most = min(at(z_limit), max(T.best_propeller, at(NORMAL_95)))
+    least = max(efficiency_at(-z_limit), min(T.least_power_train, efficiency_at(-NORMAL_95)))
+    most = min(efficiency_at(z_limit), max(T.best_propeller, efficiency_at(NORMAL_95)))
     if least <= eta.value <= most:
         return
     impossible = eta.value > T.best_propeller and eta.lo > T.best_power_train
-    certain = impossible or not at(-T.beyond_doubt * z_limit) <= eta.value <= at(T.beyond_doubt * z_limit)
+    certain = impossible or not efficiency_at(-T.beyond_doubt * z_limit) <= eta.value <= efficiency_at(
+        T.beyond_doubt * z_limit
+    )
     yield Evidence(
         kind=EvidenceKind.THRUST_EFFICIENCY,
         level=Trust.NOT_TO_BE_TRUSTED if certain else Trust.DOUBTFUL,

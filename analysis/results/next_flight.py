@@ -131,8 +131,8 @@ def missing_information(
         if largest is Share.ANGLE_OF_ATTACK
         else BY_SHARE[largest]
     )
-    whole = float(sigma[i] ** 2)
-    left = whole - (1 - 0.5**2) * min(variances[largest], whole)
+    total_W2 = float(sigma[i] ** 2)
+    left = total_W2 - (1 - 0.5**2) * min(variances[largest], total_W2)
     percent = 100 * NORMAL_95 / float(power[i])
     return MissingInformation(float(V[i]), percent * float(sigma[i]), cause, percent * float(np.sqrt(left)))
 
@@ -178,8 +178,8 @@ def _effects_W(trajectory: Trajectory, A: Array, condition: Condition, V: float)
     blocks = trajectory.block_means
     flown = blocks.flying & np.isfinite(blocks["alpha_rad"])
     CL = 2 * condition.weight_N / (condition.rho * blocks["V_mps"][flown] ** 2 * condition.wing_area_m2)
-    at = 2 * condition.weight_N / (condition.rho * V**2 * condition.wing_area_m2)
-    alpha = float(np.polyval(np.polyfit(CL, blocks["alpha_rad"][flown], 1), at)) - trajectory.value("alpha_bias")
+    level_CL = 2 * condition.weight_N / (condition.rho * V**2 * condition.wing_area_m2)
+    alpha = float(np.polyval(np.polyfit(CL, blocks["alpha_rad"][flown], 1), level_CL)) - trajectory.value("alpha_bias")
     step = 0.01 * V
     drag = [float(power_required([v], Polar(A, np.zeros((3, 3))), condition)[0][0]) / v for v in (V - step, V + step)]
     lift_W = condition.weight_N * V

@@ -52,11 +52,11 @@ class StallMargin(NamedTuple):
 
         Where neither stall nor largest lift is known, the slowest of the curve stands for the stall, as for a route.
         """
-        at = Condition(results.test.weight_N, SEA_LEVEL_DENSITY, results.aircraft.wing_area_m2)
+        condition = Condition(results.test.weight_N, SEA_LEVEL_DENSITY, results.aircraft.wing_area_m2)
         if self.stall_mps is not None:
             stall_mps, what = self.stall_mps, "the stall speed given"
         elif results.slowest_flown is not None:
-            stall_mps = float(speed_at(results.slowest_flown.largest_lift_coefficient, at))
+            stall_mps = float(speed_at(results.slowest_flown.largest_lift_coefficient, condition))
             what = "the speed of the largest lift coefficient flown, as no stall speed is given (--stall)"
         else:
             curve = results.electrical_power or results.power_required
@@ -90,14 +90,14 @@ def parameter_file(results: Results | PooledResults, firmware: For, stall: Stall
         )
         if interval is not None and (name := names.get(firmware))
     ]
-    given = {parameter.name for parameter in own} | set(unknown_at_cruise)
+    written = {parameter.name for parameter in own} | set(unknown_at_cruise)
     lines = [
         f"# {FIRMWARE[firmware]}, from {results.source}, by flightpower {results.software_version}.",
         "# Airspeeds are equivalent (calibrated) ones, rounded up. Compare each value with yours before you load it.",
         f"# {reason}",
         *(line for parameter in _names_used(own) for line in _lines(parameter, firmware, least_mps)),
         *(f"# {name} is withheld: its value at the raised cruise speed is not known." for name in unknown_at_cruise),
-        *(f"# {sentence}" for sentence in withheld_of(FIRMWARE[firmware], given)),
+        *(f"# {sentence}" for sentence in withheld_of(FIRMWARE[firmware], written)),
     ]
     return "\n".join(lines) + "\n"
 
@@ -114,15 +114,15 @@ def _at_raised_cruise(
         (CRUISE_POWER, _battery_power_ratio(results, from_mps, to_mps)),
     ]
     by_name = {name: ratio for names, ratio in ratios for name in names}
-    kept, unknown = [], []
+    moved, unknown = [], []
     for parameter in own:
         ratio = by_name.get(parameter.name, 1.0)
         if ratio is None:
             unknown.append(parameter.name)
             continue
         value, lo, hi = (ratio * end for end in (parameter.value, parameter.lo, parameter.hi))
-        kept.append(msgspec.structs.replace(parameter, value=value, lo=lo, hi=hi))
-    return kept, unknown
+        moved.append(msgspec.structs.replace(parameter, value=value, lo=lo, hi=hi))
+    return moved, unknown
 
 
 def _power_required_ratio(results: WithCurves, from_mps: float, to_mps: float) -> float | None:

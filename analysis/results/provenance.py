@@ -71,7 +71,7 @@ def provenance_of_file(
     """Provenance of another program's log: hashes, weight and command; date and place as the recording has them."""
     files = []
     if aircraft:
-        origin, sha256 = _given(str(aircraft))
+        origin, sha256 = _origin_and_hash(str(aircraft))
         files.append(SourceFile(role=ROLES["aircraft.toml"], name="", origin=origin, sha256=sha256))
     fix = recording.fix if recording else Fix()
     ends_s = (
@@ -122,10 +122,10 @@ def _period(compared: Comparison, start_ns: int, end_ns: int) -> ImplausibleRead
 
 def _iso(unix_ns: int) -> str | None:
     try:
-        at = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=unix_ns // 1000)
+        moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=unix_ns // 1000)
     except OverflowError:
         return None
-    return at.strftime("%Y-%m-%dT%H:%M:%SZ")
+    return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def _health(topic: str, statuses: bytes) -> SensorHealth:
@@ -162,16 +162,16 @@ def _files(log: Log, contents: LogContents, replacements: Replacements, runs_fil
     for attachment, name in names.items():
         if name is None:
             continue
-        given = replacements.files.get(attachment)
-        if given is not None:
-            origin, sha256 = _given(given)
+        replacement = replacements.files.get(attachment)
+        if replacement is not None:
+            origin, sha256 = _origin_and_hash(replacement)
         elif attachment == "propeller.csv" and not _propeller_in_log(log, contents):
-            origin, sha256 = _given(contents.aircraft.propulsion.propeller or contents.propeller.name)
+            origin, sha256 = _origin_and_hash(contents.aircraft.propulsion.propeller or contents.propeller.name)
         else:
             origin, sha256 = "the log", hashlib.sha256(log.attachments.get(attachment, b"")).hexdigest()
         files.append(SourceFile(role=ROLES[attachment], name=name, origin=origin, sha256=sha256))
     if runs_file:
-        origin, sha256 = _given(str(runs_file))
+        origin, sha256 = _origin_and_hash(str(runs_file))
         files.append(SourceFile(role="list of runs", name="", origin=origin, sha256=sha256))
     return files
 
@@ -184,7 +184,7 @@ def _propeller_in_log(log: Log, contents: LogContents) -> bool:
     )
 
 
-def _given(name_or_path: str) -> tuple[str, str]:
+def _origin_and_hash(name_or_path: str) -> tuple[str, str]:
     """Origin and hash of a shipped propeller or a file."""
     if name_or_path in shipped_propellers():
         table = FOLDER.joinpath(f"{name_or_path}.csv").read_bytes()

@@ -178,10 +178,10 @@ def _air(air: Json | None, temperature_K: float | None, pressure_Pa: float | Non
     return {"temperature_K": temperature_K, **of_flight, **(air or {}), "pressure_Pa": pressure_Pa}
 
 
-def _battery(of_curve: Json, known: Json) -> Json | None:
+def _battery(of_curve: Json, use: Json) -> Json | None:
     """Whatever has its energy. Of electrical power the share that is used follows from the endurance; pools did not say
     it, and had what `analyze` takes."""
-    energy_Wh, usable = known.get("battery_energy_Wh"), known.get("usable", ASKED.usable)
+    energy_Wh, usable = use.get("battery_energy_Wh"), use.get("usable", ASKED.usable)
     if energy_Wh is None:
         return None
     if of_curve.get("endurance_s"):

@@ -228,8 +228,8 @@ def _without_current(batteries: list[Battery]) -> dict[frozenset[str], str]:
 
 
 def _as_set(names: tuple[str, ...], parameters: dict[str, float]) -> str:
-    known = [f"{name} is {parameters[name]:g}" for name in names if name in parameters]
-    return f" ({', '.join(known) if known else ', '.join(names)})"
+    settings_text = [f"{name} is {parameters[name]:g}" for name in names if name in parameters]
+    return f" ({', '.join(settings_text) if settings_text else ', '.join(names)})"
 
 
 def _working(tables: list[Table]) -> list[Table]:

@@ -163,8 +163,8 @@ def read_messages(path: Path) -> Messages:
         _refuse_unknown(path, log.columns("TECS"))
     pairs = zip(names, settings.get("Value", ()), strict=False)
     dropped = log.columns("DSF").get("Dp", np.zeros(1))
-    known = dropped[np.isfinite(dropped)] if dropped.dtype.kind == "f" else np.zeros(0)
-    lost = int(np.max(known, initial=0.0))
+    finite = dropped[np.isfinite(dropped)] if dropped.dtype.kind == "f" else np.zeros(0)
+    lost = int(np.max(finite, initial=0.0))
     notes = [*log.notes, *([f"The autopilot dropped {lost} message{'s' * (lost != 1)}."] if lost else [])]
     parameters = {_text(name): float(x) for name, x in pairs if isinstance(x, float)}
     timed = tuple(zip(_times_s("MSG", messages, len(texts)), texts, strict=True))
@@ -194,8 +194,8 @@ def _units(form: Form | None, units: dict[str, NDArray[Any]], multipliers: dict[
     usable = without_damage(factors) if factors.dtype.kind == "f" else np.zeros(0)
     by_id = dict(zip(ids.tolist(), usable.tolist(), strict=False))
     told_factors = [by_id.get(identity, 0.0) for identity in (of_form[-1] if of_form else b"")]
-    known = {field: x for field, x in zip(form.fields, told_factors, strict=False) if x != 0 and np.isfinite(x)}
-    return {field: known[field] for field in form.whole_numbers() if field in known}
+    nonzero = {field: x for field, x in zip(form.fields, told_factors, strict=False) if x != 0 and np.isfinite(x)}
+    return {field: nonzero[field] for field in form.whole_numbers() if field in nonzero}
 
 
 def _text(packed: Any) -> str:
@@ -236,8 +236,8 @@ def _instances(
 
 def _are_instances(numbers: NDArray[np.float64]) -> bool:
     """Whether these are numbers of sensors: I is also the integral of a controller. A few may be damaged."""
-    known = numbers[np.isfinite(numbers)]
-    return bool(np.mean((known == np.round(known)) & (known >= 0) & (known < 256)) > 0.5) if len(known) else True
+    finite = numbers[np.isfinite(numbers)]
+    return bool(np.mean((finite == np.round(finite)) & (finite >= 0) & (finite < 256)) > 0.5) if len(finite) else True
 
 
 def _refuse_unknown(path: Path, energy_control: dict[str, NDArray[Any]]) -> None:

@@ -222,7 +222,7 @@ def _means(table: pd.DataFrame, rows: pd.Series, seconds: float) -> pd.DataFrame
 
 def _correlation(x: pd.Series, y: pd.Series) -> float:
     """0 where it is not known."""
-    known = x.notna() & y.notna()
-    if known.sum() < STATISTICS.fewest_values or x[known].std() == 0 or y[known].std() == 0:
+    finite = x.notna() & y.notna()
+    if finite.sum() < STATISTICS.fewest_values or x[finite].std() == 0 or y[finite].std() == 0:
         return 0.0
-    return float(np.corrcoef(x[known], y[known])[0, 1])
+    return float(np.corrcoef(x[finite], y[finite])[0, 1])

@@ -59,9 +59,9 @@ class ColumnMap:
         return f"{quantity} (column {self.columns[quantity].column})" if quantity in self.columns else quantity
 
 
-def map_of(table: Path, given: Path | None = None) -> ColumnMap:
+def map_of(table: Path, map_file: Path | None = None) -> ColumnMap:
     """The map given, or the one beside a table. Raises InputError when there is none, or it is wrong."""
-    candidates = map_files(table, given)
+    candidates = map_files(table, map_file)
     if not candidates:
         raise InputError(
             f"{table}: a table, whose columns need a map: {DRAFT} {table} -o {table.name}.{BESIDE}; look through it,"
@@ -70,10 +70,10 @@ def map_of(table: Path, given: Path | None = None) -> ColumnMap:
     return load_map(candidates[0])
 
 
-def map_files(table: Path, given: Path | None) -> list[Path]:
+def map_files(table: Path, map_file: Path | None) -> list[Path]:
     """The map that `map_of` reads, or none."""
     beside = [table.with_name(f"{table.name}.{BESIDE}"), table.with_name(BESIDE)]
-    return [given] if given else [path for path in beside if path.is_file()][:1]
+    return [map_file] if map_file else [path for path in beside if path.is_file()][:1]
 
 
 def load_map(path: Path) -> ColumnMap:
@@ -118,13 +118,13 @@ def mapped_channels(table: Path, columns: Columns, column_map: ColumnMap) -> dic
     _check_times(table, t_s, column_map)
     channels = {}
     for quantity, value in si.items():
-        known = np.isfinite(value) & np.isfinite(t_s)
-        if known.sum() < READABLE.fewest_samples:
+        finite = np.isfinite(value) & np.isfinite(t_s)
+        if finite.sum() < READABLE.fewest_samples:
             raise InputError(
-                f"{table}: {column_map.named(quantity)} has {known.sum()} numbers; leave it out of the map"
+                f"{table}: {column_map.named(quantity)} has {finite.sum()} numbers; leave it out of the map"
             )
-        taken_s, first = np.unique(t_s[known], return_index=True)
-        channels[quantity] = Channel(taken_s - column_map.columns[quantity].delay_s, value[known][first])
+        taken_s, first = np.unique(t_s[finite], return_index=True)
+        channels[quantity] = Channel(taken_s - column_map.columns[quantity].delay_s, value[finite][first])
     return channels
 
 

@@ -71,15 +71,17 @@ def fix_of_log(log: Log, start_ns: int) -> Fix:
     start_ns : log time at zero of the recording's clock
     """
     gps = log.entries.get("/gps", NO_ENTRIES)
-    at = np.stack([(times_ns(gps) - start_ns) / 1e9, values(gps, "latitude_deg"), values(gps, "longitude_deg")], axis=1)
+    positions = np.stack(
+        [(times_ns(gps) - start_ns) / 1e9, values(gps, "latitude_deg"), values(gps, "longitude_deg")], axis=1
+    )
     height = values(gps, "height_msl_m")
-    ends = tuple(Position(*row) for row in at[np.isfinite(at).all(axis=1)].tolist())
+    ends = tuple(Position(*row) for row in positions[np.isfinite(positions).all(axis=1)].tolist())
     ends = ends[:1] + ends[-1:]
     ahead_ns = satellites_minus_log_time_ns(log)
     unix_s = (start_ns + (ahead_ns or 0)) / 1e9
-    known = ahead_ns is not None or unix_s > CHANNELS.clock_set_unix_s
+    clock_is_set = ahead_ns is not None or unix_s > CHANNELS.clock_set_unix_s
     return Fix(
-        unix_at_zero_s=unix_s if known else None,
+        unix_at_zero_s=unix_s if clock_is_set else None,
         by_satellites=ahead_ns is not None,
         latitude_deg=ends[0].latitude_deg if ends else None,
         longitude_deg=ends[0].longitude_deg if ends else None,

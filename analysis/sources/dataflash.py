@@ -72,20 +72,20 @@ class DataflashLog:
         begin, data = 0, b""
         for block in self._blocks():
             data += block
-            at, find, last = 0, data.find, begin + len(data) == self._bytes
-            while 0 <= (at := find(START, at)) <= len(data) - HEADER_BYTES:
-                number = data[at + 2]
+            offset, find, last = 0, data.find, begin + len(data) == self._bytes
+            while 0 <= (offset := find(START, offset)) <= len(data) - HEADER_BYTES:
+                number = data[offset + 2]
                 length = lengths[number]
-                if at + length > len(data) and not last:
+                if offset + length > len(data) and not last:
                     break
-                if not length or at + length > len(data):
-                    at += 1
+                if not length or offset + length > len(data):
+                    offset += 1
                     continue
-                self._offsets[number].append(begin + at)
-                if number == DEFINITION and (defined := self._define(data, at)) is not None:
+                self._offsets[number].append(begin + offset)
+                if number == DEFINITION and (defined := self._define(data, offset)) is not None:
                     lengths[defined] = HEADER_BYTES + self._kinds[defined].dtype.itemsize
-                at += length
-            rest = at if at >= 0 else len(data) - 1  # whose byte may be the first one of START
+                offset += length
+            rest = offset if offset >= 0 else len(data) - 1  # whose byte may be the first one of START
             begin, data = begin + rest, data[rest:]
 
     def _blocks(self) -> Iterator[bytes]:
@@ -106,14 +106,14 @@ class DataflashLog:
         except OSError as error:
             raise InputError(f"{self._source}: cannot be read any longer ({error.strerror or error})") from None
 
-    def _define(self, data: bytes, at: int) -> int | None:
+    def _define(self, data: bytes, offset: int) -> int | None:
         """The number of the kind that a format message defines; None where it is damaged, or known before."""
-        number, length, *texts = FORMAT.unpack_from(data, at + HEADER_BYTES)
+        number, length, *texts = FORMAT.unpack_from(data, offset + HEADER_BYTES)
         name, codes, listed = (text.rstrip(b"\0").decode("ascii", "replace") for text in texts)
         fields = tuple(listed.split(","))
-        known = number in self._kinds or number == DEFINITION
+        defined = number in self._kinds or number == DEFINITION
         named = len(set(fields)) == len(fields) == len(codes) and all(fields)
-        if known or not named or not set(codes) <= set(PACKED):
+        if defined or not named or not set(codes) <= set(PACKED):
             return None
         dtype = np.dtype([(field, PACKED[code]) for field, code in zip(fields, codes, strict=True)])
         if length != HEADER_BYTES + dtype.itemsize:
@@ -159,8 +159,8 @@ class DataflashLog:
             return
         begin, end = int(offsets[0]) + HEADER_BYTES, int(offsets[-1]) + HEADER_BYTES + kind.dtype.itemsize
         block = np.frombuffer(self._slice(begin, end), dtype=np.uint8)
-        at = offsets.astype(np.int64) + HEADER_BYTES - begin
-        rows = block[at[:, None] + np.arange(kind.dtype.itemsize)].view(kind.dtype).reshape(-1)
+        starts = offsets.astype(np.int64) + HEADER_BYTES - begin
+        rows = block[starts[:, None] + np.arange(kind.dtype.itemsize)].view(kind.dtype).reshape(-1)
         with np.errstate(invalid="ignore"):
             for field, column in out.items():
                 column[:] = rows[field]

@@ -79,10 +79,10 @@ def _edges(path: Path, count: int = 1 << 17) -> tuple[bytes, bytes]:
         start = stream.read(count)
         if start.startswith(GZIP_MAGIC):
             try:
-                whole = gzip.decompress(start + stream.read())
+                content = gzip.decompress(start + stream.read())
             except (EOFError, gzip.BadGzipFile):
                 return b"", b""
-            return whole[:count], whole[count:][-count:]
+            return content[:count], content[count:][-count:]
         size = path.stat().st_size
         stream.seek(max(count, size - count))
         return start, stream.read()
@@ -106,17 +106,17 @@ def _ulog_times_s(first: bytes, last: bytes) -> list[float]:
     return []
 
 
-def _ulog_chain_us(data: bytes, at: int) -> list[int]:
+def _ulog_chain_us(data: bytes, offset: int) -> list[int]:
     """Times of data from a message on; empty unless ten messages or more follow each other to the end."""
     times: list[int] = []
     count = 0
-    while at + 3 <= len(data):
-        size, kind = struct.unpack_from("<HB", data, at)
+    while offset + 3 <= len(data):
+        size, kind = struct.unpack_from("<HB", data, offset)
         if kind not in ULOG_TYPES or size == 0:
             return []
-        if kind == ord("D") and at + 13 <= len(data):
-            times += struct.unpack_from("<Q", data, at + 5)
-        at, count = at + 3 + size, count + 1
+        if kind == ord("D") and offset + 13 <= len(data):
+            times += struct.unpack_from("<Q", data, offset + 5)
+        offset, count = offset + 3 + size, count + 1
     return times if count >= 10 else []
 
 
@@ -134,9 +134,9 @@ def _dataflash_times_s(data: bytes) -> list[float]:
 
 def _telemetry_times_s(first: bytes, last: bytes) -> Iterator[float]:
     for data in (first, last):
-        for at in range(len(data) - 9):
-            if is_telemetry(data[at : at + 9]):
-                yield int.from_bytes(data[at : at + 8], "big") * 1e-6
+        for offset in range(len(data) - 9):
+            if is_telemetry(data[offset : offset + 9]):
+                yield int.from_bytes(data[offset : offset + 8], "big") * 1e-6
 
 
 def _line_times_s(text: bytes) -> list[float]:

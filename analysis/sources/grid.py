@@ -24,11 +24,11 @@ def without_gaps(values: Array) -> Array:
 
     All NaN if none is known. The numbers are those of `pandas.Series.interpolate(limit_direction="both")`.
     """
-    known = ~np.isnan(values)
-    if known.all() or not known.any():
+    finite = ~np.isnan(values)
+    if finite.all() or not finite.any():
         return values
-    at = np.arange(len(values))
-    return np.interp(at, at[known], values[known])
+    rows = np.arange(len(values))
+    return np.interp(rows, rows[finite], values[finite])
 
 
 def rows_within(t_s: Array, stretches_s: Iterable[tuple[float, float]]) -> NDArray[np.bool_]:
@@ -51,13 +51,13 @@ def local_quadratic(values: Array, window: int, derivative: int = 0, step: float
     wanted[derivative] = factorial(derivative) / step**derivative
     weights = linalg.lstsq(powers, wanted)[0]
     fitted = _correlated(values, weights[::-1])
-    at = np.arange(window)
+    samples = np.arange(window)
     for part, inside in (
         (slice(None, window), slice(0, half)),
         (slice(len(values) - window, None), slice(-half, None)),
     ):
-        edge = np.polyder(np.polyfit(at, values[part], 2), derivative)
-        fitted[part][inside] = np.polyval(edge, at[inside]) / step**derivative
+        edge = np.polyder(np.polyfit(samples, values[part], 2), derivative)
+        fitted[part][inside] = np.polyval(edge, samples[inside]) / step**derivative
     return fitted
 
 
@@ -131,8 +131,8 @@ def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
     bridged = taken_s[after] - taken_s[before] <= CHANNELS.gap * interval
     distance = np.minimum(np.abs(t_s - taken_s[before]), np.abs(taken_s[after] - t_s))
     within = (t_s >= taken_s[0]) & (t_s <= taken_s[-1])
-    known = (bridged & within) | (distance <= 0.01 * interval)
-    return np.where(known, CubicSpline(taken_s, value)(t_s), np.nan)
+    defined = (bridged & within) | (distance <= 0.01 * interval)
+    return np.where(defined, CubicSpline(taken_s, value)(t_s), np.nan)
 
 
 def stretches(flag: NDArray[np.bool_]) -> list[slice]:

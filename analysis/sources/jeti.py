@@ -46,13 +46,13 @@ def read_jeti(text: str) -> dict[str, Array]:
                 unit = cells[4].strip() if len(cells) > len(VALUE) else ""
                 names[device, cells[2]] = f"{cells[3].strip()} [{unit}]" if unit else cells[3].strip()
             continue
-        for at in range(2, len(cells) - len(VALUE) + 1, len(VALUE)):
-            number, kind, decimals, value = cells[at : at + len(VALUE)]
+        for first_cell in range(2, len(cells) - len(VALUE) + 1, len(VALUE)):
+            number, kind, decimals, value = cells[first_cell : first_cell + len(VALUE)]
             if (decoded := _value(kind, decimals, value)) is not None:
                 values[device, number][time_ms] = decoded
                 if kind == str(Type.POSITION.value) and "[" not in names.get((device, number), "["):
                     names[device, number] += " [°]"
-    times_ms = np.array(sorted({at for at_times in values.values() for at in at_times}), dtype=float)
+    times_ms = np.array(sorted({first_cell for at_times in values.values() for first_cell in at_times}), dtype=float)
     columns: dict[str, Array] = {TIME: 1e-3 * (times_ms - times_ms[:1])}
     seen: Counter[str] = Counter()
     for (device, number), at_times in values.items():
@@ -67,9 +67,9 @@ def read_jeti(text: str) -> dict[str, Array]:
 def _value(kind: str, decimals: str, value: str) -> float | None:
     """The number; of a position in degrees. None for a time, a date, and what is damaged."""
     try:
-        value_type, digits, whole = Type(int(kind)), int(decimals), int(value)
+        value_type, digits, number = Type(int(kind)), int(decimals), int(value)
     except ValueError:
         return None
     if value_type is Type.POSITION:  # thousandths of a minute, degrees; South and West are marked beside the decimals
-        return ((whole >> 16 & 0xFF) + (whole & 0xFFFF) / 60_000) * (-1 if digits & 2 else 1)
-    return whole / 10**digits if 0 <= digits <= 8 and abs(whole) < 2**31 else None
+        return ((number >> 16 & 0xFF) + (number & 0xFFFF) / 60_000) * (-1 if digits & 2 else 1)
+    return number / 10**digits if 0 <= digits <= 8 and abs(number) < 2**31 else None

@@ -126,8 +126,12 @@ class Grid:
 
     def true_airspeed(self) -> Array:
         """In flight (n,); NaN on the ground."""
-        known = self.airspeed()
-        return np.full(len(self.t_s), np.nan) if known is None else np.where(_flown(known[1]), known[1], np.nan)
+        airspeed_table = self.airspeed()
+        return (
+            np.full(len(self.t_s), np.nan)
+            if airspeed_table is None
+            else np.where(_flown(airspeed_table[1]), airspeed_table[1], np.nan)
+        )
 
     def pressure_of_flight(self) -> Array:
         """The square of the airspeed in flight (n,), to which it is proportional."""
@@ -140,9 +144,9 @@ class Grid:
             return np.full(len(self.t_s), np.nan)
         _, north, east = ground
         moving = np.hypot(north, east) > 0.3 * np.nanpercentile(np.hypot(north, east), 90)
-        known = np.isfinite(north + east)
+        finite = np.isfinite(north + east)
         course = np.full(len(north), np.nan)
-        course[known] = np.unwrap(np.arctan2(east[known], north[known]))
+        course[finite] = np.unwrap(np.arctan2(east[finite], north[finite]))
         return np.where(moving, self.rate(course), np.nan)
 
     def height(self) -> tuple[Quantity, Array] | None:
@@ -181,10 +185,10 @@ class Grid:
 
 def _flown(V: Array) -> NDArray[np.bool_]:
     """Rows in which an aircraft of this airspeed (n,) flies, and does not stand or roll."""
-    known = V[np.isfinite(V)]
-    if not len(known):
+    finite = V[np.isfinite(V)]
+    if not len(finite):
         return np.zeros(len(V), dtype=bool)
-    moving = known[known > 0.3 * np.percentile(known, 90)]
+    moving = finite[finite > 0.3 * np.percentile(finite, 90)]
     return np.asarray(V > (0.6 * np.median(moving) if len(moving) else np.inf))
 
 
@@ -196,27 +200,27 @@ def _heave_s(V: Array) -> float:
 
 def relation(first: Array, second: Array) -> Relation | None:
     """None where too little is known, or one of them hardly varies."""
-    known = np.isfinite(first + second)
-    if known.sum() * FLIGHT.step_s < 20.0:
+    finite = np.isfinite(first + second)
+    if finite.sum() * FLIGHT.step_s < 20.0:
         return None
-    x, y = (np.where(known, values - np.mean(values[known]), 0.0) for values in (first, second))
-    if np.std(x[known]) == 0 or np.std(y[known]) == 0:
+    x, y = (np.where(finite, values - np.mean(values[finite]), 0.0) for values in (first, second))
+    if np.std(x[finite]) == 0 or np.std(y[finite]) == 0:
         return None
     reach = round(6.0 / FLIGHT.step_s)
-    correlation = _correlations(x, y, known, reach)
+    correlation = _correlations(x, y, finite, reach)
     best = int(np.argmax(np.abs(correlation)))
-    ratio = float(np.std(x[known]) / np.std(y[known]))
+    ratio = float(np.std(x[finite]) / np.std(y[finite]))
     return Relation(float(correlation[reach]), float(correlation[best]), (best - reach) * FLIGHT.step_s, ratio)
 
 
-def _correlations(x: Array, y: Array, known: NDArray[np.bool_], reach: int) -> Array:
+def _correlations(x: Array, y: Array, finite: NDArray[np.bool_], reach: int) -> Array:
     """Correlations of y and x delayed by -reach to reach samples; zero if too few are known."""
 
     def sums(first: Array, second: Array) -> Array:
         late = sliding_window_view(np.pad(second, reach), len(second))[::-1]
         return np.asarray(late @ first)
 
-    k = known.astype(float)
+    k = finite.astype(float)
     n = np.maximum(sums(k, k), 1)
     mean_x, mean_y = sums(x, k) / n, sums(k, y) / n
     variance_x, variance_y = sums(x * x, k) / n - mean_x**2, sums(k, y * y) / n - mean_y**2

@@ -260,11 +260,13 @@ def _of_recorder(columns: Columns) -> dict[Quantity, MappedColumn]:
     if recorder is None:
         return {}
     varying = [name for name, value in columns.items() if np.nanstd(value) > 0]
-    known = known_columns(recorder, varying)
-    units = {quantity: column.unit or _unit_by_name(name, quantity) for quantity, (name, column) in known.items()}
+    recorder_columns = known_columns(recorder, varying)
+    units = {
+        quantity: column.unit or _unit_by_name(name, quantity) for quantity, (name, column) in recorder_columns.items()
+    }
     return {
         quantity: MappedColumn(name, unit, -1.0 if column.opposite else 1.0)
-        for quantity, (name, column) in known.items()
+        for quantity, (name, column) in recorder_columns.items()
         if (unit := units[quantity]) is not None
     }
 
@@ -313,12 +315,12 @@ def _with_alike_angles(mapped: dict[Quantity, MappedColumn], columns: Columns) -
 def _may_be_radians(value: Array, quantity: Quantity) -> bool:
     """Whether an angle's values are possible in radians. A direction over two pi has to have come there without a jump:
     one that was counted on through full circles."""
-    known = value[np.isfinite(value)]
+    finite = value[np.isfinite(value)]
     if quantity not in (Q.HEADING, Q.COURSE):
         kind = KINDS[quantity]
-        return bool(np.mean((known >= kind.least) & (known <= kind.greatest)) > 0.95)
-    within = np.abs(known) <= 2 * np.pi
-    return bool(np.mean(within) > 0.95 or (within[0] and np.max(np.abs(np.diff(known))) < np.pi))
+        return bool(np.mean((finite >= kind.least) & (finite <= kind.greatest)) > 0.95)
+    within = np.abs(finite) <= 2 * np.pi
+    return bool(np.mean(within) > 0.95 or (within[0] and np.max(np.abs(np.diff(finite))) < np.pi))
 
 
 def _is_named(name: str, pattern: str, quantity: Quantity) -> bool:

@@ -89,17 +89,17 @@ def read_mat(data: bytes) -> dict[str, Any]:
 
 def _elements(data: memoryview, end: str) -> Iterator[tuple[int, memoryview]]:
     """The type and the content of each element. Raises ValueError for one that is longer than what is left."""
-    at = 0
-    while at + 8 <= len(data):
-        kind, length = struct.unpack_from(f"{end}II", data, at)
-        start = at + 8
+    offset = 0
+    while offset + 8 <= len(data):
+        kind, length = struct.unpack_from(f"{end}II", data, offset)
+        start = offset + 8
         if kind >> 16:  # a small one, within its own head
-            kind, length, start = kind & 0xFFFF, kind >> 16, at + 4
-        if start + length > len(data) or (start == at + 4 and length > 4):
+            kind, length, start = kind & 0xFFFF, kind >> 16, offset + 4
+        if start + length > len(data) or (start == offset + 4 and length > 4):
             raise ValueError(f"an element of {length} bytes is longer than what is left of it")
         yield kind, data[start : start + length]
-        at = start + length
-        at += 0 if kind == Kind.COMPRESSED else -at % 8
+        offset = start + length
+        offset += 0 if kind == Kind.COMPRESSED else -offset % 8
 
 
 def _matrix(content: memoryview, end: str) -> tuple[str, Any]:
@@ -124,7 +124,9 @@ def _matrix(content: memoryview, end: str) -> tuple[str, Any]:
     if kind == Class.STRUCT:
         (length,) = struct.unpack_from(f"{end}i", next(parts)[1])
         names = bytes(next(parts)[1])
-        fields = [names[at : at + length].split(b"\0")[0].decode("latin-1") for at in range(0, len(names), length)]
+        fields = [
+            names[start : start + length].split(b"\0")[0].decode("latin-1") for start in range(0, len(names), length)
+        ]
         return name, {field: _matrix(next(parts)[1], end)[1] for field in fields} if count == 1 else None
     if kind == Class.CHAR:
         data_type, text = next(parts, (1, memoryview(b"")))

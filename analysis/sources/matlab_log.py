@@ -59,14 +59,14 @@ def _columns(value: Any, labels: Any) -> dict[str, NDArray[Any]]:
     if isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2 and value.shape[1] == 2:
         return {"Name": _texts(value[:, 0]), "Value": np.array([number_or_nan(x) for x in value[:, 1]])}
     if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu" and labels is not None:
-        given = np.atleast_1d(labels)
-        names = [_text(name).strip() for name in given] if given.shape == value.shape[1:] else []
+        label_array = np.atleast_1d(labels)
+        names = [_text(name).strip() for name in label_array] if label_array.shape == value.shape[1:] else []
         if len(set(names)) == value.shape[1]:
             return _timed(dict(zip(names, value.T.astype(np.float64), strict=True)))
     if isinstance(value, dict):
         fields = {name: np.atleast_1d(inside) for name, inside in value.items() if inside is not None}
-        kept = {name: x if x.dtype.kind in "fiu" else _texts(x) for name, x in fields.items() if x.ndim == 1}
-        return _timed({name: x if x.dtype.kind == "S" else x.astype(np.float64) for name, x in kept.items()})
+        vectors = {name: x if x.dtype.kind in "fiu" else _texts(x) for name, x in fields.items() if x.ndim == 1}
+        return _timed({name: x if x.dtype.kind == "S" else x.astype(np.float64) for name, x in vectors.items()})
     return {}
 
 

@@ -229,5 +229,5 @@ def _date(gps: Table) -> Fix:
 
 
 def _fixed(gps: Table) -> NDArray[np.bool_]:
-    whole = np.all([np.isfinite(x) for name, x in gps.items() if name not in WEEK], axis=0)
-    return np.asarray(whole & (gps["mode"] >= 3))  # a position in three dimensions
+    complete = np.all([np.isfinite(x) for name, x in gps.items() if name not in WEEK], axis=0)
+    return np.asarray(complete & (gps["mode"] >= 3))  # a position in three dimensions

@@ -27,9 +27,15 @@ def fix_of(
 
     latitude, longitude : as in `places`
     """
-    known = _known(t_s, latitude, longitude)
-    degrees = [np.degrees(x[:1]) for x in _radians(latitude[known], longitude[known])] if known.any() else []
-    height = channel(t_s, np.full(len(t_s), np.nan) if height_m is None else np.where(known, height_m, np.nan)).value
+    has_position = _valid_positions(t_s, latitude, longitude)
+    degrees = (
+        [np.degrees(x[:1]) for x in _radians(latitude[has_position], longitude[has_position])]
+        if has_position.any()
+        else []
+    )
+    height = channel(
+        t_s, np.full(len(t_s), np.nan) if height_m is None else np.where(has_position, height_m, np.nan)
+    ).value
     dated = np.zeros(0)
     if unix_s is not None:
         dated = (unix_s - t_s)[np.isfinite(t_s) & (unix_s >= 1e-9 * FIRST_UTC_NS) & (unix_s < 1e-9 * LAST_UTC_NS)]
@@ -46,16 +52,16 @@ def places(t_s: Array, latitude: Array, longitude: Array) -> dict[str, Channel]:
 
     latitude, longitude : (n,) in degrees, or in units of 1e-7 degrees, as autopilots pack them
     """
-    known = _known(t_s, latitude, longitude)
-    if not known.any():
+    has_position = _valid_positions(t_s, latitude, longitude)
+    if not has_position.any():
         return {}
-    lat, lon = _radians(latitude[known], longitude[known])
+    lat, lon = _radians(latitude[has_position], longitude[has_position])
     north = EARTH_RADIUS_M * (lat - lat[0])
     east = EARTH_RADIUS_M * np.cos(lat[0]) * (np.unwrap(lon) - lon[0])
-    return {name: channel(t_s[known], x) for name, x in zip(PLACE, (north, east), strict=True)}
+    return {name: channel(t_s[has_position], x) for name, x in zip(PLACE, (north, east), strict=True)}
 
 
-def _known(t_s: Array, latitude: Array, longitude: Array) -> NDArray[np.bool_]:
+def _valid_positions(t_s: Array, latitude: Array, longitude: Array) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(t_s + latitude + longitude) & ((latitude != 0) | (longitude != 0)))
 
 
@@ -77,9 +83,9 @@ def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel
     new = np.flatnonzero(np.append(True, (np.diff(lat) != 0) | (np.diff(lon) != 0)))
     step_s = float(np.median(np.diff(t_s[new]))) if len(new) > 1 else float(np.median(np.diff(t_s)))
     even_s = np.arange(t_s[0], t_s[-1], step_s)
-    given = EARTH_RADIUS_M * (lat - lat[0]), EARTH_RADIUS_M * np.cos(float(np.median(lat))) * (lon - lon[0])
-    ratio = max(_noise(coordinate[new]) for coordinate in given) / (step_s * RECEIVER.velocity_mps[0])
-    north, east = (np.interp(even_s, t_s[new], coordinate[new]) for coordinate in given)
+    coordinates_m = EARTH_RADIUS_M * (lat - lat[0]), EARTH_RADIUS_M * np.cos(float(np.median(lat))) * (lon - lon[0])
+    ratio = max(_noise(coordinate[new]) for coordinate in coordinates_m) / (step_s * RECEIVER.velocity_mps[0])
+    north, east = (np.interp(even_s, t_s[new], coordinate[new]) for coordinate in coordinates_m)
     each_side = max(1, int(np.ceil(np.cbrt(1.5 * ratio**2))))  # 1 / sum k² = 3 / (2 n³) of n on each side
     return Channel(even_s, _slope(north, each_side) / step_s), Channel(even_s, _slope(east, each_side) / step_s)
 

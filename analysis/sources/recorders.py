@@ -131,7 +131,7 @@ def known_columns(recorder: Recorder, names: Collection[str]) -> dict[Quantity, 
     """The columns of a table by quantity: of each, the first in the recorder's list that is there."""
     matched = {}
     for quantity, columns in recorder.columns.items():
-        matches = ((name, known) for known in columns for name in names if re.fullmatch(known.name, name.lower()))
+        matches = ((name, column) for column in columns for name in names if re.fullmatch(column.name, name.lower()))
         if (first := next(matches, None)) is not None:
             matched[quantity] = first
     return matched

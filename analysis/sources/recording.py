@@ -147,8 +147,8 @@ def vehicle_of(serial_number: str) -> str:
 def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
     """A channel without its samples that are not finite."""
     t, x = without_damage(t_s), without_damage(value)
-    known = np.isfinite(t) & np.isfinite(x)
-    return Channel(t[known], x[known])
+    finite = np.isfinite(t) & np.isfinite(x)
+    return Channel(t[finite], x[finite])
 
 
 def without_damage(value: ArrayLike) -> Array:
@@ -161,8 +161,8 @@ def without_damage(value: ArrayLike) -> Array:
 def modes(t_s: ArrayLike, numbers: ArrayLike, names: Mapping[int, str]) -> list[Event]:
     """The changes of a mode that is logged as a number (n,) at times (n,); one without a name keeps its number."""
     t, number = np.asarray(t_s, dtype=float), np.asarray(numbers, dtype=float)
-    known = np.isfinite(t) & (np.abs(number) < 2**31)  # a larger one is damaged
-    t, number = t[known], number[known].astype(int)
+    finite = np.isfinite(t) & (np.abs(number) < 2**31)  # a larger one is damaged
+    t, number = t[finite], number[finite].astype(int)
     changed = np.flatnonzero(np.append(True, number[1:] != number[:-1])[: len(number)])
     return [Event(float(t[i]), EventKind.MODE, names.get(int(number[i]), f"mode {number[i]}")) for i in changed]
 
@@ -187,8 +187,8 @@ def without_jumps(*groups: Mapping[str, Channel]) -> tuple[list[dict[str, Channe
     if main is None:
         return [dict(group) for group in groups], []
     joined = {name: channel for group in groups for name, channel in group.items()}
-    kept, notes = without_clock_jumps(main, joined)
-    return [{name: kept[name] for name in group if name in kept} for group in groups], notes
+    regular, notes = without_clock_jumps(main, joined)
+    return [{name: regular[name] for name in group if name in regular} for group in groups], notes
 
 
 def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple[dict[str, Channel], list[str]]:
@@ -203,10 +203,10 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
     parts = _parts(main.t_s)
     notes = []
     if len(parts) > 1:
-        kept = max(parts, key=lambda rows: rows.stop - rows.start)
-        span = float(main.t_s[kept.stop - 1] - main.t_s[kept.start])
+        longest = max(parts, key=lambda rows: rows.stop - rows.start)
+        span = float(main.t_s[longest.stop - 1] - main.t_s[longest.start])
         notes = [f"The log's clock jumped; the longest part without a jump, {span:.0f} s, is used."]
-        low, high = main.t_s[kept.start], main.t_s[kept.stop - 1]
+        low, high = main.t_s[longest.start], main.t_s[longest.stop - 1]
         channels = {name: _within(channel, float(low), float(high)) for name, channel in channels.items()}
     ascending = {name: _ascending(channel) for name, channel in channels.items()}
     return {name: channel for name, channel in ascending.items() if len(channel.t_s) >= READABLE.fewest_samples}, notes
@@ -241,20 +241,20 @@ def _without_single_times(channel: Channel) -> Channel:
     """Without samples whose time differs from those of both neighbors, which agree with one another."""
     if len(channel.t_s) < 3:
         return channel
-    before, at, after = channel.t_s[:-2], channel.t_s[1:-1], channel.t_s[2:]
-    wrong = (after >= before) & ((at > after) | (at < before))
-    kept = np.concatenate([[True], ~wrong, [True]])
-    return Channel(channel.t_s[kept], channel.value[kept])
+    before, middle, after = channel.t_s[:-2], channel.t_s[1:-1], channel.t_s[2:]
+    wrong = (after >= before) & ((middle > after) | (middle < before))
+    regular = np.concatenate([[True], ~wrong, [True]])
+    return Channel(channel.t_s[regular], channel.value[regular])
 
 
 def _possible(channel: Channel, least: float, greatest: float, spike: float) -> Channel:
-    kept = (channel.value >= least) & (channel.value <= greatest)
-    t_s, value = channel.t_s[kept], channel.value[kept]
+    plausible = (channel.value >= least) & (channel.value <= greatest)
+    t_s, value = channel.t_s[plausible], channel.value[plausible]
     if len(value) < READABLE.fewest_samples:
         return Channel(t_s, value)
     around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(value, 2, mode="reflect"), 5), axis=1)
-    kept = np.abs(value - around) <= spike
-    return Channel(t_s[kept], value[kept])
+    plausible = np.abs(value - around) <= spike
+    return Channel(t_s[plausible], value[plausible])
 
 
 def _parts(t_s: Array) -> list[slice]:

@@ -18,9 +18,9 @@ def step_of(values: Array) -> float:
     A value that is a multiple of a step is wrong by up to half of it where it is rounded, and always by as much on
     average where it is cut off, as pulses are that were not completed.
     """
-    known = values[np.isfinite(values)]
-    levels = np.unique(known)
-    if not STATISTICS.fewest_values * len(levels) < len(known) or len(levels) < STATISTICS.fewest_readings:
+    finite = values[np.isfinite(values)]
+    levels = np.unique(finite)
+    if not STATISTICS.fewest_values * len(levels) < len(finite) or len(levels) < STATISTICS.fewest_readings:
         return 0.0
     apart = np.diff(levels)
     apart = apart[apart > np.sqrt(np.finfo(float).eps) * (levels[-1] - levels[0])]  # beyond rounding

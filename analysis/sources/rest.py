@@ -166,8 +166,8 @@ def mean_at_rest(column: pd.Series, rows: list[slice], step_s: float) -> tuple[f
     samples = np.concatenate([*parts, np.empty(0)])
     if len(samples) < 2:
         return float("nan"), float("nan")
-    whole = [part[: len(part) // block * block].reshape(-1, block).mean(axis=1) for part in parts]
-    means = np.concatenate(whole)
+    blocks = [part[: len(part) // block * block].reshape(-1, block).mean(axis=1) for part in parts]
+    means = np.concatenate(blocks)
     if len(means) < REST.fewest_blocks:
         return float(samples.mean()), float(samples.std(ddof=1) / np.sqrt(len(samples)))
     return float(samples.mean()), float(means.std(ddof=1) / np.sqrt(len(means)))

@@ -67,8 +67,8 @@ def _check_fields(log: Log, topic: str) -> None:
     good = is_good(entries)
     used = [field for its_topic, field in COLUMNS.values() if its_topic == topic]
     empty = [field for field in used if np.isnan(values(entries, field)[good]).all()]
-    known = {field.name for field in msgspec.structs.fields(TYPE_OF_TOPIC[topic])}
-    unknown = sorted(log.fields.get(topic, frozenset()) - known)
+    expected = {field.name for field in msgspec.structs.fields(TYPE_OF_TOPIC[topic])}
+    unknown = sorted(log.fields.get(topic, frozenset()) - expected)
     misnamed = [(field, match) for field in empty for match in get_close_matches(field, unknown, 1)]
     if misnamed:
         field, match = misnamed[0]
@@ -95,8 +95,8 @@ def _no_topic(log: Log, topic: str) -> InputError:
 def receiver_notes(log: Log) -> list[str]:
     """A note where the receiver's filter was not set for flight (`dynamic_model` of /gps)."""
     entries = log.entries.get("/gps", NO_ENTRIES)
-    known = {int(model) for model in values(entries, "dynamic_model") if not np.isnan(model)}
-    if not (wrong := known - AIRBORNE_MODELS):
+    models = {int(model) for model in values(entries, "dynamic_model") if not np.isnan(model)}
+    if not (wrong := models - AIRBORNE_MODELS):
         return []
     return [
         f"The GPS receiver's dynamic model was {min(wrong)}, not 6 to 8 (airborne): it smooths velocity, and speed over"

@@ -54,19 +54,19 @@ Fields = dict[str, Channel]
 TABLE = "table"  # metadata of a log that was a table
 
 
-def log_of_table(path: Path, given: Path | None = None) -> Log:
+def log_of_table(path: Path, map_file: Path | None = None) -> Log:
     """The log, by the map given or the one beside the table, or by the names that a known program gives columns.
 
     Raises InputError, in one line, where the map is missing or wrong, or its quantities contradict each other.
     """
     columns = read_columns(path)
-    if not map_files(path, given) and (known := map_without_question(path, columns)) is not None:
-        column_map, recorder = known
+    if not map_files(path, map_file) and (prepared := map_without_question(path, columns)) is not None:
+        column_map, recorder = prepared
         log = as_log(path, mapped_channels(path, columns, column_map))
         used = ", ".join(f"{column.column} as {quantity}" for quantity, column in column_map.columns.items())
         log.metadata[TABLE] = {"note": f"Columns are known by the names of {recorder}: {used}."}
         return log
-    column_map = map_of(path, given)
+    column_map = map_of(path, map_file)
     channels = mapped_channels(path, columns, column_map)
     if wrong := findings(channels, column_map.named):
         raise contradiction(path, wrong, column_map)
@@ -111,50 +111,50 @@ def contradiction(path: Path, wrong: list[Finding], column_map: ColumnMap) -> In
 
 def as_log(path: Path, channels: Channels) -> Log:
     """The messages of quantities in SI units. Raises InputError where neither airspeed nor ground velocity is known."""
-    known = {quantity: _averaged(_possible(quantity, channel)) for quantity, channel in channels.items()}
+    averaged = {quantity: _averaged(_possible(quantity, channel)) for quantity, channel in channels.items()}
     topics: dict[str, Fields] = {}
     attachments = {"zero.json": _zeros()}
-    pressure = _static(known)
-    temperature = known.get(Q.AIR_TEMPERATURE)
+    pressure = _static(averaged)
+    temperature = averaged.get(Q.AIR_TEMPERATURE)
     if pressure is not None:
         topics["/static"] = {"pressure_Pa": pressure}
-        if temperature is None and Q.ANGLE_OF_ATTACK in known:  # the drag methods need one
+        if temperature is None and Q.ANGLE_OF_ATTACK in averaged:  # the drag methods need one
             temperature = Channel(pressure.t_s, np.asarray(temperature_at(_height(pressure.value))))
         if temperature is not None:
             topics["/static"] |= {"temperature_K": temperature}
-    q = _dynamic_pressure(known, pressure)
+    q = _dynamic_pressure(averaged, pressure)
     if q is not None:
         topics["/probe/airspeed"] = {"differential_pressure_Pa": q}
         for topic, angle in (("/probe/alpha", Q.ANGLE_OF_ATTACK), ("/probe/beta", Q.SIDESLIP)):
-            if (channel := known.get(angle)) is not None:
+            if (channel := averaged.get(angle)) is not None:
                 value = ALPHA_PORT_SLOPE * channel.value * q.at(channel.t_s)
                 topics[topic] = {"differential_pressure_Pa": Channel(channel.t_s, value)}
                 attachments["probe.json"] = _vane_as_probe()
     for topic, quantities in (("/imu", IMU), ("/attitude", ATTITUDE), ("/gps", GPS)):
-        topics[topic] = {field: known[quantity] for field, quantity in quantities.items() if quantity in known}
-    if not {Q.VELOCITY_NORTH, Q.VELOCITY_EAST} & known.keys():
-        if Q.GROUND_SPEED in known and Q.COURSE in known:
-            topics["/gps"] |= _by_course(known[Q.GROUND_SPEED], known[Q.COURSE])
+        topics[topic] = {field: averaged[quantity] for field, quantity in quantities.items() if quantity in averaged}
+    if not {Q.VELOCITY_NORTH, Q.VELOCITY_EAST} & averaged.keys():
+        if Q.GROUND_SPEED in averaged and Q.COURSE in averaged:
+            topics["/gps"] |= _by_course(averaged[Q.GROUND_SPEED], averaged[Q.COURSE])
         # Means over some seconds, whose errors are not independent: enough for wind and electrical power, not for the
         # trajectory of the drag methods.
-        elif {Q.LATITUDE, Q.LONGITUDE} <= known.keys() and "/probe/alpha" not in topics:
-            north, east = velocity_by_position(known[Q.LATITUDE], known[Q.LONGITUDE])
+        elif {Q.LATITUDE, Q.LONGITUDE} <= averaged.keys() and "/probe/alpha" not in topics:
+            north, east = velocity_by_position(averaged[Q.LATITUDE], averaged[Q.LONGITUDE])
             topics["/gps"] |= {"velocity_north_mps": north, "velocity_east_mps": east}
         else:
             topics["/gps"] = {}
     if len(topics["/gps"]) == 2 and pressure is not None:
         down = -np.gradient(_height(pressure.value), pressure.t_s)
         topics["/gps"] = {**topics["/gps"], "velocity_down_mps": Channel(pressure.t_s, down)}
-    topics["/battery"] = _battery(known)
-    if (motor := known.get(Q.MOTOR_SPEED)) is not None:
+    topics["/battery"] = _battery(averaged)
+    if (motor := averaged.get(Q.MOTOR_SPEED)) is not None:
         topics["/rpm"] = {"motor_speed_revps": motor}
-    elif (thrust := known.get(Q.THRUST)) is not None and pressure is not None:
+    elif (thrust := averaged.get(Q.THRUST)) is not None and pressure is not None:
         rho = _density(thrust.t_s, pressure, temperature)
         topics["/rpm"] = {
             "motor_speed_revps": Channel(thrust.t_s, np.sqrt(np.maximum(thrust.value, 0.0) / rho)),
         }
         attachments["propeller.csv"] = THRUST_AS_SPEED.encode()
-    if (throttle := known.get(Q.THROTTLE)) is not None:
+    if (throttle := averaged.get(Q.THROTTLE)) is not None:
         topics["/controls"] = {"throttle": throttle}
     topics = {topic: fields for topic, fields in topics.items() if fields}
     if not topics.keys() & {"/probe/airspeed", "/gps"}:
@@ -189,13 +189,13 @@ def _height(pressure_Pa: Array) -> Array:
     return np.asarray(height_at(pressure_Pa))
 
 
-def _static(known: Mapping[Quantity, Channel]) -> Channel | None:
+def _static(channels: Mapping[Quantity, Channel]) -> Channel | None:
     """Measured; by the height; or by the climb that GPS shows, from sea level."""
-    if (pressure := known.get(Q.STATIC_PRESSURE)) is not None:
+    if (pressure := channels.get(Q.STATIC_PRESSURE)) is not None:
         return without_steps(pressure)
-    if (height := known.get(Q.HEIGHT)) is not None:
+    if (height := channels.get(Q.HEIGHT)) is not None:
         return Channel(height.t_s, np.asarray(pressure_at(without_steps(height).value)))
-    if (down := known.get(Q.VELOCITY_DOWN)) is not None:
+    if (down := channels.get(Q.VELOCITY_DOWN)) is not None:
         step = np.diff(down.t_s) * (down.value[1:] + down.value[:-1]) / 2
         height_m = -np.concatenate([[0.0], np.cumsum(step)])
         return Channel(down.t_s, np.asarray(pressure_at(height_m)))
@@ -209,15 +209,15 @@ def _density(t_s: Array, pressure: Channel, temperature: Channel | None) -> Arra
     return np.asarray(density(pressure_Pa, temperature.at(t_s)))
 
 
-def _dynamic_pressure(known: Mapping[Quantity, Channel], pressure: Channel | None) -> Channel | None:
-    if (q := known.get(Q.DYNAMIC_PRESSURE)) is not None:
+def _dynamic_pressure(channels: Mapping[Quantity, Channel], pressure: Channel | None) -> Channel | None:
+    if (q := channels.get(Q.DYNAMIC_PRESSURE)) is not None:
         return q
-    if (indicated := known.get(Q.INDICATED_AIRSPEED)) is not None:
+    if (indicated := channels.get(Q.INDICATED_AIRSPEED)) is not None:
         return Channel(indicated.t_s, pressure_of_indicated_airspeed(indicated.value))
-    true = known.get(Q.TRUE_AIRSPEED)
+    true = channels.get(Q.TRUE_AIRSPEED)
     if true is None or pressure is None:
         return None
-    rho = _density(true.t_s, pressure, known.get(Q.AIR_TEMPERATURE))
+    rho = _density(true.t_s, pressure, channels.get(Q.AIR_TEMPERATURE))
     return Channel(true.t_s, np.sign(true.value) * rho * true.value**2 / 2)
 
 
@@ -229,9 +229,9 @@ def _by_course(speed: Channel, course: Channel) -> Fields:
     }
 
 
-def _battery(known: Mapping[Quantity, Channel]) -> Fields:
+def _battery(channels: Mapping[Quantity, Channel]) -> Fields:
     """Voltage and current; of a power alone, the current at the voltage, or at one volt."""
-    power, voltage, current = (known.get(quantity) for quantity in (Q.POWER, Q.VOLTAGE, Q.CURRENT))
+    power, voltage, current = (channels.get(quantity) for quantity in (Q.POWER, Q.VOLTAGE, Q.CURRENT))
     if power is not None:
         volt = np.ones(len(power.t_s)) if voltage is None else voltage.at(power.t_s)
         return {"voltage_V": Channel(power.t_s, volt), "current_A": Channel(power.t_s, power.value / volt)}

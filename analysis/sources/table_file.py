@@ -136,8 +136,8 @@ def _numbers(table: Any) -> Columns:
                 columns[name] = seconds
             elif (positions := positions_of(column)) is not None:
                 columns |= {f"{name} latitude": positions[0], f"{name} longitude": positions[1]}
-    known = {name: without_damage(x) for name, x in columns.items()}
-    return {name: x for name, x in known.items() if np.isfinite(x).sum() >= READABLE.fewest_samples}
+    cleaned = {name: without_damage(x) for name, x in columns.items()}
+    return {name: x for name, x in cleaned.items() if np.isfinite(x).sum() >= READABLE.fewest_samples}
 
 
 def _mat(path: Path) -> Table:

@@ -147,10 +147,10 @@ def seconds_of_times(cells: Any) -> Array | None:
     if sum(time is not None for time in times) < 0.5 * len(times):
         return None
     seconds = np.array([np.nan if time is None else _since_midnight_s(time) for time in times])
-    known = np.flatnonzero(np.isfinite(seconds))
-    midnights = np.cumsum(np.append(0, np.diff(seconds[known]) < -DAY_S / 2))
-    seconds[known] += DAY_S * midnights
-    return np.asarray(seconds - seconds[known[0]])
+    finite = np.flatnonzero(np.isfinite(seconds))
+    midnights = np.cumsum(np.append(0, np.diff(seconds[finite]) < -DAY_S / 2))
+    seconds[finite] += DAY_S * midnights
+    return np.asarray(seconds - seconds[finite[0]])
 
 
 def _since_midnight_s(time: re.Match[str]) -> float:

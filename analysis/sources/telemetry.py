@@ -89,12 +89,12 @@ class RawTelemetryLog:
 def _messages(data: bytes, ids: frozenset[int]) -> Iterator[tuple[int, Any]]:
     """Time of reception and message, of the autopilot alone. ids : numbers of the kinds that are decoded"""
     decoder = mavlink.MAVLink(None)
-    at, autopilot = 0, None
-    while at + 20 <= len(data):
-        if not is_telemetry(data[at : at + 9]):
-            at += 1
+    offset, autopilot = 0, None
+    while offset + 20 <= len(data):
+        if not is_telemetry(data[offset : offset + 9]):
+            offset += 1
             continue
-        start = at + 8
+        start = offset + 8
         second = data[start] == mavlink.PROTOCOL_MARKER_V2
         length = data[start + 1] + (12 + 13 * (data[start + 2] & mavlink.MAVLINK_IFLAG_SIGNED) if second else 8)
         number = int.from_bytes(data[start + 7 : start + 10], "little") if second else data[start + 5]
@@ -103,17 +103,17 @@ def _messages(data: bytes, ids: frozenset[int]) -> Iterator[tuple[int, Any]]:
             wanted = number in ids and autopilot in (None, sender)
             message = decoder.decode(bytearray(data[start : start + length])) if wanted else None
         except Exception:  # altered bytes lead to errors of many kinds
-            at += 1
+            offset += 1
             continue
         if message is None:
-            at = start + length
+            offset = start + length
             continue
         heartbeat = isinstance(message, mavlink.MAVLink_heartbeat_message)
         if heartbeat and message.autopilot in AUTOPILOTS:
             autopilot = sender
         if autopilot == sender:
-            yield int.from_bytes(data[at:start], "big"), message
-        at = start + length
+            yield int.from_bytes(data[offset:start], "big"), message
+        offset = start + length
 
 
 def _table(name: str, rows: list[list[Any]]) -> Columns:
@@ -164,10 +164,10 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
     if (rpm := tables.get("RPM")) is not None:
         out["RPM"] = {"TimeUS": rpm["TimeUS"], "rpm1": rpm["rpm1"]}
     if (parameters := tables.get("PARAM_VALUE")) is not None:
-        whole = np.isin(parameters["param_type"], INTEGERS) & px4
+        are_integers = np.isin(parameters["param_type"], INTEGERS) & px4
         value = parameters["param_value"].astype(np.float32)
         out["PARM"] = {
-            "Name": parameters["param_id"].astype("S16"), "Value": np.where(whole, value.view(np.int32), value)
+            "Name": parameters["param_id"].astype("S16"), "Value": np.where(are_integers, value.view(np.int32), value)
         }  # fmt: skip
     if hud is not None:
         out["CTUN"] = {"TimeUS": hud["TimeUS"], "ThO": hud["throttle"]}

@@ -25,12 +25,12 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
 
     def _read_file_data(self, topics: Collection[str] | None, read_until: int | None = None) -> None:
         stream = self._file_handle
-        at = stream.tell()
+        offset = stream.tell()
         end = (1 << 50) if read_until is None else read_until
-        while len(block := stream.read(min(self.BLOCK_BYTES, max(end - at, 0)))):
+        while len(block := stream.read(min(self.BLOCK_BYTES, max(end - offset, 0)))):
             done, expected = self._in_block(block, topics)
-            at += done
-            stream.skip_to(at)
+            offset += done
+            stream.skip_to(offset)
             if not expected or not done:
                 break
         super()._read_file_data(topics, read_until)
@@ -40,12 +40,12 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
         subscriptions, left_out = self._subscriptions, self._filtered_message_ids
         places = {number: array("Q") for number in subscriptions}
         sizes = {number: _sizes(subscription) for number, subscription in subscriptions.items()}
-        at, length, expected, data = 0, len(block), True, self.MSG_TYPE_DATA
-        while at + 5 <= length:
-            size, begin = block[at] | block[at + 1] << 8, at + 3
+        offset, length, expected, data = 0, len(block), True, self.MSG_TYPE_DATA
+        while offset + 5 <= length:
+            size, begin = block[offset] | block[offset + 1] << 8, offset + 3
             if begin + size > length:
                 break
-            if block[at + 2] == data:
+            if block[offset + 2] == data:
                 number = block[begin] | block[begin + 1] << 8
                 if (limits := sizes.get(number)) is not None and limits[0] <= size <= limits[1]:
                     places[number].append(begin + 2)
@@ -54,21 +54,21 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
                     break
             else:
                 try:
-                    added = self._other(block[at + 2], block[begin : begin + size], topics)
+                    added = self._other(block[offset + 2], block[begin : begin + size], topics)
                 except (IndexError, KeyError, ValueError, OverflowError, struct.error):
                     expected = False
                     break
                 if added is not None:
                     places[added] = array("Q")
                     sizes[added] = _sizes(subscriptions[added])
-            at = begin + size
+            offset = begin + size
         packed = np.frombuffer(block, dtype=np.uint8)
         for number, begins in places.items():
             if len(begins):
                 columns = np.arange(subscriptions[number].dtype.itemsize)
                 rows = packed[np.asarray(begins, dtype=np.int64)[:, None] + columns]
                 subscriptions[number].buffer += rows.tobytes()
-        return at, expected
+        return offset, expected
 
     def _other(self, kind: int, data: bytes, topics: Collection[str] | None) -> int | None:
         """Take a message that is no data, and give the number of a topic's instance that it adds. Raises what pyulog

@@ -81,16 +81,16 @@ def difference_check(difference: pd.Series, title: str = "", unit: str = "") -> 
 
     The standard error is that of the means of batches of CONSISTENCY.batch_s, so that slow changes count.
     """
-    known = difference.dropna()
-    batches = known.groupby((known.index.to_numpy() // CONSISTENCY.batch_s).astype(int)).mean()
+    finite = difference.dropna()
+    batches = finite.groupby((finite.index.to_numpy() // CONSISTENCY.batch_s).astype(int)).mean()
     if len(batches) < 2:
         return None
     return Check(
         title=title,
         unit=unit,
-        mean=float(known.mean()),
+        mean=float(finite.mean()),
         mean_standard_error=float(batches.std() / np.sqrt(len(batches))),
-        sigma=float(known.std()),
+        sigma=float(finite.std()),
     )
 
 
@@ -145,10 +145,10 @@ def _moving_average(values: Array, t_s: Array) -> Array:
 
 def _advanced(values: Array, t_s: Array, lag_s: float) -> Array:
     """A channel with its lag taken out; NaN stays in place."""
-    known = np.isfinite(values)
-    if not known.any():
+    finite = np.isfinite(values)
+    if not finite.any():
         return values
-    return np.where(known, np.interp(t_s + lag_s, t_s[known], values[known]), np.nan)
+    return np.where(finite, np.interp(t_s + lag_s, t_s[finite], values[finite]), np.nan)
 
 
 SHIFTED_CHANNELS = {"air_data_lag": "the probe", "gps_latency": "GPS"}

@@ -20,9 +20,9 @@ def extrapolated(
     line = np.linalg.pinv(np.column_stack([np.ones(window), -step_s * (newest + np.arange(float(window)))]))
     predicted = np.zeros((2, len(values)))
     for rows in stretches(flying):
-        known = _hold_ends(values[rows])
-        past = np.concatenate([np.full(window + newest - 1, known[0]), known])  # constant before the stretch
-        past = past[: window + len(known) - 1]
+        filled = _hold_ends(values[rows])
+        past = np.concatenate([np.full(window + newest - 1, filled[0]), filled])  # constant before the stretch
+        past = past[: window + len(filled) - 1]
         for each, weights in zip(predicted, line, strict=True):
             each[rows] = np.convolve(past, weights, mode="valid")
     return predicted[0], predicted[1]
@@ -30,8 +30,8 @@ def extrapolated(
 
 def _hold_ends(values: Array) -> Array:
     """Values (n,) with the last one before it in place of each NaN; the first one there is at the beginning."""
-    known = ~np.isnan(values)
-    if known.all() or not known.any():
+    finite = ~np.isnan(values)
+    if finite.all() or not finite.any():
         return values
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), np.argmax(known)))
+    last = np.maximum.accumulate(np.where(finite, np.arange(len(values)), np.argmax(finite)))
     return values[last]

@@ -316,13 +316,13 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
     covariance = trajectory.covariance / np.outer(sigma, sigma)
     posterior, directions = np.linalg.eigh(covariance)
     j = 1 / np.clip(posterior, 1e-12, 1.0) - 1
-    known = 1 - 1 / (1 + j) > PRIOR_CHECK.informed[0]
-    variance, x_squared = 1 / j[known], ((directions.T @ y)[known] * (1 + 1 / j[known])) ** 2
+    informed = 1 - 1 / (1 + j) > PRIOR_CHECK.informed[0]
+    variance, x_squared = 1 / j[informed], ((directions.T @ y)[informed] * (1 + 1 / j[informed])) ** 2
     size, z = _worst_first(y, covariance)
     conflicting = {SENSOR_ERRORS[i]: z[i] for i in sorted(z)}
     common_factor = 1.0
     if conflicting or np.sum(x_squared / (1 + variance)) > special.chdtri(
-        max(known.sum(), 1), STATISTICS.false_alarm_rate
+        max(informed.sum(), 1), STATISTICS.false_alarm_rate
     ):
         factors = np.linspace(1.0, 6.0, 501)
         total = factors[:, None] ** 2 + variance
@@ -344,12 +344,12 @@ def joint_conflict(y: Array, covariance: Array) -> JointConflict:
     """
     gained = np.eye(len(y)) - covariance
     variance = np.diag(gained)
-    known = np.flatnonzero(variance > PRIOR_CHECK.informed[0])
-    if len(known) < 2:
+    indices = np.flatnonzero(variance > PRIOR_CHECK.informed[0])
+    if len(indices) < 2:
         return JointConflict({}, 1.0)
-    z = y[known] / np.sqrt(variance[known])
-    correlation = gained[np.ix_(known, known)] / np.sqrt(np.outer(variance[known], variance[known]))
-    first, second = np.triu_indices(len(known), 1)
+    z = y[indices] / np.sqrt(variance[indices])
+    correlation = gained[np.ix_(indices, indices)] / np.sqrt(np.outer(variance[indices], variance[indices]))
+    first, second = np.triu_indices(len(indices), 1)
     r = correlation[first, second]
     apart = 1 - r**2 > PRIOR_CHECK.informed[0]  # else the two are one error, by another name
     first, second, r = first[apart], second[apart], r[apart]
@@ -359,11 +359,11 @@ def joint_conflict(y: Array, covariance: Array) -> JointConflict:
     of_all = special.chdtrc(informed.sum(), np.sum((directions.T @ z)[informed] ** 2 / eigenvalue[informed]))
     worst = int(np.argmax(squared)) if len(squared) else 0
     of_pair = len(squared) * special.chdtrc(2, squared[worst]) if len(squared) else 1.0
-    members = range(len(known)) if of_all < of_pair else (int(first[worst]), int(second[worst]))
+    members = range(len(indices)) if of_all < of_pair else (int(first[worst]), int(second[worst]))
     probability = float(min(1.0, 2 * min(of_all, of_pair)))
     if probability > EVIDENCE.false_alarms:
         return JointConflict({}, probability)
-    return JointConflict({SENSOR_ERRORS[known[i]]: float(z[i]) for i in members}, probability)
+    return JointConflict({SENSOR_ERRORS[indices[i]]: float(z[i]) for i in members}, probability)
 
 
 def against_prior(trajectory: Trajectory, name: str) -> tuple[float, float]:
@@ -413,9 +413,9 @@ def _each_against_prior(y: Array, share: Array) -> tuple[Array, Array]:
     so little that the solver's last step shows, it is not judged.
     """
     information = 1 - np.clip(share, 0.0, 1.0)
-    known = information > PRIOR_CHECK.informed[0]
-    information = np.where(known, information, 1.0)
-    z = np.where(known, y / np.sqrt(information), 0.0)
+    informed = information > PRIOR_CHECK.informed[0]
+    information = np.where(informed, information, 1.0)
+    z = np.where(informed, y / np.sqrt(information), 0.0)
     return z, np.sqrt(np.maximum((y / information) ** 2 - (1 - information) / information, 1.0))
 
 

@@ -137,7 +137,7 @@ class SensorPriors(NamedTuple):
     """
 
     alpha_scale_sigma: float = 0.0
-    stated: Mapping[str, float] = PRIOR_SIGMA
+    file_sigma: Mapping[str, float] = PRIOR_SIGMA
     calibrated: Mapping[str, float] = MappingProxyType({})
     factor: ArrayLike = 1.0
     height_noise: float = 1.0
@@ -152,12 +152,12 @@ def sensor_error_prior(
 
     zeros : standard errors [Pa] of the zeros that the log shows, `zeros_at_rest`
     """
-    alpha_scale_sigma, stated, calibrated, factor, *_ = priors
+    alpha_scale_sigma, file_sigma, calibrated, factor, *_ = priors
     with_calibration = {name: float(np.hypot(error, PRIORS.calibrated[name])) for name, error in calibrated.items()}
-    sigma = {**stated, **with_calibration, **zeros, "probe_ahead": priors.probe_ahead_m}
+    sigma = {**file_sigma, **with_calibration, **zeros, "probe_ahead": priors.probe_ahead_m}
     for name in ZEROS:
-        sigma[name] = float(np.hypot(sigma[name], stated[CHANGE_OF_ZERO]))
-    sigma["q_c_zero"] = float(np.hypot(sigma["q_c_zero"], stated[POSITION_ERROR]))
+        sigma[name] = float(np.hypot(sigma[name], file_sigma[CHANGE_OF_ZERO]))
+    sigma["q_c_zero"] = float(np.hypot(sigma["q_c_zero"], file_sigma[POSITION_ERROR]))
     sigma["alpha_scale"] = float(np.hypot(sigma["alpha_scale"], alpha_scale_sigma))
     if not gps:
         sigma["heading_bias"] = PRIORS.north_rad

@@ -60,8 +60,8 @@ class GustConditions:
 
     def in_cruise(self, sigma_w_mps: float) -> Sequence[dryden.GaussMarkov | dryden.SecondOrderGust]:
         """Longitudinal, lateral and vertical gusts in cruise where the vertical ones have this standard deviation."""
-        at = sigma_w_mps, self.cruise_height_m, self.cruise_mps / self.length
-        return dryden.longitudinal(*at), dryden.lateral(*at), dryden.vertical(*at)
+        gust_arguments = sigma_w_mps, self.cruise_height_m, self.cruise_mps / self.length
+        return dryden.longitudinal(*gust_arguments), dryden.lateral(*gust_arguments), dryden.vertical(*gust_arguments)
 
     def transverse_variance(self, sigma_w_mps: float) -> float:
         """Variance of lateral and vertical gusts together [m^2/s^2], in cruise."""
@@ -100,11 +100,11 @@ class ProcessModel:
         set_input("wind_ratio", profile[1:] / profile[:-1])
         for axis in ("north", "east"):
             set_sigma(f"wind_{axis}", PROCESS.wind_walk_mps * np.sqrt(dt))
-        at = conditions.passed(sigma_w_mps, without_gusts_mps)
-        decay, increment = dryden.longitudinal(*at).discretize(dt)
+        gust_arguments = conditions.passed(sigma_w_mps, without_gusts_mps)
+        decay, increment = dryden.longitudinal(*gust_arguments).discretize(dt)
         set_input("decay_u", decay)
         set_sigma("gust_u", increment)
-        for axis, gust in (("v", dryden.lateral(*at)), ("w", dryden.vertical(*at))):
+        for axis, gust in (("v", dryden.lateral(*gust_arguments)), ("w", dryden.vertical(*gust_arguments))):
             decay, once, twice = gust.discretize(dt)
             set_input(f"decay_{axis}", decay)
             set_sigma(f"gust_{axis}", once)

@@ -354,8 +354,8 @@ def gusts_and_wind(states: Array, along: Array | None = None) -> Array:
 
     along : states (n, nx) whose heading and height are taken where `states` are errors
     """
-    at = states if along is None else along
-    psi, profile = at[:, STATES.index("psi")], mean_wind_profile(at[:, STATES.index("height")])
+    path = states if along is None else along
+    psi, profile = path[:, STATES.index("psi")], mean_wind_profile(path[:, STATES.index("height")])
     north, east = (states[..., STATES.index(f"wind_{axis}")] * profile.mean() / profile for axis in ("north", "east"))
     if along is None:
         north, east = north - north.mean(), east - east.mean()

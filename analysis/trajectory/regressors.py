@@ -215,9 +215,11 @@ class Regressors:
         _, V_rate = self._extrapolated(inertial_V, PREDICTION.rate_s, PREDICTION.newest)
         constant = np.ones((len(V), 1))
         decay, increment_mps = self._conditions.longitudinal_steps(sigma_w_mps, inertial_V)
-        at = decay, self._flying, increment_mps / self._V_noise_mps
-        mean = projected_on_past(regressors[:, :1], constant, *at)
-        return np.hstack([mean, projected_on_past(regressors[:, 1:], np.column_stack([constant, V, V_rate]), *at)])
+        filter_arguments = decay, self._flying, increment_mps / self._V_noise_mps
+        mean = projected_on_past(regressors[:, :1], constant, *filter_arguments)
+        return np.hstack(
+            [mean, projected_on_past(regressors[:, 1:], np.column_stack([constant, V, V_rate]), *filter_arguments)]
+        )
 
     def predicted_states(self, x: Array) -> Array:
         """The states with vertical velocity predicted from past data: the aircraft heaves with a gust within a step."""
@@ -275,10 +277,12 @@ class Regressors:
             ]
         )
         decay, increment_mps = self._conditions.vertical_steps(sigma_w_mps, inertial_V)
-        at = decay, flying, increment_mps / self._alpha_noise_mps
-        predicted = projected_on_past(actual, past, *at)
+        filter_arguments = decay, flying, increment_mps / self._alpha_noise_mps
+        predicted = projected_on_past(actual, past, *filter_arguments)
         pitching = (-self._pitch_rate / np.maximum(inertial_V, self._slowest_mps) * flying)[:, None]
-        pitching_predicted = projected_on_past(pitching, np.column_stack([np.ones(len(past)), history.turning]), *at)
+        pitching_predicted = projected_on_past(
+            pitching, np.column_stack([np.ones(len(past)), history.turning]), *filter_arguments
+        )
         settled = has_past(self._in_flight)[:, None]
 
         def named(values: Array, pitching: Array) -> dict[str, Array]:

@@ -111,8 +111,8 @@ def _wheels(folder: Path) -> None:
         wheels = folder / name
         for old in wheels.glob("flightpower-*.whl"):
             old.unlink()
-        stated = os.environ | {"SETUPTOOLS_SCM_PRETEND_VERSION_FOR_FLIGHTPOWER": version}
-        run(*pip, wheels, "--find-links", wheels, *options, cwd=source, env=stated)
+        environment = os.environ | {"SETUPTOOLS_SCM_PRETEND_VERSION_FOR_FLIGHTPOWER": version}
+        run(*pip, wheels, "--find-links", wheels, *options, cwd=source, env=environment)
     shutil.rmtree(source)
 
 

@@ -114,7 +114,7 @@ def figures(machine: Machine) -> list[Row]:
 
 def power_pulls(folder: Path, disk: Path, *, count: int, rng: random.Random) -> list[Row]:
     """Boot, pull the power while that or the recording goes on, by turns, read the card; on the card as it was left."""
-    known, rows = logs_on(folder, disk), []
+    earlier_logs, rows = logs_on(folder, disk), []
     boots_s: list[float] = []  # of this computer's time, until data were on the card
     first_messages_s: list[float] = []
     for number in range(1, count + 1):
@@ -124,15 +124,17 @@ def power_pulls(folder: Path, disk: Path, *, count: int, rng: random.Random) -> 
             if booting:
                 time.sleep(share * boots_s[-1])
             else:
-                machine.wait_for_recording(len(known))
+                machine.wait_for_recording(len(earlier_logs))
                 boots_s.append(time.monotonic() - machine.started_s)
                 machine.wait(rng.uniform(*RECORDED_S))
             cut_s = machine.pull_power()
         logs = logs_on(folder, disk)
-        wrong = trouble(known, logs)
-        new = [log.state for name, log in logs.items() if name not in known]
+        wrong = trouble(earlier_logs, logs)
+        new = [log.state for name, log in logs.items() if name not in earlier_logs]
         last_s = max((state.last_s for state in new if state.last_s is not None), default=None)
-        completed = sum(not known[name].state.complete and logs[name].state.complete for name in known if name in logs)
+        completed = sum(
+            not earlier_logs[name].state.complete and logs[name].state.complete for name in earlier_logs if name in logs
+        )
         if last_s is None:
             lost, good = f"nothing was recorded, after {share:.0%} of a start", booting and not wrong
         else:
@@ -142,15 +144,15 @@ def power_pulls(folder: Path, disk: Path, *, count: int, rng: random.Random) -> 
         text = f"{lost}; {len(logs)} logs, {completed} completed"
         rows.append(Row(f"power pull {number}, {when}", "; ".join([text, *wrong]), good))
         print(f"{rows[-1].what}: {rows[-1].figure}", flush=True)
-        known = logs
+        earlier_logs = logs
     seen = f"{min(first_messages_s):.1f} to {max(first_messages_s):.1f} s in {len(first_messages_s)} boots"
     with Machine(folder, disk) as machine:
-        machine.wait_for_recording(len(known))
+        machine.wait_for_recording(len(earlier_logs))
         machine.wait(COMPLETED_WITHIN_S)
     logs = logs_on(folder, disk)
-    left = [name for name in known if name in logs and not logs[name].state.complete]
-    wrong = [*trouble(known, logs), *(f"{name} is not complete" for name in left)]
-    text = f"{len(known) - len(left)} of {len(known)} logs complete after {COMPLETED_WITHIN_S:.0f} s"
+    left = [name for name in earlier_logs if name in logs and not logs[name].state.complete]
+    wrong = [*trouble(earlier_logs, logs), *(f"{name} is not complete" for name in left)]
+    text = f"{len(earlier_logs) - len(left)} of {len(earlier_logs)} logs complete after {COMPLETED_WITHIN_S:.0f} s"
     return [
         *rows,
         Row("first message, after the kernel's start", seen, True),
@@ -167,10 +169,10 @@ def eight_hours() -> list[Row]:
 
 def unplugged(folder: Path, disk: Path) -> list[Row]:
     """The receiver's USB adapter is unplugged for six seconds in a recording."""
-    known = logs_on(folder, disk)
+    earlier_logs = logs_on(folder, disk)
     with Machine(folder, disk) as machine:
         machine.log_in()
-        machine.wait_for_recording(len(known))
+        machine.wait_for_recording(len(earlier_logs))
         machine.wait(10.0)
         machine.unplug("gps")
         machine.wait(6.0)
@@ -178,7 +180,7 @@ def unplugged(folder: Path, disk: Path) -> list[Row]:
         machine.wait(15.0)
         machine.run(STOP)
         machine.switch_off()
-    rows = _judge("USB receiver unplugged", folder, disk, known)
+    rows = _judge("USB receiver unplugged", folder, disk, earlier_logs)
     with mounted(folder, disk) as root:
         log = read_log(_newest(root))
     fixes = [entry.time_ns / 1e9 for entry in log.entries["/gps"] if entry.message.status is Status.OK]
@@ -198,7 +200,7 @@ def unplugged(folder: Path, disk: Path) -> list[Row]:
 
 def clock_stepped(folder: Path, disk: Path) -> list[Row]:
     """A recording begins in 1970; the clock is set to today, back by an hour, and to 2000."""
-    known = logs_on(folder, disk)
+    earlier_logs = logs_on(folder, disk)
     with Machine(folder, disk) as machine:
         machine.log_in()
         today = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime())
@@ -210,7 +212,7 @@ def clock_stepped(folder: Path, disk: Path) -> list[Row]:
         _, restarts = machine.run("systemctl show -P NRestarts flightpower-daq")
         machine.run(STOP)
         machine.switch_off()
-    rows = _judge("clock stepped from 1970", folder, disk, known)
+    rows = _judge("clock stepped from 1970", folder, disk, earlier_logs)
     with mounted(folder, disk) as root:
         path = _newest(root)
         log = read_log(path)
@@ -229,17 +231,17 @@ def clock_stepped(folder: Path, disk: Path) -> list[Row]:
 
 def upgraded(folder: Path, disk: Path) -> list[Row]:
     """A newer version is installed while the service records."""
-    known, rows = logs_on(folder, disk), []
+    earlier_logs, rows = logs_on(folder, disk), []
     with Machine(folder, disk) as machine:
         machine.log_in()
         upgrade_while_recording(
-            machine, steps_of(machine, rows), len(known),
+            machine, steps_of(machine, rows), len(earlier_logs),
             "(cd ~/flightpower && sudo systemd/install.sh --wheels ~/wheels-upgrade)",
             "/opt/flightpower/bin/pip show flightpower | grep ^Version",
         )  # fmt: skip
         machine.run(STOP)
         machine.switch_off()
-    return [*_judge("upgrade while recording", folder, disk, known), *rows, _pause(folder, disk)]
+    return [*_judge("upgrade while recording", folder, disk, earlier_logs), *rows, _pause(folder, disk)]
 
 
 def upgrade_while_recording(machine: Machine, step: Step, logs: int, command: str, version: str) -> None:
@@ -265,12 +267,12 @@ def package(folder: Path, disk: Path) -> list[Row]:
         rows += exposure(machine, "by the package")
         machine.run(STOP)
         machine.switch_off()
-    known = logs_on(folder, disk)
+    earlier_logs = logs_on(folder, disk)
     with Machine(folder, disk) as machine:
         machine.log_in()
         step = steps_of(machine, rows)
         upgrade = f"sudo dpkg -i {DEBS}/upgrade/flightpower_*.deb"
-        upgrade_while_recording(machine, step, len(known), upgrade, "dpkg-query -W flightpower")
+        upgrade_while_recording(machine, step, len(earlier_logs), upgrade, "dpkg-query -W flightpower")
         listed = "dpkg -L flightpower | while read -r path; do [ -d $path ] || echo $path; done"
         step("files listed", f"{listed} > files && wc -l < files", r"\d{3}")
         step("purge", "sudo dpkg --purge flightpower", "Purging configuration files")
@@ -279,10 +281,10 @@ def package(folder: Path, disk: Path) -> list[Row]:
         step("no service is left", "! systemctl cat flightpower-daq flightpower-status")
         machine.switch_off()
     logs = logs_on(folder, disk)
-    first_s = next(log.state.first_s for name, log in logs.items() if name not in known)
+    first_s = next(log.state.first_s for name, log in logs.items() if name not in earlier_logs)
     return [
         *rows,
-        *_judge("by the package", folder, disk, known),
+        *_judge("by the package", folder, disk, earlier_logs),
         Row("first message, after the kernel's start", f"{first_s:.1f} s", True),
         _pause(folder, disk),
     ]
@@ -296,11 +298,11 @@ def _pause(folder: Path, disk: Path) -> Row:
     return Row("pause between the two logs", f"{pause_s:.1f} s", True)
 
 
-def _judge(what: str, folder: Path, disk: Path, known: dict) -> list[Row]:
+def _judge(what: str, folder: Path, disk: Path, earlier_logs: dict) -> list[Row]:
     """Every log readable, none changed, the new ones complete and without a hole in the numbers of ticks."""
     logs = logs_on(folder, disk)
-    wrong = trouble(known, logs)
-    new = {name: log.state for name, log in logs.items() if name not in known}
+    wrong = trouble(earlier_logs, logs)
+    new = {name: log.state for name, log in logs.items() if name not in earlier_logs}
     wrong += [f"{name} is not complete" for name, state in new.items() if not state.complete]
     wrong += [] if new else ["no new log"]
     with mounted(folder, disk) as root:

@@ -205,8 +205,8 @@ class LegacyParser:
 
     def _agrees(self, start: int) -> bool:
         periods = [self._period_at(start + i * LEGACY_BYTES) for i in range(3)]
-        known = [period for period in periods if period is not None]
-        return len(known) == 3 and all(max(a, b) <= MAX_PERIOD_RATIO * min(a, b) for a, b in pairwise(known))
+        measured = [period for period in periods if period is not None]
+        return len(measured) == 3 and all(max(a, b) <= MAX_PERIOD_RATIO * min(a, b) for a, b in pairwise(measured))
 
     def _period_at(self, start: int) -> int | None:
         frame = self._buffer[start : start + LEGACY_BYTES]

@@ -44,7 +44,7 @@ class PowerMonitor:
 
     def control(self, conversion: int, average: int) -> int:
         """The control word with these codes."""
-        return sum((conversion << at for at in self.conversion_at), self.continuous | average << self.average_at)
+        return sum((conversion << shift for shift in self.conversion_at), self.continuous | average << self.average_at)
 
 
 INA226 = PowerMonitor(

@@ -167,8 +167,8 @@ class MPU9250Driver:
         """Whether this tick's samples have the right settings. Those that the part has lost are restored."""
         self._reads += 1
         in_turn = self._reads % AUDIT_TICKS
-        whole = self._fifo and in_turn == AUDIT_TICKS // 2
-        if in_turn and not whole and self._bus.write_read(self._address, FROM_RATE, SETTINGS) == self._settings:
+        turn_of_fifo = self._fifo and in_turn == AUDIT_TICKS // 2
+        if in_turn and not turn_of_fifo and self._bus.write_read(self._address, FROM_RATE, SETTINGS) == self._settings:
             self._restored = 0
             return True  # nearly always
         if in_turn == 0:
@@ -177,7 +177,7 @@ class MPU9250Driver:
                 self._complain("bypass to the magnetometer", now_ns)
             return True
         expected = self._settings + bytes(FIFO_EN - SMPLRT_DIV - len(self._settings)) + bytes([FIFO_ALL])
-        if not self._lost_settings(SMPLRT_DIV, expected if whole else self._settings):
+        if not self._lost_settings(SMPLRT_DIV, expected if turn_of_fifo else self._settings):
             self._restored = 0
             return True
         if not self._fifo:

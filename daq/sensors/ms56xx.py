@@ -80,23 +80,23 @@ class TemperatureTrend:
     """Extrapolates temperature counts along the line through the oldest kept conversion and the latest."""
 
     def __init__(self) -> None:
-        self._kept: deque[tuple[int, int]] = deque(maxlen=TREND_LENGTH)  # middle of the conversion [ns], counts
+        self._conversions: deque[tuple[int, int]] = deque(maxlen=TREND_LENGTH)  # middle of the conversion [ns], counts
 
     @property
     def last(self) -> int | None:
-        return self._kept[-1][1] if self._kept else None
+        return self._conversions[-1][1] if self._conversions else None
 
     def add(self, time_ns: int, counts: int) -> None:
         if self.jumps(time_ns, counts):
-            self._kept.clear()
-        self._kept.append((time_ns, counts))
+            self._conversions.clear()
+        self._conversions.append((time_ns, counts))
 
     def jumps(self, time_ns: int, counts: int) -> bool:
         """Whether the counts are off the trend."""
-        return bool(self._kept) and abs(counts - self.at(time_ns)) > JUMP_COUNTS
+        return bool(self._conversions) and abs(counts - self.at(time_ns)) > JUMP_COUNTS
 
     def at(self, time_ns: int) -> float:
-        (first_ns, first), (last_ns, last) = self._kept[0], self._kept[-1]
+        (first_ns, first), (last_ns, last) = self._conversions[0], self._conversions[-1]
         slope = (last - first) / (last_ns - first_ns) if last_ns > first_ns else 0.0
         return last + slope * (time_ns - last_ns)
 

@@ -339,8 +339,8 @@ def model_in(frame: bytes) -> int | None:
 
 def protocol_version(payload: bytes) -> float:
     """The version of the protocol in MON-VER, such as 18.0 of an M8 or 34.1 of an M10; 0 if it does not say so."""
-    for at in range(SOFTWARE_AND_HARDWARE, len(payload), EXTENSION):
-        text = payload[at : at + EXTENSION].partition(b"\0")[0]
+    for start in range(SOFTWARE_AND_HARDWARE, len(payload), EXTENSION):
+        text = payload[start : start + EXTENSION].partition(b"\0")[0]
         if text.startswith(PROTOCOL):
             try:
                 return float(text[len(PROTOCOL) + 1 :])

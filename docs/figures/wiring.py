@@ -53,8 +53,8 @@ def lines(x: float, y: float, title: str, *more: str) -> list[str]:
 def path(kind: str, *points: tuple[float, float], width: float = 2, ends: bool = True) -> str:
     color = COLOR.get(kind, HOSE)
     dots = "".join(f'<circle cx="{x}" cy="{y}" r="3.5" fill="{color}"/>' for x, y in (points[0], points[-1]) if ends)
-    drawn = " ".join(f"{x},{y}" for x, y in points)
-    return f'<polyline points="{drawn}" fill="none" stroke="{color}" stroke-width="{width}"/>{dots}'
+    points_text = " ".join(f"{x},{y}" for x, y in points)
+    return f'<polyline points="{points_text}" fill="none" stroke="{color}" stroke-width="{width}"/>{dots}'
 
 
 def pin(x: float, y: float, number: str, name: str, kind: str) -> str:
@@ -87,10 +87,10 @@ def wiring() -> str:
         y = top + i * step
         parts += [box(left, y, WIDTH - left - 8, step - 12), *lines(left + 54, y + 24, *board)]
         for k, kind in enumerate(kinds):
-            at = y + 13 + 17 * k
+            height = y + 13 + 17 * k
             parts += [
-                path(kind, (rails[kind], at), (left, at)),
-                text(left + 8, at + 4.5, kind, size=12, fill=COLOR[kind]),
+                path(kind, (rails[kind], height), (left, height)),
+                text(left + 8, height + 4.5, kind, size=12, fill=COLOR[kind]),
             ]
     last = top + (len(BOARDS) - 1) * step
     for k, kind in enumerate(kinds):
@@ -103,10 +103,10 @@ def wiring() -> str:
         *lines(left + 54, y + 24, "GPS, u-blox", "pin VCC: 3.3 V (a board", "with a regulator: 5 V)"),
     ]
     for k, (name, number, kind) in enumerate(RECEIVER):
-        at = y + 16 + 18 * k
+        height = y + 16 + 18 * k
         pi_name = {"TX": "RXD", "RX": "TXD"}.get(name, name)
-        parts += [pin(edge, at, str(number), pi_name, kind), path(kind, (edge, at), (left, at))]
-        parts.append(text(left + 8, at + 4.5, {"3.3 V": "VCC"}.get(name, name), size=12, fill=COLOR[kind]))
+        parts += [pin(edge, height, str(number), pi_name, kind), path(kind, (edge, height), (left, height))]
+        parts.append(text(left + 8, height + 4.5, {"3.3 V": "VCC"}.get(name, name), size=12, fill=COLOR[kind]))
     y += step + 12
     parts += [
         box(left, y, WIDTH - left - 8, 76),
@@ -119,10 +119,10 @@ def wiring() -> str:
         *lines(left + 12, sensor + 46, "RPM sensor", "at one phase of the motor"),
     ]
     for k, (above, below, kind) in enumerate(COUNTER):
-        at = left + 36 + 76 * k
-        parts += [path(kind, (at, y + 76), (at, sensor))]
-        parts.append(text(at, y + 68, above, size=12, anchor="middle", fill=COLOR[kind]))
-        parts.append(text(at, sensor + 18, below, size=12, anchor="middle", fill=COLOR[kind]))
+        height = left + 36 + 76 * k
+        parts += [path(kind, (height, y + 76), (height, sensor))]
+        parts.append(text(height, y + 68, above, size=12, anchor="middle", fill=COLOR[kind]))
+        parts.append(text(height, sensor + 18, below, size=12, anchor="middle", fill=COLOR[kind]))
     y = sensor + 88
     parts += [
         box(left, y, WIDTH - left - 8, 64),
@@ -134,9 +134,9 @@ def wiring() -> str:
         box(left, y, WIDTH - left - 8, 64),
         *lines(left + 54, y + 20, "Supply: 5 V, 3 A", "converter of its own", "on the flight battery"),
     ]
-    for at, number, kind in ((y + 20, "2, 4", "5 V"), (y + 44, "6", "GND")):
-        parts += [pin(edge, at, number, kind, kind), path(kind, (edge, at), (left, at))]
-        parts.append(text(left + 8, at + 4.5, kind, size=12, fill=COLOR[kind]))
+    for height, number, kind in ((y + 20, "2, 4", "5 V"), (y + 44, "6", "GND")):
+        parts += [pin(edge, height, number, kind, kind), path(kind, (edge, height), (left, height))]
+        parts.append(text(left + 8, height + 4.5, kind, size=12, fill=COLOR[kind]))
     parts += shunt(y + 92)
     return page(y + 232, parts, "Wiring: which pin of the Raspberry Pi goes where")
 
@@ -151,8 +151,11 @@ def shunt(y: float) -> list[str]:
     parts += [path("5 V", (288, plus), (376, plus), width=4)]
     parts += [text(94, plus + 4.5, "+", anchor="end", bold=700), text(94, minus + 4.5, "−", anchor="end", bold=700)]
     parts += [box(200, plus - 11, 88, 22, "#fdf6e3"), text(244, plus + 4.5, "shunt", anchor="middle")]
-    for at, name in ((150, "VBUS"), (186, "IN+"), (302, "IN−")):
-        parts += [path("data", (at, plus), (at, monitor)), text(at, monitor + 18, name, size=12, anchor="middle")]
+    for pin_x, name in ((150, "VBUS"), (186, "IN+"), (302, "IN−")):
+        parts += [
+            path("data", (pin_x, plus), (pin_x, monitor)),
+            text(pin_x, monitor + 18, name, size=12, anchor="middle"),
+        ]
     return [*parts, text(112, minus - 10, "also the Pi's ground, by its converter", size=12)]
 
 
@@ -180,9 +183,12 @@ def plumbing() -> str:
     for name, (part, address, top) in transducers.items():
         parts += [box(300, top, 172, 76, "#fdf6e3"), *lines(362, top + 24, name, part, address)]
     for port, name, barb in HOSES:
-        at = transducers[name][2] + (24 if barb == HIGH else 52)
-        parts += [text(110, at + 4.5, port, anchor="end"), path("hose", (118, at), (286, at), width=5, ends=False)]
-        parts += [barb_at(at), text(308, at + 4.5, barb, bold=700)]
+        port_y = transducers[name][2] + (24 if barb == HIGH else 52)
+        parts += [
+            text(110, port_y + 4.5, port, anchor="end"),
+            path("hose", (118, port_y), (286, port_y), width=5, ends=False),
+        ]
+        parts += [barb_at(port_y), text(308, port_y + 4.5, barb, bold=700)]
     tee = 200
     parts.append(path("hose", (tee, 376), (tee, 432), (286, 432), width=5, ends=False))
     parts += [f'<circle cx="{tee}" cy="376" r="7" fill="{HOSE}"/>', text(tee + 12, 398, "T", bold=700)]

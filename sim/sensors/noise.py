@@ -25,8 +25,8 @@ def white(seed: int, channel: str, t_s: Array) -> Array:
     code = crc32(channel.encode())
     block, place = np.divmod(cell, GRID_HZ * _BLOCK_S)
     needed, which = np.unique(block, return_inverse=True)
-    drawn = np.array([_block(seed, code, int(number)) for number in needed]).reshape(-1, GRID_HZ * _BLOCK_S)
-    return drawn[which, place]
+    blocks = np.array([_block(seed, code, int(number)) for number in needed]).reshape(-1, GRID_HZ * _BLOCK_S)
+    return blocks[which, place]
 
 
 def rng_of(seed: int, channel: str) -> np.random.Generator:

@@ -285,7 +285,7 @@ class FlightSensorTruth:
         static_line = through("static", static + ports.static + e.static_position * q_bar)
         leak = self._errors.defects.airspeed_leak
         center_line = through("airspeed", static + (1 - leak) * ports.center)
-        at = {
+        pressures = {
             "alpha": through("alpha", ports.lower_minus_upper) * (1 + e.alpha_scale),
             "beta": through("beta", ports.right_minus_left) * (1 + e.beta_scale),
             "airspeed": (center_line - static_line) * (1 + e.V_scale) ** 2 * self._position_factor(q_bar, force_z),
@@ -293,8 +293,8 @@ class FlightSensorTruth:
             "baro": static,
         }
         for name in DIFFERENTIAL:
-            at[name] = with_hysteresis(at[name], e.hysteresis) + self._colored(name, len(grid))
-        return grid, at
+            pressures[name] = with_hysteresis(pressures[name], e.hysteresis) + self._colored(name, len(grid))
+        return grid, pressures
 
     def _bursts(self, name: str, t: Array, line: StepResponse) -> Array:
         """The plan's bursts of pressure, and its water column, at the end of a line [Pa], (n,)."""

@@ -93,11 +93,11 @@ def test_the_readme_says_how_far_real_flights_were_off() -> None:
 def test_a_figure_shows_what_was_not_met_in_another_color_and_every_known_point() -> None:
     worlds = [{"world": name, "coverage, %": share, "±": 1.0, "met": met}
               for name, share, met in (("a", 95, "yes"), ("b", 60, "too seldom"))]  # fmt: skip
-    drawn = coverage_by_world(worlds, (90, 98))
-    assert drawn.count(BLUE) == 1 and drawn.count(RED) == 1 and ElementTree.fromstring(drawn) is not None
+    figure = coverage_by_world(worlds, (90, 98))
+    assert figure.count(BLUE) == 1 and figure.count(RED) == 1 and ElementTree.fromstring(figure) is not None
     curve = {"plan": "whole", "W20, kt": "3", "error": [2.0, 1.0, 1.0, 1.0, None], "half width": [2.5, 2, 2, 2, None]}
-    drawn = error_by_speed([curve, {**curve, "plan": "another"}], "whole")
-    assert drawn.count("<circle") == 4 and ElementTree.fromstring(drawn) is not None
+    figure = error_by_speed([curve, {**curve, "plan": "another"}], "whole")
+    assert figure.count("<circle") == 4 and ElementTree.fromstring(figure) is not None
 
 
 def test_numbers_are_shown_as_rounded() -> None:

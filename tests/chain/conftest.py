@@ -46,28 +46,38 @@ def flown(walk: Walk) -> Path:
 @pytest.fixture(scope="session")
 def laptop(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Laptop:
     """Tunnel, probe, a flight, calibrations and an analysis, in one process."""
-    at = tmp_path_factory.mktemp("laptop")
-    (at / "hop.toml").write_text(HOP, "utf-8")
-    (at / "four.toml").write_text(FOUR_KEYS, "utf-8")
-    hop = ("--plan", at / "hop.toml", "--aircraft", at / "nexstar.toml", "--probe", at / "probe.json", "-o", at / "hop")
+    folder = tmp_path_factory.mktemp("laptop")
+    (folder / "hop.toml").write_text(HOP, "utf-8")
+    (folder / "four.toml").write_text(FOUR_KEYS, "utf-8")
+    hop = (
+        "--plan",
+        folder / "hop.toml",
+        "--aircraft",
+        folder / "nexstar.toml",
+        "--probe",
+        folder / "probe.json",
+        "-o",
+        folder / "hop",
+    )
     commands: dict[str, tuple[object, ...]] = {
-        "flightpower new aircraft": ("--like", "nexstar", "-o", at / "nexstar.toml"),
-        "sim tunnel": ("-o", at / "tunnel.csv"),
-        "calibrate probe": (at / "tunnel.csv", "-o", at / "probe.json"),
+        "flightpower new aircraft": ("--like", "nexstar", "-o", folder / "nexstar.toml"),
+        "sim tunnel": ("-o", folder / "tunnel.csv"),
+        "calibrate probe": (folder / "tunnel.csv", "-o", folder / "probe.json"),
         "sim fly": ("--no-hardware", *hop),
-        "calibrate tubing": (at / "hop" / "log.mcap",),
-        "calibrate magnetometer": (at / "hop" / "log.mcap", "-o", at / "magnetometer.json"),
-        "calibrate surfaces": (at / "hop" / "log.mcap",),
+        "calibrate tubing": (folder / "hop" / "log.mcap",),
+        "calibrate magnetometer": (folder / "hop" / "log.mcap", "-o", folder / "magnetometer.json"),
+        "calibrate surfaces": (folder / "hop" / "log.mcap",),
         "analyze": (
-            flown / "log.mcap", "--aircraft", at / "four.toml", "--battery-Wh", "74", "-o", at / "four", "--quiet",
+            flown / "log.mcap", "--aircraft", folder / "four.toml", "--battery-Wh", "74", "-o", folder / "four",
+            "--quiet",
         ),
-        "flightpower export": (at / "hop" / "log.mcap", "--to", "csv", "-o", at / "tables"),
-        "flightpower analyze": (at / "missing-1.mcap", at / "missing-2.mcap", "-o", at / "several"),
-        "flightpower plan": ("nexstar", "--minutes", "5", "-o", at / "plan"),
-        "flightpower analyze compare": (at / "four", flown / "log.report", "-o", at / "compared"),
+        "flightpower export": (folder / "hop" / "log.mcap", "--to", "csv", "-o", folder / "tables"),
+        "flightpower analyze": (folder / "missing-1.mcap", folder / "missing-2.mcap", "-o", folder / "several"),
+        "flightpower plan": ("nexstar", "--minutes", "5", "-o", folder / "plan"),
+        "flightpower analyze compare": (folder / "four", flown / "log.report", "-o", folder / "compared"),
     }  # fmt: skip
     lines = [[*name.split(), *map(str, arguments)] for name, arguments in commands.items()]
-    return Laptop(at, dict(zip(commands, commands_without_posix(*lines), strict=True)))
+    return Laptop(folder, dict(zip(commands, commands_without_posix(*lines), strict=True)))
 
 
 @pytest.fixture(scope="session")

@@ -153,9 +153,9 @@ def test_a_wrong_replacement_names_its_file(
 ) -> None:
     if content is not None:
         (tmp_path / name).write_text(content, "utf-8")
-    given = tmp_path / name if "." in name else name
+    file = tmp_path / name if "." in name else name
     naming = "" if "unphysical" in cause else name
-    refused(flown / "log.mcap", option, given, "-o", tmp_path / "report", naming=naming, cause=cause, folder=tmp_path)
+    refused(flown / "log.mcap", option, file, "-o", tmp_path / "report", naming=naming, cause=cause, folder=tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -61,8 +61,8 @@ def test_a_calibration_in_the_log_is_what_one_given_by_hand_is(flown: Path, tmp_
     (tmp_path / "mine.json").write_bytes(CALIBRATION)
     log = read_once(flown / "log.mcap")
     attached = dataclasses.replace(log, attachments=log.attachments | {"magnetometer.json": CALIBRATION})
-    given = contents(log, Replacements(magnetometer=MAGNETOMETER_FILE.load(tmp_path / "mine.json")))
-    assert given.magnetometer is not None and given.magnetometer == contents(attached).magnetometer
+    by_option = contents(log, Replacements(magnetometer=MAGNETOMETER_FILE.load(tmp_path / "mine.json")))
+    assert by_option.magnetometer is not None and by_option.magnetometer == contents(attached).magnetometer
 
 
 def test_without_a_calibration_the_log_s_magnetometer_is_named_and_not_used(flown: Path) -> None:

@@ -61,7 +61,7 @@ def test_the_comparison_can_fail() -> None:
     assert not same("range 13.5 m/s", "reach 13.5 m/s") and not same("from 8 steps", "from 8 steps of 9")
     for wrong in ("sim fly --plan demo --no-such-option", "calibrate tubing LOG --output"):
         with pytest.raises(Exception, match=r"."):
-            parse(wrong, whole=True)
+            parse(wrong, complete=True)
 
 
 def quick_commands() -> list[str]:
@@ -85,9 +85,9 @@ def test_the_other_commands_that_need_no_log_run_as_they_stand(walk: Walk) -> No
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_the_words_of_every_command_are_known(page: Path) -> None:
     for command in mentions_in(page):
-        parse(command, whole=False)
+        parse(command, complete=False)
     for command in commands_in(page):
-        parse(command, whole=True)
+        parse(command, complete=True)
         for option, load in (("--plan", load_plan), ("--errors", load_budget)):
             words = arguments_of(command)
             if option in words[:-1]:

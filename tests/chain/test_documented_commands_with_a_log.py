@@ -218,9 +218,9 @@ def test_a_table_of_uiuc_becomes_ours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    module, given, _, written = TABLE.removeprefix("python -m ").split()
-    Path(given).write_text(UIUC, "utf-8")
-    monkeypatch.setattr(sys, "argv", [module, given])
+    module, source, _, written = TABLE.removeprefix("python -m ").split()
+    Path(source).write_text(UIUC, "utf-8")
+    monkeypatch.setattr(sys, "argv", [module, source])
     monkeypatch.delitem(sys.modules, module)
     runpy.run_module(module, run_name="__main__")
     Path(written).write_text(capsys.readouterr().out, "utf-8")

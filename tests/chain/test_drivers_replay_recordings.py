@@ -134,9 +134,9 @@ def test_a_driver_that_does_less_or_more_is_objected_to(bench, changed):
 
 def test_a_recording_torn_by_a_power_cut_is_played_to_its_tear(bench, tmp_path):
     path, _ = bench
-    whole = path.read_bytes()
-    for cut in range(len(whole) // 2, len(whole) // 2 + 400, 7):
-        (tmp_path / "torn.jsonl").write_bytes(whole[:cut])
+    content = path.read_bytes()
+    for cut in range(len(content) // 2, len(content) // 2 + 400, 7):
+        (tmp_path / "torn.jsonl").write_bytes(content[:cut])
         recording = load_recording(tmp_path / "torn.jsonl")
         for sensor, _, make in drivers(recording):
             assert all(turn.samples is not None for turn in replay(recording, sensor, make))

@@ -39,7 +39,7 @@ class Wire:
         self._tray = tray
         self._wire = None
         self.noise: bytes | None = None
-        self._at = 0
+        self._position = 0
 
     def i2c(self, device):
         self._wire = self._tray.i2c(device)
@@ -50,9 +50,9 @@ class Wire:
         return self
 
     def _cut(self, count):
-        endless = self.noise * (2 + (self._at + count) // len(self.noise))
-        self._at += count
-        return endless[self._at - count : self._at]
+        endless = self.noise * (2 + (self._position + count) // len(self.noise))
+        self._position += count
+        return endless[self._position - count : self._position]
 
     def write(self, *arguments):
         self._wire.write(*arguments)
@@ -65,7 +65,7 @@ class Wire:
 
     def read_available(self):
         sound = self._wire.read_available()
-        return sound if self.noise is None else sound[: len(sound) // 2] + self._cut(1 + self._at % 50)
+        return sound if self.noise is None else sound[: len(sound) // 2] + self._cut(1 + self._position % 50)
 
 
 def bridge(decode_part, number):

@@ -122,9 +122,9 @@ def test_the_derived_log_has_the_times_of_the_log(flown: Path, messages, parquet
         stream.seek(0)
         gps = {m.log_time: json.loads(m.data) for _, _, m in make_reader(stream).iter_messages(topics=["/gps"])}
     for topic, name in (("/derived/V", "V_mps"), ("/derived/C_D", "C_D"), ("/derived/thrust", "thrust_N")):
-        known = derived[["t_s", name]][derived[name].notna()]
-        assert [content[name] for _, content in messages[topic]] == known[name].to_list()
-        assert messages[topic][0][0] == imu[0] + round(1e9 * known["t_s"].iloc[0])
+        defined = derived[["t_s", name]][derived[name].notna()]
+        assert [content[name] for _, content in messages[topic]] == defined[name].to_list()
+        assert messages[topic][0][0] == imu[0] + round(1e9 * defined["t_s"].iloc[0])
     fixes = messages["/derived/location"]
     assert len(fixes) > 0.9 * len(gps)
     for time_ns, fix in fixes[:: len(fixes) // 20]:

@@ -54,8 +54,8 @@ def test_without_a_battery_s_energy_endurance_is_left_out_and_the_option_is_name
 
 
 def test_a_battery_is_enough_for_endurance(flown: Path, four: Path) -> None:
-    mine, known = (results(path)["use"]["loadings"][0] for path in (four / "four", flown / "log.report"))
-    assert mine["endurance_s"]["lo"] < known["endurance_s"]["value"] < mine["endurance_s"]["hi"]
+    mine, reference = (results(path)["use"]["loadings"][0] for path in (four / "four", flown / "log.report"))
+    assert mine["endurance_s"]["lo"] < reference["endurance_s"]["value"] < mine["endurance_s"]["hi"]
 
 
 @pytest.mark.slow
@@ -65,8 +65,8 @@ def test_options_replace_what_a_log_has_or_lacks(flown: Path, tmp_path: Path) ->
     heavier.write_text(load_aircraft("nexstar").text.replace('weight = "8.47 lbf"', 'weight = "9.00 lbf"'))
     probe.write_bytes(read_once(flown / "log.mcap").attachments["probe.json"])
     rewritten(flown, bare, without_attachment="probe.json")
-    given = ("--aircraft", heavier, "--weight", "8.47 lbf", "--probe", probe)
-    done("analyze", bare, *given, "-o", tmp_path / "report", "--quiet")
+    arguments = ("--aircraft", heavier, "--weight", "8.47 lbf", "--probe", probe)
+    done("analyze", bare, *arguments, "-o", tmp_path / "report", "--quiet")
     item, other = (results(of)["curves"]["power_required"] for of in (tmp_path / "report", flown / "log.report"))
     assert item["points"] == other["points"]
 

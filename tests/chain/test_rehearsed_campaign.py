@@ -27,9 +27,9 @@ def truth_W(folder: Path, V: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page's steps up to the first flight of each configuration, and these two compared."""
-    at = tmp_path_factory.mktemp("rehearsal")
+    folder = tmp_path_factory.mktemp("rehearsal")
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(at)
+        patch.chdir(folder)
         for step in steps_in(PAGE):
             if step.command.startswith("for "):
                 code, printed = run(every_one_of(step.command)[0])
@@ -41,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             assert code == 0, printed
         code, printed = run("analyze compare out/clean out/gear -o out/difference")
         assert code == 0, printed
-    return at
+    return folder
 
 
 def test_the_page_shows_ten_flights_and_a_comparison_that_contains_the_truth(folder: Path) -> None:

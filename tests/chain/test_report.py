@@ -98,11 +98,11 @@ def pages(pdf: bytes) -> int:
 
 def the_curve_is_there_before_any_script(browser: Browser, page: Path) -> None:
     """With scripts off."""
-    drawn = "document.querySelectorAll('#power svg.chart path').length"
+    curves = "document.querySelectorAll('#power svg.chart path').length"
     browser.command("Emulation.setScriptExecutionDisabled", value=True)
     try:
         browser.show(page, 400, dark=True)
-        assert browser.value_of(drawn) > 4
+        assert browser.value_of(curves) > 4
         curve = "getComputedStyle(document.querySelector('#power .drawn path[stroke-width=\"5\"]')).stroke"
         assert browser.value_of(curve) == "rgb(108, 182, 255)", "light on a dark page"
         assert browser.value_of("document.querySelector('#power .chart').getBoundingClientRect().height") > 200
@@ -169,9 +169,9 @@ def test_the_field_table_is_the_results(flown: Path, results: Results) -> None:
     with (flown / "log.report" / "field_table.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert [float(row["speed_mps"]) for row in rows] == [row.speed_mps for row in results.use.field_table]
-    for row, known in zip(rows, results.use.field_table, strict=True):
-        assert float(row["range_m"]) == pytest.approx(known.endurance_s * known.speed_mps, rel=1e-3)
-        assert known.endurance_s * known.battery_W == pytest.approx(74 * 3600 * 0.8, rel=1e-9)
+    for row, point in zip(rows, results.use.field_table, strict=True):
+        assert float(row["range_m"]) == pytest.approx(point.endurance_s * point.speed_mps, rel=1e-3)
+        assert point.endurance_s * point.battery_W == pytest.approx(74 * 3600 * 0.8, rel=1e-9)
         assert float(row["weight_N"]) == pytest.approx(results.test.weight_N, rel=1e-3)
     text = (flown / "log.report" / "field_table.md").read_text("utf-8")
     assert len([line for line in text.splitlines() if line.startswith("| ")]) == (

@@ -122,8 +122,8 @@ def test_a_run_is_shown_everywhere_from_the_table_a_band_or_the_track(report: Br
     report.command("Input.dispatchKeyEvent", type="rawKeyDown", key="Escape", windowsVirtualKeyCode=27)
     assert report.value_of(SHOWN) == ""
     assert results.track is not None
-    at = int(np.argmin(np.abs(np.array(results.track.t_s) - middle)))
-    click(report, *place(report, "track", results.track.east_m[at], results.track.north_m[at]))
+    index = int(np.argmin(np.abs(np.array(results.track.t_s) - middle)))
+    click(report, *place(report, "track", results.track.east_m[index], results.track.north_m[index]))
     assert report.value_of(SHOWN) == label, "its line over the ground"
 
 
@@ -159,14 +159,14 @@ def test_the_cursor_reads_every_line_at_its_speed(report: Browser, flown: Path) 
     report.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
     speed, *lines = report.value_of(READ.format("power")).split("\n")
     assert speed.startswith("true airspeed 1") and speed.endswith(" m/s")
-    at = float(speed.split()[2])
+    cursor_mps = float(speed.split()[2])
     (line,) = [line for line in lines if line.startswith("power required: ")]
-    assert float(line.split()[2]) == pytest.approx(np.interp(at, V, P), abs=0.3)
+    assert float(line.split()[2]) == pytest.approx(np.interp(cursor_mps, V, P), abs=0.3)
     assert any(line.startswith("available at full throttle: ") for line in lines)
     report.value_of("charts.power.svg.focus()")
     report.press("ArrowRight", 39)
     further = float(report.value_of(READ.format("power")).split()[2])
-    assert at < further < at + 0.5, "a hundredth of the axis"
+    assert cursor_mps < further < cursor_mps + 0.5, "a hundredth of the axis"
     report.value_of("charts.power.svg.blur()")
     assert report.value_of("document.querySelector('#power .readout').hidden")
 
@@ -175,8 +175,8 @@ def test_over_the_ground_the_cursor_names_the_run_beneath_it(report: Browser, fl
     results = msgspec.json.decode((flown / "log.report" / "results.json").read_bytes(), type=Results)
     run = results.runs[number_of_the_deceleration(flown)]
     assert results.track is not None
-    at = int(np.argmin(np.abs(np.array(results.track.t_s) - (run.start_s + run.end_s) / 2)))
-    east, north = results.track.east_m[at], results.track.north_m[at]
+    index = int(np.argmin(np.abs(np.array(results.track.t_s) - (run.start_s + run.end_s) / 2)))
+    east, north = results.track.east_m[index], results.track.north_m[index]
     x, y = place(report, "track", east, north)
     report.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
     name, message = report.value_of(READ.format("track")).strip().split(": ")
@@ -189,7 +189,7 @@ def test_over_the_ground_the_cursor_names_the_run_beneath_it(report: Browser, fl
 def test_a_figure_is_zoomed_by_dragging_and_by_key_and_shown_whole_again(report: Browser) -> None:
     texts = "document.querySelectorAll('#timeline .panel:last-of-type .tick.x text')"
     ticks = f"[...{texts}].map(one => Number(one.textContent))"
-    whole = report.value_of(ticks)
+    all_ticks = report.value_of(ticks)
     lo, hi = report.value_of("charts.timeline.panels[0].x")
     middle = (lo + hi) / 2
     start, end = (place(report, "timeline", t, 15.0) for t in (middle - 20, middle + 20))
@@ -201,12 +201,12 @@ def test_a_figure_is_zoomed_by_dragging_and_by_key_and_shown_whole_again(report:
     again = "[...document.querySelectorAll('#timeline ~ .of-figure [data-reset]')][0]"
     assert not report.value_of(f"{again}.hidden")
     report.value_of(f"{again}.click()")
-    assert report.value_of(ticks) == whole and report.value_of(f"{again}.hidden")
+    assert report.value_of(ticks) == all_ticks and report.value_of(f"{again}.hidden")
     report.value_of("charts.timeline.svg.focus()")
     report.press("+", 187)
-    assert len(report.value_of(ticks)) >= 3 and report.value_of(ticks) != whole
+    assert len(report.value_of(ticks)) >= 3 and report.value_of(ticks) != all_ticks
     report.press("0", 48)
-    assert report.value_of(ticks) == whole
+    assert report.value_of(ticks) == all_ticks
 
 
 def test_a_line_is_hidden_and_shown_by_its_entry_in_the_legend(report: Browser) -> None:

@@ -61,8 +61,8 @@ def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, 
     text = (flown / "log.report" / "runs.toml").read_text("utf-8")
     parts = [part.replace("true", "false") if '"acceleration"' in part else part for part in text.split("[[run]]")]
     (tmp_path / "mine.toml").write_text("[[run]]".join(parts), "utf-8")
-    given = ("--runs", tmp_path / "mine.toml", "--propeller", "apc-10x5e")
-    outcome = command("analyze", flown / "log.mcap", *given, "-o", tmp_path / "report")
+    arguments = ("--runs", tmp_path / "mine.toml", "--propeller", "apc-10x5e")
+    outcome = command("analyze", flown / "log.mcap", *arguments, "-o", tmp_path / "report")
     assert outcome.returncode == 2
     assert "mine.toml: keeps decelerations only" in outcome.stderr and "was flown?" not in outcome.stderr
 

@@ -120,10 +120,10 @@ def test_every_tick_is_there_and_counted(flight):
 
 def test_logs_are_listed_by_the_satellites_time(flight, tmp_path):
     recording, _ = flight
-    whole = recording.path.read_bytes()
-    (tmp_path / "log-0002.mcap").write_bytes(whole)
-    (tmp_path / "log-0003.mcap").write_bytes(whole[:-9])
-    (tmp_path / "log-0004.mcap").write_bytes(whole[: len(whole) // 2] + whole[-30:])
+    content = recording.path.read_bytes()
+    (tmp_path / "log-0002.mcap").write_bytes(content)
+    (tmp_path / "log-0003.mcap").write_bytes(content[:-9])
+    (tmp_path / "log-0004.mcap").write_bytes(content[: len(content) // 2] + content[-30:])
     logs = list_logs(tmp_path)
     assert [log.state.partition(":")[0] for log in logs] == [
         "complete",
@@ -135,8 +135,8 @@ def test_logs_are_listed_by_the_satellites_time(flight, tmp_path):
     assert logs[0].by_satellites and f"{logs[0].begin:%Y-%m-%d %H:%M}" in ("2016-05-14 09:29", "2016-05-14 09:30")
     assert logs[0].duration_s == pytest.approx(SECONDS, abs=0.1)
     assert logs[1].by_satellites and logs[1].begin == logs[0].begin
-    (tmp_path / "log-0005.mcap").write_bytes(whole[: len(whole) // 2])
-    (tmp_path / "log-0006.mcap").write_bytes(whole[: len(whole) // 2].replace(b"/time", b"/tim\xff", 1))
+    (tmp_path / "log-0005.mcap").write_bytes(content[: len(content) // 2])
+    (tmp_path / "log-0006.mcap").write_bytes(content[: len(content) // 2].replace(b"/time", b"/tim\xff", 1))
     early, damaged = list_logs(tmp_path)[-2:]
     assert early.by_satellites and abs(early.begin - logs[0].begin) < timedelta(milliseconds=100)
     assert early.duration_s < 0.9 * logs[0].duration_s
@@ -357,8 +357,10 @@ def test_sigterm_finishes_the_file_and_a_pseudo_terminal_is_a_port(tmp_path):
 def test_a_wrong_date_of_the_receiver_names_nothing_and_ends_nothing(tmp_path, monkeypatch, year, resolved):
     """Position and speed are recorded; date and name are those of a clock that nobody has set."""
     pack = ublox_fake.FakeUbloxM8._time
-    at = datetime(year, 1, 1, tzinfo=UTC)
-    monkeypatch.setattr(ublox_fake.FakeUbloxM8, "_time", lambda self, valid_at_s: (at, 0, pack(self, valid_at_s)[2]))
+    moment = datetime(year, 1, 1, tzinfo=UTC)
+    monkeypatch.setattr(
+        ublox_fake.FakeUbloxM8, "_time", lambda self, valid_at_s: (moment, 0, pack(self, valid_at_s)[2])
+    )
     if not resolved:
         read = ublox_driver.PVT_TIME.unpack_from
 

@@ -114,9 +114,9 @@ def test_a_fifo_that_has_grown_is_read_in_parts_and_nothing_is_lost():
 def test_half_a_sample_is_left_for_the_next_tick():
     chip, sensor = started()
     chip.put(ONE_G_DOWN, ONE_G_DOWN)
-    whole, chip.fifo = chip.fifo, chip.fifo[:20]
+    complete, chip.fifo = chip.fifo, chip.fifo[:20]
     assert read(sensor).samples == 1
-    chip.fifo += whole[20:]
+    chip.fifo += complete[20:]
     message = read(sensor)
     assert (message.samples, message.accel_z_counts) == (1, -4096)
 
@@ -273,10 +273,10 @@ def test_what_the_fifo_takes_and_the_way_to_the_magnetometer_are_audited_in_turn
 
 def flipped_once(chip: Chip, register: int, byte: int, bit: int) -> None:
     """The next reply from `register` on has one wrong bit."""
-    whole, pending = chip.write_read, [True]
+    original, pending = chip.write_read, [True]
 
     def damaged(address, data, count):
-        reply = bytearray(whole(address, data, count))
+        reply = bytearray(original(address, data, count))
         if data[0] == register and pending:
             pending.pop()
             reply[byte] ^= 1 << bit

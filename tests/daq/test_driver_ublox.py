@@ -100,17 +100,17 @@ def test_commands_are_what_the_protocol_description_says():
     assert request == UBXMessage("CFG", "CFG-NAV5", POLL).serialize()
 
 
-@pytest.mark.parametrize("kept", [8, 0])
-def test_the_model_that_is_logged_is_what_the_receiver_says_and_not_what_was_set(kept):
+@pytest.mark.parametrize("model", [8, 0])
+def test_the_model_that_is_logged_is_what_the_receiver_says_and_not_what_was_set(model):
     port = ScriptedPort()
     sensor = UBloxDriver(port)
     bring_up(sensor)
     for tick, command in enumerate(configuration(10, 38400)):
         port.incoming.append(solution_at(tick) + frame_of(ACK_ACK, command[2:4]))
-    port.incoming[-1] = frame_of(CFG_NAV5, bytes([1, 0, kept]) + bytes(33)) + port.incoming[-1]
+    port.incoming[-1] = frame_of(CFG_NAV5, bytes([1, 0, model]) + bytes(33)) + port.incoming[-1]
     samples = [sample for tick in range(len(configuration(10, 38400)) + 1) for sample in sensor.read(tick * TICK_NS)]
     assert samples[0].message.dynamic_model is None
-    assert samples[-1].message.dynamic_model == kept
+    assert samples[-1].message.dynamic_model == model
 
 
 @given(st.binary(max_size=300), st.lists(st.integers(0, 10_000), max_size=8))
@@ -199,8 +199,8 @@ def test_a_later_generation_is_configured_by_keys_as_its_version_says():
             port.incoming.append(frame_of(ACK_ACK, port.written[-1][2:4]))
     expected = configuration_by_keys(5, 115200)
     assert sent[: len(expected)] == expected and sensor.complaint == ""
-    kept = frame_of(CFG_VALGET, bytes([1, 0, 0, 0]) + MODEL_KEY.to_bytes(4, "little") + b"\x08")
-    port.incoming = [kept + solution_at(0)]
+    model_reply = frame_of(CFG_VALGET, bytes([1, 0, 0, 0]) + MODEL_KEY.to_bytes(4, "little") + b"\x08")
+    port.incoming = [model_reply + solution_at(0)]
     assert sensor.read(12 * TICK_NS)[-1].message.dynamic_model == 8
 
 

@@ -96,11 +96,11 @@ class FaultyDisk:
         self.gave_up = False
         pwrite, fdatasync, open_ = os.pwrite, os.fdatasync, os.open
 
-        def write(file, data, at):
+        def write(file, data, offset):
             self.gave_up |= not self.hold.wait(GIVE_UP_S)
             if self.write_error:
                 raise OSError(self.write_error, os.strerror(self.write_error))
-            return pwrite(file, bytes(data[: 1 + len(data) // 2]), at)  # a disk may take less than it is given
+            return pwrite(file, bytes(data[: 1 + len(data) // 2]), offset)  # a disk may take less than it is given
 
         def sync(file):
             if self.sync_error:
@@ -360,10 +360,10 @@ def test_a_log_that_goes_away_is_told_and_followed_by_another(tmp_path, hurried,
     session.run(20)
     assert session.files.close() == ""
     assert any(f"{first}: was {how}" in text for text in session.texts)
-    kept = ticks_of(logs / "log-0002.mcap")
-    assert kept[-1] == session.tick - 1 and session.files.paths == [logs / "log-0002.mcap"]
+    ticks = ticks_of(logs / "log-0002.mcap")
+    assert ticks[-1] == session.tick - 1 and session.files.paths == [logs / "log-0002.mcap"]
     if how == "deleted":
-        assert told_again(session)[0].endswith("nothing more was lost") and len(kept) >= 20
+        assert told_again(session)[0].endswith("nothing more was lost") and len(ticks) >= 20
     else:
         wait_for(
             lambda: (
@@ -537,9 +537,9 @@ def test_recording_resumes_only_when_a_quarter_more_than_the_kept_space_is_free(
 def test_a_file_with_nothing_but_its_first_bytes_is_not_finished(tmp_path):
     """A complete log begins and ends with them."""
     finished_log(tmp_path / "log.mcap", ticks=1)
-    whole = (tmp_path / "log.mcap").read_bytes()
-    assert is_finished(tmp_path / "log.mcap") and whole[:8] == whole[-8:]
-    (tmp_path / "log.mcap").write_bytes(whole[:8])
+    complete = (tmp_path / "log.mcap").read_bytes()
+    assert is_finished(tmp_path / "log.mcap") and complete[:8] == complete[-8:]
+    (tmp_path / "log.mcap").write_bytes(complete[:8])
     assert not is_finished(tmp_path / "log.mcap")
 
 

@@ -69,7 +69,7 @@ def split(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def one_file(tmp_path_factory):
     return flown(tmp_path_factory.mktemp("whole"))
 
 
@@ -80,10 +80,10 @@ def without_file_events(log):
     }
 
 
-def test_files_put_together_are_the_flight(split, whole):
+def test_files_put_together_are_the_flight(split, one_file):
     """Message for message, time and tick included: the joints cannot be seen."""
     _, parts = split
-    _, [item] = whole
+    _, [item] = one_file
     assert len(parts) == 3
     for topic, entries in without_file_events(item).items():
         assert [entry for part in parts for entry in without_file_events(part)[topic]] == entries, topic
@@ -104,14 +104,14 @@ def test_each_file_is_complete_by_itself(split):
         assert {channel.topic for channel in summary.channels.values()} == set(part.entries)
 
 
-def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, whole):
+def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, one_file):
     """Channels on the grid are equal, but for the ends, where splines have less to lean on."""
     import numpy as np
 
     from flightpower.analysis.sources.daemon import synchronize
 
     _, parts = split
-    _, [item] = whole
+    _, [item] = one_file
     flight, middle = synchronize(item), synchronize(parts[1])
     shift = round((middle.start_ns - flight.start_ns) / 1e9 * 25)
     inner = slice(25, len(middle.table) - 25)
@@ -122,9 +122,9 @@ def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, whole):
         )
 
 
-def test_a_jump_of_the_system_clock_changes_nothing_but_what_time_says(tmp_path, whole):
+def test_a_jump_of_the_system_clock_changes_nothing_but_what_time_says(tmp_path, one_file):
     """Twice: time arrives (46 years on), and is set back again by a day."""
-    _, [plain] = whole
+    _, [plain] = one_file
     _, [jumped] = flown(tmp_path, jump_s={8: 46 * 365 * 86400, 16: -86400})
     for topic, entries in without_file_events(plain).items():
         if topic != "/time":
@@ -136,15 +136,15 @@ def test_a_jump_of_the_system_clock_changes_nothing_but_what_time_says(tmp_path,
     assert {round((b - a) / 1e9) for a, b in pairwise(monotonic_ns)} == {1}
 
 
-def test_time_pairs_all_clocks_once_the_satellites_told_theirs(whole):
-    _, [log] = whole
+def test_time_pairs_all_clocks_once_the_satellites_told_theirs(one_file):
+    _, [log] = one_file
     times = [entry.message for entry in log.entries["/time"]]
     assert [time.monotonic_ns - times[0].monotonic_ns for time in times] == pytest.approx(
         [i * SECOND_NS for i in range(30)], abs=40_000_000
     )
-    known = [time for time in times if time.gps_utc_ns is not None]
-    assert len(known) >= 27  # the receiver is configured in the first seconds
-    offsets = [time.gps_utc_ns - time.monotonic_ns for time in known]
+    with_utc = [time for time in times if time.gps_utc_ns is not None]
+    assert len(with_utc) >= 27  # the receiver is configured in the first seconds
+    offsets = [time.gps_utc_ns - time.monotonic_ns for time in with_utc]
     # The receiver's latency and the tick in which a solution is read: less than a fifth of a second.
     assert max(offsets) - min(offsets) < 0.2e9
 

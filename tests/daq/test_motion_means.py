@@ -20,12 +20,12 @@ STEP_S = 0.2
 def means(t_s: float, V: float, height_m: float, **other: float | None) -> Means:
     static = float(pressure_at(height_m, ground_pressure_Pa=GROUND_PA, ground_temperature_K=GROUND_K))
     rho = float(density(static, temperature_at(height_m, GROUND_K)))
-    given: dict[str, float | None] = {
+    columns: dict[str, float | None] = {
         "q_c_Pa": ZERO_PA + rho / 2 * V**2, "dp_alpha_Pa": 0.0, "dp_beta_Pa": 0.0, "static_Pa": static,
         "static_temperature_K": GROUND_K, "ax_mps2": 0.0, "ay_mps2": 0.0, "az_mps2": -GRAVITY_MPS2, "p_radps": 0.0,
         "q_radps": 0.0, "r_radps": 0.0, "n_revps": 0.0 if V == 0 else 80.0,
     }  # fmt: skip
-    return Means(t_s=t_s, **(given | other))  # type: ignore[arg-type]
+    return Means(t_s=t_s, **(columns | other))  # type: ignore[arg-type]
 
 
 def flown(seconds: float, V: float, height_m: float, probe: ProbeMaps | None = None, **other: float) -> Motion:

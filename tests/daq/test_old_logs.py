@@ -30,22 +30,22 @@ BOMB_BYTES = 2**28
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def complete_log(tmp_path_factory):
     return fly(tmp_path_factory.mktemp("whole"), 4).path.read_bytes()
 
 
 def chunk_starts(log: bytes) -> list[int]:
-    starts, at = [], len(MAGIC)
-    while at < len(log) and log[at] != Opcode.DATA_END:
-        opcode, length = RECORD_HEAD.unpack_from(log, at)
-        starts += [at] * (opcode == Opcode.CHUNK)
-        at += RECORD_HEAD.size + length
+    starts, offset = [], len(MAGIC)
+    while offset < len(log) and log[offset] != Opcode.DATA_END:
+        opcode, length = RECORD_HEAD.unpack_from(log, offset)
+        starts += [offset] * (opcode == Opcode.CHUNK)
+        offset += RECORD_HEAD.size + length
     return starts
 
 
 @pytest.fixture(scope="module")
-def torn(whole):
-    return whole[: chunk_starts(whole)[-1] + 200]  # within the last chunk
+def torn(complete_log):
+    return complete_log[: chunk_starts(complete_log)[-1] + 200]  # within the last chunk
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +60,13 @@ def chunk_record(compressed: bytes, size: int) -> bytes:
 
 
 @pytest.fixture(scope="module", params=["size in the frame", "size not in the frame"])
-def bomb(request, whole):
+def bomb(request, complete_log):
     """A torn log of some kilobytes whose last chunk decompresses to BOMB_BYTES of zeros."""
-    known = request.param == "size in the frame"
-    compressor = zstandard.ZstdCompressor().compressobj(size=BOMB_BYTES if known else -1)
+    size_is_stated = request.param == "size in the frame"
+    compressor = zstandard.ZstdCompressor().compressobj(size=BOMB_BYTES if size_is_stated else -1)
     block = bytes(2**22)
     data = b"".join([*(compressor.compress(block) for _ in range(BOMB_BYTES // len(block))), compressor.flush()])
-    return whole[: chunk_starts(whole)[1]] + chunk_record(data, BOMB_BYTES)
+    return complete_log[: chunk_starts(complete_log)[1]] + chunk_record(data, BOMB_BYTES)
 
 
 MEASURE = """if True:
@@ -126,9 +126,9 @@ def read_when_there(path: Path) -> bool:
         return False
 
 
-def test_a_log_that_may_not_be_written_is_named_and_the_next_is_completed(tmp_path, monkeypatch, torn, whole):
+def test_a_log_that_may_not_be_written_is_named_and_the_next_is_completed(tmp_path, monkeypatch, torn, complete_log):
     paths = [tmp_path / f"log-000{number}.mcap" for number in (1, 2, 3)]
-    for path, content in zip(paths, (torn, torn, whole), strict=True):
+    for path, content in zip(paths, (torn, torn, complete_log), strict=True):
         path.write_bytes(content)
     opening = Path.open
 
@@ -283,9 +283,9 @@ def test_a_small_file_with_a_huge_chunk_is_read_up_to_it_in_bounded_memory(tmp_p
     assert memory_KiB < MOST_RESIDENT_KiB and path.read_bytes() == bomb
 
 
-def test_a_log_with_nothing_but_a_huge_chunk_is_refused_with_its_name_and_the_limit(tmp_path, bomb, whole):
+def test_a_log_with_nothing_but_a_huge_chunk_is_refused_with_its_name_and_the_limit(tmp_path, bomb, complete_log):
     path = tmp_path / "bomb.mcap"
-    path.write_bytes(whole[: chunk_starts(whole)[0]] + bomb[chunk_starts(bomb)[1] :])
+    path.write_bytes(complete_log[: chunk_starts(complete_log)[0]] + bomb[chunk_starts(bomb)[1] :])
     for command in (["daq", "info", path], ["flightpower.analysis.cli.analyze", path]):
         code, output, memory_KiB = resident_KiB(*command)
         assert code == 2 and str(path) in output and "16 MiB, the limit" in output, output
@@ -293,11 +293,11 @@ def test_a_log_with_nothing_but_a_huge_chunk_is_refused_with_its_name_and_the_li
         assert memory_KiB < 2 * MOST_RESIDENT_KiB
 
 
-def test_many_chunks_that_are_each_permitted_are_bounded_too(tmp_path, whole):
+def test_many_chunks_that_are_each_permitted_are_bounded_too(tmp_path, complete_log):
     unknown = RECORD_HEAD.pack(0x80, MAX_CHUNK_BYTES - RECORD_HEAD.size) + bytes(MAX_CHUNK_BYTES - RECORD_HEAD.size)
     chunk = chunk_record(zstandard.compress(unknown), MAX_CHUNK_BYTES)
     path = tmp_path / "bomb.mcap"
-    path.write_bytes(whole[: chunk_starts(whole)[1]] + chunk * 8)
+    path.write_bytes(complete_log[: chunk_starts(complete_log)[1]] + chunk * 8)
     log = read_log(path)
     assert log.entries["/imu"] and "the limit for its size" in log.torn
 
@@ -311,7 +311,7 @@ def test_a_record_beyond_the_limit_leaves_the_file_as_it_is(tmp_path, torn, monk
     assert recover(path) is not None
 
 
-def test_deeply_nested_json_is_one_message_that_cannot_be_decoded(tmp_path, whole):
+def test_deeply_nested_json_is_one_message_that_cannot_be_decoded(tmp_path, complete_log):
     from flightpower.flight.log_writer import LogWriter
     from flightpower.flight.messages import Imu
 

@@ -251,10 +251,10 @@ def test_only_what_was_synced_is_left_and_that_is_all_but_a_second(tmp_path, mon
     calls: list[tuple[int, int, str, int, bytes]] = []  # begin, end [ns], what, place, data
     pwrite = os.pwrite
 
-    def write(file, data, at):
+    def write(file, data, offset):
         begin_ns = time.monotonic_ns()
-        count = pwrite(file, data, at)
-        calls.append((begin_ns, time.monotonic_ns(), "write", at, bytes(data[:count])))
+        count = pwrite(file, data, offset)
+        calls.append((begin_ns, time.monotonic_ns(), "write", offset, bytes(data[:count])))
         return count
 
     def sync(file):
@@ -280,9 +280,9 @@ def test_only_what_was_synced_is_left_and_that_is_all_but_a_second(tmp_path, mon
     path = tmp_path / "log-0001.mcap"
     for (begin_ns, _), (_, next_ns) in pairwise(syncs):
         content = bytearray()
-        for _, end_ns, what, at, data in calls:
+        for _, end_ns, what, offset, data in calls:
             if what == "write" and end_ns <= begin_ns:
-                content[at : at + len(data)] = data
+                content[offset : offset + len(data)] = data
         path.write_bytes(content)
         there_ns = times_ns[0] - 1  # before the first chunk is closed there is nothing
         if len(content) > data_begin:
@@ -313,10 +313,10 @@ def test_a_power_cut_while_mending_costs_nothing(flight, tmp_path):
     torn = data[: ends[5][0] + 100]
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(torn)
-    whole = recover(path)
+    complete = recover(path)
     mended = path.read_bytes()
-    for cut in range(whole.kept_bytes, len(mended), 97):
+    for cut in range(complete.kept_bytes, len(mended), 97):
         path.write_bytes(mended[:cut] + torn[cut:])
         recover(path)
-        assert path.read_bytes()[: whole.kept_bytes] == mended[: whole.kept_bytes]
+        assert path.read_bytes()[: complete.kept_bytes] == mended[: complete.kept_bytes]
         assert not read_log(path).torn

@@ -98,14 +98,14 @@ def progress_in(V, seconds, *, climb_mps=0.0) -> list:
 @pytest.mark.parametrize(("V", "kind"), [((12.0, 22.0), "acceleration"), ((22.0, 12.0), "deceleration")])
 def test_the_pilot_is_told_how_long_to_hold_a_run(V, kind):
     """The time left runs down with the clock, and a run that was held as long as told is good."""
-    known = progress_in(V, 14.0)
-    left = [(t, now.more_s) for t, now in known if now.more_s > 0]
-    assert {now.kind for _, now in known} == {kind} and all(len(now.text) <= 50 for _, now in known)
+    progress = progress_in(V, 14.0)
+    left = [(t, now.more_s) for t, now in progress if now.more_s > 0]
+    assert {now.kind for _, now in progress} == {kind} and all(len(now.text) <= 50 for _, now in progress)
     assert len(left) > 5 and all(later < earlier for (_, earlier), (_, later) in pairwise(left))
     held_s = [t + more_s for t, more_s in left]
     assert max(held_s) < 8.0 and min(held_s) > LEVEL_RUN.shortest_s - 1.0
-    assert [now.more_s for t, now in known if 9 < t < 13] == pytest.approx([0.0] * 20)
-    assert not [now for t, now in known if t > 17], "speed is held"
+    assert [now.more_s for t, now in progress if 9 < t < 13] == pytest.approx([0.0] * 20)
+    assert not [now for t, now in progress if t > 17], "speed is held"
     change = V[1] - V[0]
     good, _ = notified(V=(V[0], V[0] + change * max(held_s) / 14), over_s=max(held_s))
     assert good.startswith(f"{kind} good")
@@ -211,17 +211,17 @@ def test_the_interval_s_half_width_is_told_in_per_cent(monkeypatch):
 
 def test_a_leg_in_which_speed_is_held_is_given_after_four_seconds_and_again_if_speed_goes_on():
     """Speed goes on by more than 5 %; the leg ends at the furthest speed."""
-    divided, given, t, V = Legs(), [], 0.0, 12.0
+    divided, reported, t, V = Legs(), [], 0.0, 12.0
     for wanted, seconds in ((20.0, 4.0), (20.0, 10.0), (20.8, 2.0), (20.8, 8.0), (22.0, 2.0), (22.0, 8.0)):
         n = round(seconds / 0.2)
         step = (wanted - V) / n
         for _ in range(n):
             t, V = t + 0.2, V + step
             leg = divided.add(Row(t, V, step / 0.2, 0.0, 0.0, 50.0, 50.0, True, None))
-            given += [(t, leg.sign, leg.ended, leg.rows[-1].t_s)] if leg else []
-    assert [(sign, ended) for _, sign, ended, _ in given] == [(1, False), (1, False)]
-    assert given[0][0] == pytest.approx(4.0 + 4.1, abs=0.2) and given[0][3] == pytest.approx(4.0, abs=0.3)
-    assert given[1][0] == pytest.approx(26.0 + 4.1, abs=0.2) and given[1][3] == pytest.approx(26.0, abs=0.3)
+            reported += [(t, leg.sign, leg.ended, leg.rows[-1].t_s)] if leg else []
+    assert [(sign, ended) for _, sign, ended, _ in reported] == [(1, False), (1, False)]
+    assert reported[0][0] == pytest.approx(4.0 + 4.1, abs=0.2) and reported[0][3] == pytest.approx(4.0, abs=0.3)
+    assert reported[1][0] == pytest.approx(26.0 + 4.1, abs=0.2) and reported[1][3] == pytest.approx(26.0, abs=0.3)
 
 
 def test_nothing_is_told_of_steady_flight_and_of_turns():
@@ -328,8 +328,10 @@ def test_the_interval_is_that_of_the_noise_the_thrust_and_the_airspeed():
 @pytest.mark.parametrize("thrust_scale, airspeed_scale", [(0.05, 1e-5), (1e-5, 0.05), (0.03, 0.04)])
 def test_in_steady_flight_the_interval_is_what_the_aircraft_file_states(thrust_scale, airspeed_scale):
     """There drag is thrust: a scale of thrust that is not known is one of power."""
-    stated = Uncertainty(thrust_scale_fraction=thrust_scale, thrust_slope=1e-5, airspeed_scale_fraction=airspeed_scale)
-    monitor = RunMonitor(dataclasses.replace(NEXSTAR, uncertainty=stated), None)
+    uncertainty = Uncertainty(
+        thrust_scale_fraction=thrust_scale, thrust_slope=1e-5, airspeed_scale_fraction=airspeed_scale
+    )
+    monitor = RunMonitor(dataclasses.replace(NEXSTAR, uncertainty=uncertainty), None)
     for V in np.linspace(12.0, 22.0, 12):
         qS = 0.08 * V**2
         CL = GRAVITY_MPS2 / qS
@@ -344,7 +346,7 @@ def test_in_steady_flight_the_interval_is_what_the_aircraft_file_states(thrust_s
 
 def test_thrust_on_a_stand_is_a_prior_of_the_in_flight_estimate():
     """With a stand and a slope that are exactly known, thrust is known: 3 % more of it is 3 % more power."""
-    stated = Uncertainty(
+    uncertainty = Uncertainty(
         thrust_slope=1e-5,
         airspeed_scale_fraction=1e-5,
         static_thrust_ratio_fraction=1e-5,
@@ -353,7 +355,7 @@ def test_thrust_on_a_stand_is_a_prior_of_the_in_flight_estimate():
     with_stand = dataclasses.replace(NEXSTAR.propulsion, static_thrust_ratio=1.03)
     powers, half_widths = [], []
     for propulsion in (NEXSTAR.propulsion, with_stand):
-        monitor = RunMonitor(dataclasses.replace(NEXSTAR, uncertainty=stated, propulsion=propulsion), None)
+        monitor = RunMonitor(dataclasses.replace(NEXSTAR, uncertainty=uncertainty, propulsion=propulsion), None)
         for V in np.linspace(12.0, 22.0, 12):
             qS = 0.08 * V**2
             CL = GRAVITY_MPS2 / qS

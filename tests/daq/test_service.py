@@ -130,8 +130,8 @@ needs_numbers = pytest.mark.skipif(not NUMBERS_OF_CALLS.exists(), reason="the nu
 
 @pytest.fixture(scope="module")
 def torn(tmp_path_factory) -> bytes:
-    whole = fly(tmp_path_factory.mktemp("whole"), 4).path.read_bytes()
-    return whole[: len(whole) // 2]
+    complete = fly(tmp_path_factory.mktemp("whole"), 4).path.read_bytes()
+    return complete[: len(complete) // 2]
 
 
 @needs_systemd

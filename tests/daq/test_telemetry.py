@@ -187,10 +187,10 @@ def test_what_a_process_leaves_unfinished_spoils_no_news(tmp_path, monkeypatch):
     to = tray(tmp_path, "udp:127.0.0.1:9")
     link = TelemetryLink(to.telemetry, to)
     assert link.run_news() == RunNews()
-    whole = msgspec.json.encode(RunNews(verdicts=[Event(text="good")], progress="on")) + b"\n"
-    os.write(link._news_write_end, whole[:10] + whole + whole[:7])
+    complete = msgspec.json.encode(RunNews(verdicts=[Event(text="good")], progress="on")) + b"\n"
+    os.write(link._news_write_end, complete[:10] + complete + complete[:7])
     assert link.run_news() == RunNews()
-    os.write(link._news_write_end, whole[7:])
+    os.write(link._news_write_end, complete[7:])
     assert link.run_news() == RunNews(verdicts=[Event(text="good")], progress="on")
     assert link.run_news() == RunNews(progress="on")
     link.close()
@@ -536,8 +536,8 @@ def status(**changes) -> RecordingStatus:
 )
 def test_the_heartbeat_says_whether_it_records_and_all_is_well(changes, state):
     ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9"), None, None)
-    given = None if changes is None else status(**changes)
-    messages = decoded(ground.packets(Snapshot(elapsed_s=10.0, status=given)))
+    latest_status = None if changes is None else status(**changes)
+    messages = decoded(ground.packets(Snapshot(elapsed_s=10.0, status=latest_status)))
     assert [m.system_status for m in messages if m.get_type() == "HEARTBEAT"] == [state]
 
 

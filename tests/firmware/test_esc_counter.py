@@ -138,7 +138,9 @@ def test_a_stopped_motor_is_told_every_half_second_and_starts_again(counter):
     """The time of the stop is no period."""
     edges = np.concatenate([pulses(500, 60_000), pulses(500, 1_400_000, 1_300_000)])
     sent = counter(edges, 1_400_000)
-    stopped = [at for at, sample in zip(sent.at_us, sent.samples, strict=True) if sample.message.period_us == 0]
+    stopped = [
+        time_us for time_us, sample in zip(sent.at_us, sent.samples, strict=True) if sample.message.period_us == 0
+    ]
     assert len(stopped) == 2
     assert stopped[0] == pytest.approx(560_000, abs=12_000)
     assert np.diff(stopped) == pytest.approx([500_000], abs=2000)

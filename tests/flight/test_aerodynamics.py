@@ -56,10 +56,10 @@ def test_axis_change_is_undone_by_its_inverse_and_keeps_the_length():
 def test_signs_of_the_controls_and_of_static_stability(name):
     aero = aerodynamics_of(load_aircraft(name))
     calm = {**AT_REST, "alpha": 0.05}
-    base = at(aero, **calm)
+    base = coefficients_at(aero, **calm)
 
     def change(**moved):
-        return np.subtract(at(aero, **{**calm, **moved}), base)
+        return np.subtract(coefficients_at(aero, **{**calm, **moved}), base)
 
     CL, _, CY, Cl, Cm, Cn = range(6)
     assert change(elevator=0.1)[Cm] < 0 < change(elevator=0.1)[CL]
@@ -87,7 +87,7 @@ DISTINCT = Aerodynamics(
 AT_REST = dict.fromkeys(("alpha", "beta", "p_hat", "q_hat", "r_hat", "elevator", "aileron", "rudder"), 0.0)
 
 
-def at(aero, *, p_hat, q_hat, r_hat, elevator, aileron, rudder, **flow):
+def coefficients_at(aero, *, p_hat, q_hat, r_hat, elevator, aileron, rudder, **flow):
     return coefficients(aero, **flow, reduced_rates=(p_hat, q_hat, r_hat), surfaces=(elevator, aileron, rudder))
 
 
@@ -106,8 +106,8 @@ DERIVATIVES = {
 @pytest.mark.parametrize("coefficient", ["CL", "CY", "Cl", "Cm", "Cn"])
 def test_each_coefficient_changes_with_each_variable_by_its_derivative(coefficient, variable):
     step = 1e-3
-    before = at(DISTINCT, **AT_REST)
-    after = at(DISTINCT, **{**AT_REST, variable: step})
+    before = coefficients_at(DISTINCT, **AT_REST)
+    after = coefficients_at(DISTINCT, **{**AT_REST, variable: step})
     slope = (getattr(after, coefficient) - getattr(before, coefficient)) / step
     name = DERIVATIVES.get((coefficient, variable))
     assert slope == pytest.approx(getattr(DISTINCT, name) if name else 0.0, rel=1e-6, abs=1e-9)

@@ -136,13 +136,13 @@ def test_a_file_torn_anywhere_gives_what_was_closed_before_the_tear(tmp_path):
     """Cut at random bytes: no exception but InputError, no wrong message, and only the open chunk is lost."""
     stream = io.BytesIO()
     written = write(stream, ticks=40, finish=False)
-    whole = stream.getvalue()
+    complete = stream.getvalue()
     rng = random.Random(1)
     path = tmp_path / "torn.mcap"
     counts = []
-    for cut in sorted(rng.sample(range(len(whole) + 1), 80)):
+    for cut in sorted(rng.sample(range(len(complete) + 1), 80)):
         for tail in (b"", b"\0" * 4096):
-            path.write_bytes(whole[:cut] + tail)
+            path.write_bytes(complete[:cut] + tail)
             try:
                 log = read_log(path)
             except InputError as error:
@@ -161,13 +161,13 @@ def test_a_log_that_still_grows_or_lost_its_end_is_not_called_damaged(tmp_path):
     """Its whole records are read; a record whose bytes are others is damage."""
     stream, path = io.BytesIO(), tmp_path / "log.mcap"
     write(stream, ticks=40, finish=False)
-    whole = stream.getvalue()
-    path.write_bytes(whole[:-700])
+    complete = stream.getvalue()
+    path.write_bytes(complete[:-700])
     log = read_log(path)
     times_ns = [time_ns for entries in log.entries.values() for time_ns in entries.time_ns]
     assert log.cut and log.incomplete == f"{CUT}: {(max(times_ns) - min(times_ns)) / 1e9:.1f} s read"
-    middle = len(whole) // 2
-    path.write_bytes(whole[:middle] + bytes(64) + whole[middle + 64 :])
+    middle = len(complete) // 2
+    path.write_bytes(complete[:middle] + bytes(64) + complete[middle + 64 :])
     assert not read_log(path).cut and read_log(path).incomplete.startswith("damaged (")
     stream = io.BytesIO()
     write(stream, ticks=40)

@@ -60,8 +60,8 @@ def test_each_message_index_leads_to_its_messages(data):
         for channel, offset in chunk.message_index_offsets.items():
             opcode, _, of_channel, size = struct.unpack_from("<BQHI", data, offset)
             assert (opcode, of_channel) == (MESSAGE_INDEX, channel)
-            for time_ns, at in struct.iter_unpack("<QQ", data[offset + 15 : offset + 15 + size]):
-                result = struct.unpack_from("<BQHIQ", records, at)
+            for time_ns, message_offset in struct.iter_unpack("<QQ", data[offset + 15 : offset + 15 + size]):
+                result = struct.unpack_from("<BQHIQ", records, message_offset)
                 assert (result[0], result[2], result[4]) == (MESSAGE, channel, time_ns)
                 times.append(time_ns)
         assert (min(times), max(times)) == (chunk.message_start_time, chunk.message_end_time)

@@ -85,9 +85,9 @@ def test_uiuc_files_give_back_their_printed_values(uiuc):
     propeller = parse_uiuc(texts, "apce 10x5", 0.254)
     # Seven tests at four speeds: two of one speed, at low and at high J, are one row at their mean speed.
     assert [row.rpm for row in propeller.rows] == [4005.0, 4996.5, 6011.5, 6708.5]
-    at = {row.rpm: row for row in propeller.rows}
+    by_rpm = {row.rpm: row for row in propeller.rows}
     for rpm, text in texts.items():
-        row = at[min(at, key=lambda speed, rpm=rpm: abs(speed - rpm))]
+        row = by_rpm[min(by_rpm, key=lambda speed, rpm=rpm: abs(speed - rpm))]
         J, cT, cP, _ = np.loadtxt(text.splitlines()[1:], unpack=True)
         # What both tests measured at the same J, to the third digit, is averaged: they repeat to 0.0011.
         once = np.array([sum(f"\n{j:.3f} " in other for other in texts.values()) == 1 for j in J])
@@ -119,11 +119,11 @@ def test_uiuc_files_as_downloaded_give_diameter_static_thrust_and_all_speeds(uiu
 def test_between_tabulated_speeds_reynolds_number_is_followed(uiuc):
     """The row of 5000 rpm left out and asked for between 4005 and 6010: within the tunnel's own 0.002 in cT and cP."""
     texts = uiuc_tables(uiuc)
-    whole = parse_uiuc(texts, "apce 10x5", 0.254)
+    full_table = parse_uiuc(texts, "apce 10x5", 0.254)
     without = parse_uiuc({rpm: text for rpm, text in texts.items() if not 4900 < rpm < 5100}, "apce 10x5", 0.254)
     J = np.linspace(0.3, 0.65, 15)
-    difference = np.array(without.coefficients(J, 4996.5)) - whole.coefficients(J, 4996.5)
-    nearest = np.array(whole.coefficients(J, 6011.5)) - whole.coefficients(J, 4996.5)
+    difference = np.array(without.coefficients(J, 4996.5)) - full_table.coefficients(J, 4996.5)
+    nearest = np.array(full_table.coefficients(J, 6011.5)) - full_table.coefficients(J, 4996.5)
     assert np.max(np.abs(difference)) < 0.002
     assert np.sqrt(np.mean(difference**2)) < 0.5 * np.sqrt(np.mean(nearest**2)), "better than the next speed's row"
 

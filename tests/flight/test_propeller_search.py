@@ -203,8 +203,10 @@ def test_a_computed_table_is_as_uncertain_as_others_that_were_measured_too() -> 
     result, note = with_table_error(usual, (), computed)
     assert (result.thrust_scale_fraction, result.thrust_slope) == pytest.approx((0.17, 0.58), abs=0.01)
     assert replace(result, thrust_scale_fraction=0.018, thrust_slope=0.15) == usual and "17 %" in note
-    stated, note = with_table_error(usual, ("uncertainty.thrust_scale",), computed)
-    assert (stated.thrust_scale_fraction, stated.thrust_slope) == pytest.approx((0.018, 0.58), abs=0.01) and note
+    uncertainty, note = with_table_error(usual, ("uncertainty.thrust_scale",), computed)
+    assert (uncertainty.thrust_scale_fraction, uncertainty.thrust_slope) == pytest.approx(
+        (0.018, 0.58), abs=0.01
+    ) and note
     both = ("uncertainty.thrust_scale", "uncertainty.thrust_slope")
     for stated_keys, table in ((both, computed), ((), measured), ((), named("blade-16x10").propeller)):
         assert with_table_error(usual, stated_keys, table) == (usual, "")

@@ -50,8 +50,8 @@ def test_speed_that_is_held_at_either_end_is_no_part_of_the_change() -> None:
     assert (V[part.start], V[part.start + 1]) == (12.5, 13.0)  # 12.6 is 5 % more than the first speed
     assert V[part.stop - 1] == 20.5  # 20.4 is 5 % less than the last
     changing = [False, *(b != a for a, b in pairwise(V))]
-    whole = changing_part(V, changing)
-    assert (whole.start, whole.stop) == (10, 29)
+    change = changing_part(V, changing)
+    assert (change.start, change.stop) == (10, 29)
 
 
 @pytest.mark.parametrize(

@@ -70,6 +70,6 @@ def test_a_full_output_is_one_line(words: tuple[str, ...]) -> None:
 
 @pytest.mark.parametrize("columns", ["0", "-1", "wide"])
 def test_a_terminal_without_a_width_is_printed_on(columns: str) -> None:
-    given = {**os.environ, "COLUMNS": columns}
-    done = ended("sim", "trim", "--speed", "15", stdout=subprocess.PIPE, env=given)
+    environment = {**os.environ, "COLUMNS": columns}
+    done = ended("sim", "trim", "--speed", "15", stdout=subprocess.PIPE, env=environment)
     assert done.returncode == 0 and "P_req" in done.stdout and done.stderr == ""

@@ -189,10 +189,10 @@ def test_a_command_computes_in_one_thread_unless_the_user_asks_for_more(name: st
 
 @pytest.mark.parametrize("name", ["analyze", "flightpower analyze"])
 def test_the_report_keeps_the_command_as_it_was_typed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    kept: list[str] = []
+    command_lines: list[str] = []
 
     def analyze_log(log: Path, folder: Path, options: object, progress: object, command_line: str) -> None:
-        kept.append(command_line)
+        command_lines.append(command_line)
         raise InputError("no log")
 
     monkeypatch.setattr("flightpower.analysis.cli.analyze.analyze_log", analyze_log)
@@ -200,4 +200,4 @@ def test_the_report_keeps_the_command_as_it_was_typed(name: str, monkeypatch: py
     monkeypatch.setattr(sys, "argv", typed)
     with pytest.raises(SystemExit):
         getattr(scripts, typed[0])()
-    assert [shlex.split(command_line) for command_line in kept] == [typed]
+    assert [shlex.split(command_line) for command_line in command_lines] == [typed]

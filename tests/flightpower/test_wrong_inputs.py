@@ -403,7 +403,7 @@ def contents(folder: Path) -> dict[Path, bytes | None]:
 
 
 @pytest.fixture(scope="module")
-def given(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def input_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder, before = tmp_path_factory.mktemp("given"), Path.cwd()
     give(folder)
     yield folder
@@ -411,14 +411,14 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("line", WRONG)
-def test_wrong_input_is_one_line_and_changes_nothing(given: Path, line: str) -> None:
-    before = contents(given)
+def test_wrong_input_is_one_line_and_changes_nothing(input_folder: Path, line: str) -> None:
+    before = contents(input_folder)
     code, out, err = typed(line)
     assert code == ExitCode.BAD_INPUT, err
     assert err.count("\n") == 1 and err.endswith("\n"), err
     assert WRONG[line] in err
     assert out == ""
-    assert contents(given) == before
+    assert contents(input_folder) == before
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ def tray_with(kind, device, **sensor_truth):
     return clock, FakeTray(AnalyticSensorTruth(**sensor_truth), clock, 1, faults=faults)
 
 
-def at(clock, seconds):
+def advance(clock, seconds):
     clock.sleep_until_ns(round(seconds * 1e9))
 
 
@@ -37,7 +37,7 @@ def test_transfers_fail_while_it_lasts(kind, number, device):
     bus, address = tray.i2c("/dev/i2c-1"), ADDRESSES[device]
     seen = []
     for time_s in (1.9, 2.05, 2.95, 3.1):
-        at(clock, time_s)
+        advance(clock, time_s)
         seen.append(error_of(lambda: bus.read(address, 2)))
     assert seen == [None, number, number, None]
 
@@ -45,7 +45,7 @@ def test_transfers_fail_while_it_lasts(kind, number, device):
 def test_a_hanging_bus_hangs_for_all_and_costs_time():
     clock, tray = tray_with("timeout", "i2c")
     bus = tray.i2c("/dev/i2c-1")
-    at(clock, 2.1)
+    advance(clock, 2.1)
     for address in ADDRESSES.values():
         before_ns = clock.now_ns()
         assert error_of(lambda address=address: bus.read(address, 2)) == 110
@@ -55,11 +55,11 @@ def test_a_hanging_bus_hangs_for_all_and_costs_time():
 def test_after_a_brown_out_the_imu_is_at_its_defaults_and_hides_its_magnetometer():
     clock, tray = tray_with("brown_out", "imu")
     bus = tray.i2c("/dev/i2c-1")
-    at(clock, 1.0)
+    advance(clock, 1.0)
     bus.write(0x68, bytes([0x19, 4, 3]))
     bus.write(0x68, bytes([0x37, 2]))
     bus.write(0x0C, bytes([0x0A, 0x16]))
-    at(clock, 3.1)
+    advance(clock, 3.1)
     assert bus.write_read(0x68, bytes([0x19]), 2) == b"\x00\x00"
     assert error_of(lambda: bus.read(0x0C, 1)) == 121
     bus.write(0x68, bytes([0x37, 2]))
@@ -70,12 +70,12 @@ def test_bits_flip_in_about_as_many_bytes_as_asked_for():
     """600 bytes of a constant register at a rate of 0.2: 120, with a standard deviation of 10."""
     clock, tray = tray_with("bit_flips", "imu")
     bus = tray.i2c("/dev/i2c-1")
-    at(clock, 2.1)
+    advance(clock, 2.1)
     replies = [bus.write_read(0x68, bytes([0x75]), 1)[0] for _ in range(600)]
     wrong = [reply for reply in replies if reply != 0x71]
     assert 70 < len(wrong) < 170
     assert all((reply ^ 0x71).bit_count() == 1 for reply in wrong)
-    at(clock, 3.1)
+    advance(clock, 3.1)
     assert bus.write_read(0x68, bytes([0x75]), 1)[0] == 0x71
 
 
@@ -84,7 +84,7 @@ def test_a_stuck_value_repeats_the_last_good_one():
     bus = tray.i2c("/dev/i2c-1")
     replies = []
     for time_s in (1.5, 2.1, 2.9, 3.1):
-        at(clock, time_s)
+        advance(clock, time_s)
         replies.append(bus.read(0x28, 4))
     assert replies[0] == replies[1] == replies[2] != replies[3]
 
@@ -94,7 +94,7 @@ def test_a_stale_bridge_says_so():
     bus = tray.i2c("/dev/i2c-1")
     statuses = []
     for time_s in (1.5, 2.1, 2.5, 2.9, 3.1):
-        at(clock, time_s)
+        advance(clock, time_s)
         statuses.append(bus.read(0x36, 4)[0] >> 6)
     assert statuses == [0, 0, 2, 2, 0]  # the update at the instant it stopped had not been read
 
@@ -104,7 +104,7 @@ def test_a_latched_fault_ends_with_its_supply():
     bus = tray.i2c("/dev/i2c-1")
     statuses = []
     for time_s in (1.5, 2.1, 2.9, 3.1):
-        at(clock, time_s)
+        advance(clock, time_s)
         statuses.append(bus.read(0x46, 4)[0] >> 6)
     assert statuses == [0, 3, 3, 0]
 
@@ -114,7 +114,7 @@ def test_the_prom_is_damaged_for_a_while():
     bus = tray.i2c("/dev/i2c-1")
     valid = []
     for time_s in (1.5, 2.1, 3.1):
-        at(clock, time_s)
+        advance(clock, time_s)
         words = [int.from_bytes(bus.write_read(0x77, bytes([0xA0 + 2 * i]), 2), "big") for i in range(8)]
         valid.append(ms56xx.crc4([*words[:7], words[7] & 0xFF00]) == words[7] & 0xF)
     assert valid == [True, False, True]
@@ -122,7 +122,7 @@ def test_the_prom_is_damaged_for_a_while():
 
 def test_another_part_at_the_address_is_not_an_imu():
     clock, tray = tray_with("wrong_device", "imu")
-    at(clock, 2.1)
+    advance(clock, 2.1)
     assert tray.i2c("/dev/i2c-1").write_read(0x68, bytes([0x75]), 1)[0] not in (0x71, 0x73)
 
 
@@ -148,16 +148,16 @@ def test_an_unplugged_line_is_dead_until_opened_again():
     clock, tray = tray_with("unplugged", "autopilot")
     path = PORTS["autopilot"]
     port = tray.port(path, 57600)
-    at(clock, 1.0)
+    advance(clock, 1.0)
     assert port.read_available()
-    at(clock, 2.5)
+    advance(clock, 2.5)
     assert error_of(port.read_available) == 5
     with pytest.raises(FileNotFoundError):
         tray.port(path, 57600)
-    at(clock, 3.5)
+    advance(clock, 3.5)
     assert error_of(port.read_available) == 5
     again = tray.port(path, 57600)
-    at(clock, 4.0)
+    advance(clock, 4.0)
     assert again.read_available()
 
 
@@ -185,7 +185,7 @@ def test_the_same_seed_is_the_same_misfortune():
     replies = []
     for _ in range(2):
         clock, tray = tray_with("bit_flips", "alpha")
-        at(clock, 2.1)
+        advance(clock, 2.1)
         replies.append([tray.i2c("/dev/i2c-1").read(0x36, 4) for _ in range(50)])
     assert replies[0] == replies[1]
 

@@ -36,7 +36,7 @@ def parse(data):
 
     Listening begins and ends anywhere, so half a message at either end is left out.
     """
-    begins = [at for at in (data.find(b"\xb5\x62"), data.find(b"$G")) if at >= 0]
+    begins = [start for start in (data.find(b"\xb5\x62"), data.find(b"$G")) if start >= 0]
     stream = io.BytesIO(data[min(begins, default=0) :])
     reader = UBXReader(stream, protfilter=UBX_PROTOCOL | NMEA_PROTOCOL, quitonerror=2, validate=1)
     messages = []

@@ -117,8 +117,8 @@ def test_the_board_that_logged_is_known_by_a_hash_of_its_number(
 ) -> None:
     """The hash is equal in all flights of an installation, and differs between installations."""
     path, vehicles, another = tmp_path / name, [], draw(load_budget("none"), 1)
-    for drawn in (errors, of_installation(another, errors), another):
-        write(path, flight, FlightSensorTruth(flight, drawn), drawn, faults)
+    for sensor_errors in (errors, of_installation(another, errors), another):
+        write(path, flight, FlightSensorTruth(flight, sensor_errors), sensor_errors, faults)
         vehicles.append(read(path).vehicle)
     assert vehicles[0] == vehicles[1] != vehicles[2] and all(len(vehicle) == 8 for vehicle in vehicles)
 

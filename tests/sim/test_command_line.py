@@ -84,7 +84,7 @@ def test_a_flight_has_the_date_and_the_installation_s_errors_of_its_aircraft_fil
     """Flights of one installation share its errors without another option, and a campaign has days."""
     file = tmp_path / "named.toml"
     file.write_text(aircraft_text("nexstar")[0] + '[installation]\nname = "may"\n', "utf-8")
-    drawn = []
+    recorded_errors = []
     for seed in ("1", "2"):
         words = ("--aircraft", "named.toml", "--seed", seed, "--date", f"2026-05-0{seed}")
         assert sim("fly", "-o", seed, "--plan", "short.toml", "--no-hardware", *words)[0] == 0
@@ -92,8 +92,11 @@ def test_a_flight_has_the_date_and_the_installation_s_errors_of_its_aircraft_fil
         assert fix_of_log(log, first_ns(log)).unix_at_zero_s == pytest.approx(
             datetime(2026, 5, int(seed), 9, 30, tzinfo=UTC).timestamp(), abs=10.0
         )
-        drawn.append(read_truth(tmp_path / seed / "truth.parquet")[1]["errors"])
-    assert drawn[0]["imu_rotation"] == drawn[1]["imu_rotation"] and drawn[0]["accel_bias"] != drawn[1]["accel_bias"]
+        recorded_errors.append(read_truth(tmp_path / seed / "truth.parquet")[1]["errors"])
+    assert (
+        recorded_errors[0]["imu_rotation"] == recorded_errors[1]["imu_rotation"]
+        and recorded_errors[0]["accel_bias"] != recorded_errors[1]["accel_bias"]
+    )
 
 
 def test_another_probe_calibration_is_not_replaced_but_can_be_given(sim, tmp_path):
@@ -183,7 +186,7 @@ def test_the_true_errors_are_printed_by_axis_and_those_of_size_zero_are_not(sim,
     assert sim("fly", "--plan", "short.toml", "--no-hardware", "--seed", "3", "-o", "out")[0] == 0
     done = CliRunner().invoke(app, ["errors", str(tmp_path / "out")])
     printed = dict(line.split(" = ") for line in done.stdout.splitlines())
-    drawn = read_truth(tmp_path / "out" / "truth.parquet")[1]["errors"]
-    assert json.loads(printed["hard_iron_T"]) == drawn["hard_iron"] and len(drawn["hard_iron"]) == 3
-    assert float(printed["V_scale"]) == drawn["values"]["V_scale"] and "hard_iron" not in printed
-    assert drawn["values"]["updraft_mps"] == 0 and "updraft_mps" not in printed
+    recorded_errors = read_truth(tmp_path / "out" / "truth.parquet")[1]["errors"]
+    assert json.loads(printed["hard_iron_T"]) == recorded_errors["hard_iron"] and len(recorded_errors["hard_iron"]) == 3
+    assert float(printed["V_scale"]) == recorded_errors["values"]["V_scale"] and "hard_iron" not in printed
+    assert recorded_errors["values"]["updraft_mps"] == 0 and "updraft_mps" not in printed

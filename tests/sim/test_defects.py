@@ -157,8 +157,8 @@ def test_static_ports_near_the_wing_err_in_proportion_to_lift():
 
 
 def test_a_leaking_line_loses_its_share_of_the_pressure(flight, sensed, t):
-    whole, leaking = (sensed(airspeed_leak=leak).differential_pressure_Pa("airspeed", t) for leak in (0.0, 0.1))
-    assert leaking == pytest.approx(0.9 * whole, rel=0.01)
+    tight, leaking = (sensed(airspeed_leak=leak).differential_pressure_Pa("airspeed", t) for leak in (0.0, 0.1))
+    assert leaking == pytest.approx(0.9 * tight, rel=0.01)
     for which in ("alpha", "beta"):
         assert np.array_equal(
             sensed(airspeed_leak=0.1).differential_pressure_Pa(which, t), sensed().differential_pressure_Pa(which, t)

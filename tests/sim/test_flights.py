@@ -199,10 +199,10 @@ def test_a_sluggish_pilot_holds_height_worse_than_a_good_one(nexstar):
 
 def test_the_errors_of_the_day_change_the_aircraft_that_flies(nexstar):
     text = AIRBORNE_HEAD + '[[segment]]\nkind = "hold"\nduration = "6 s"\n'
-    drawn = draw(load_budget("harsh"), 3)
-    flight = fly_text(nexstar, text, deviations=drawn.deviations)
+    errors = draw(load_budget("harsh"), 3)
+    flight = fly_text(nexstar, text, deviations=errors.deviations)
     plain = fly_text(nexstar, text)
-    assert flight.plant.mass_kg == pytest.approx(plain.plant.mass_kg * (1 + drawn.values.weight_scale))
+    assert flight.plant.mass_kg == pytest.approx(plain.plant.mass_kg * (1 + errors.values.weight_scale))
     assert flight.power_required["weight_N"].iloc[0] == pytest.approx(flight.plant.mass_kg * 9.80665)
     # The truth to find is of the aircraft that flew, heavier or lighter and with its own polar.
     assert not np.allclose(flight.power_required["power_W"], plain.power_required["power_W"], rtol=1e-4)

@@ -92,8 +92,8 @@ def test_coefficients_that_the_file_has_are_kept_and_the_others_are_the_model_s(
     assert aerodynamics_of(own).CD0 == 0.03
     listed = [line.removeprefix("#   ") for line in own.text.splitlines()]
     assert "aerodynamics.Cma" in listed and "aerodynamics.CD0" not in listed
-    given = scaled_from(f"{SMALL}[aerodynamics]\nK = 0.05\n", "own.toml", model)
-    assert aerodynamics_of(given).K == 0.05 and "Induced drag" not in given.text
+    scaled = scaled_from(f"{SMALL}[aerodynamics]\nK = 0.05\n", "own.toml", model)
+    assert aerodynamics_of(scaled).K == 0.05 and "Induced drag" not in scaled.text
 
 
 @pytest.mark.parametrize("text", [SMALL, LARGE], ids=["small", "large"])
@@ -111,9 +111,9 @@ def test_what_the_file_says_is_kept_and_the_rest_is_listed(model):
     listed = {line.removeprefix("#   ") for line in own.text.splitlines() if line.startswith("#   ")}
     assert {"mass.Ix", "elevator", "aerodynamics.CLa", "propulsion.battery_energy"} <= listed
     assert not {"propulsion.pole_pairs", "propulsion.propeller", "mass.weight"} & listed
-    known = parse_aircraft(own.text, "own.toml")
-    assert known.aerodynamics == {} or known.aerodynamics is None
-    assert known.mass.Ix_kgm2 is None
+    own_aircraft = parse_aircraft(own.text, "own.toml")
+    assert own_aircraft.aerodynamics == {} or own_aircraft.aerodynamics is None
+    assert own_aircraft.mass.Ix_kgm2 is None
 
 
 def test_the_log_of_an_installation_has_its_name(model):

@@ -90,9 +90,9 @@ def test_a_folding_propeller_neither_brakes_nor_drives(propulsion, propeller):
     """Beyond zero thrust a windmill pulls back and drives the motor; a folded propeller drags a hundredth of that, and
     the motor runs down by its own friction."""
     V, n = 20.0, 40.0
-    at = dict(V=V, n=n, throttle=0.0, rho=RHO)
-    windmill = power_train(propulsion, propeller, **at)
-    folded = power_train(propulsion, propeller.with_beyond_zero_thrust("fold"), **at)
+    condition = dict(V=V, n=n, throttle=0.0, rho=RHO)
+    windmill = power_train(propulsion, propeller, **condition)
+    folded = power_train(propulsion, propeller.with_beyond_zero_thrust("fold"), **condition)
     assert windmill.thrust_N < -1.0 and windmill.shaft_power_W < 0
     assert -0.05 < folded.thrust_N < 0
     assert folded.shaft_power_W == 0 and folded.propeller_torque_Nm == 0

@@ -51,8 +51,8 @@ def test_climbing_and_turning_flight_stays_what_it_was(trimmer, climb, bank_deg)
 
 def test_any_two_of_speed_climb_and_motor_give_the_same_trim(trimmer):
     first = trimmer.solve(V=17.0, climb=1.0).unknowns
-    for given in ({"V": 17.0, "motor": first.motor}, {"motor": first.motor, "climb": 1.0}):
-        again = trimmer.solve(start=first._replace(V=18.0, climb=0.0), **given).unknowns
+    for fixed in ({"V": 17.0, "motor": first.motor}, {"motor": first.motor, "climb": 1.0}):
+        again = trimmer.solve(start=first._replace(V=18.0, climb=0.0), **fixed).unknowns
         assert np.allclose(again, first, atol=1e-6)
 
 

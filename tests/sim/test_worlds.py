@@ -75,8 +75,8 @@ def test_every_world_differs_from_the_study(name):
 def test_the_aircraft_file_states_what_the_world_does(name):
     """All of its [uncertainty]; what the world does not state keeps its default."""
     world = load_world(name)
-    stated = parse_aircraft(world.aircraft_text(load_aircraft("nexstar").text), "aircraft.toml").uncertainty
-    assert astuple(stated) == pytest.approx(astuple(world.uncertainty), rel=1e-9)
+    uncertainty = parse_aircraft(world.aircraft_text(load_aircraft("nexstar").text), "aircraft.toml").uncertainty
+    assert astuple(uncertainty) == pytest.approx(astuple(world.uncertainty), rel=1e-9)
     assert load_world("study").uncertainty_section() == ""
 
 
@@ -84,8 +84,8 @@ def test_every_key_of_uncertainty_reaches_the_aircraft_file():
     doubled = Uncertainty(**{field.name: 2 * field.default + 0.25 for field in fields(Uncertainty)})
     world = replace(load_world("study"), uncertainty=doubled)
     for aircraft in ("nexstar", "light-1kg"):  # with a section [uncertainty] of its own, and without
-        stated = parse_aircraft(world.aircraft_text(load_aircraft(aircraft).text), "aircraft.toml").uncertainty
-        assert astuple(stated) == pytest.approx(astuple(doubled), rel=1e-9)
+        uncertainty = parse_aircraft(world.aircraft_text(load_aircraft(aircraft).text), "aircraft.toml").uncertainty
+        assert astuple(uncertainty) == pytest.approx(astuple(doubled), rel=1e-9)
 
 
 def test_what_an_aircraft_file_says_of_other_errors_stays():

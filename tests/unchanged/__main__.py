@@ -16,13 +16,13 @@ if __name__ == "__main__":
     parser.add_argument("cases", nargs="*", metavar="CASE", help="all, unless some are named")
     parser.add_argument("--exact", type=Path, metavar="FOLDER", help="write every number in full there")
     parser.add_argument("--compare", type=Path, nargs=2, metavar="FOLDER", help="two folders written by --exact")
-    given = parser.parse_args()
-    if given.compare:
-        changed = stored_values.compare(*given.compare)
+    arguments = parser.parse_args()
+    if arguments.compare:
+        changed = stored_values.compare(*arguments.compare)
         sys.exit("\n".join([*changed[:200], f"{len(changed)} values changed"]) if changed else 0)
-    for name in given.cases or CASES:
+    for name in arguments.cases or CASES:
         value = CASES[name]()
-        if given.exact:
-            stored_values.store_in_full(name, value, given.exact)
+        if arguments.exact:
+            stored_values.store_in_full(name, value, arguments.exact)
         else:
             stored_values.store(name, value)

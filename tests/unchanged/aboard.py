@@ -57,9 +57,9 @@ def monitored(log: Log, aircraft: Aircraft, probe: ProbeMaps | None, speed: floa
             continue
         if speed != 1.0 and finished.q_c_Pa is not None:
             finished = msgspec.structs.replace(finished, q_c_Pa=finished.q_c_Pa * speed**2)
-        at = motion.at(finished)
-        if at is not None:
-            moved.append(at._replace(drag=at.drag or (np.nan,) * 4))
+        motion_now = motion.at(finished)
+        if motion_now is not None:
+            moved.append(motion_now._replace(drag=motion_now.drag or (np.nan,) * 4))
         verdicts += monitor.add(finished)
     speeds = np.linspace(10.0, 24.0, 8)
     fields = ("t_s", "V", "height_m", "bank", "complete")
@@ -98,11 +98,11 @@ def telemetry() -> Contents:
         ticks=299, seconds=12.0, unix_ns=0,
     )  # fmt: skip
     contents: Contents = {"zero": zero}
-    for name, config, probe, known in (
+    for name, config, probe, system_id in (
         ("alone", TelemetryConfig(to="udp:127.0.0.1:14550"), probe_of(log), zero),
         ("with an autopilot", TelemetryConfig(to="udp:127.0.0.1:14550", vehicle=False), None, None),
     ):
-        encoder, parser = MavlinkEncoder(config, probe, known), mavlink.MAVLink(None)
+        encoder, parser = MavlinkEncoder(config, probe, system_id), mavlink.MAVLink(None)
         sent: dict[str, list[dict[str, object]]] = defaultdict(list)
         latest: dict[str, Sample] = {}
         for tick, samples in ticks_of(log):

@@ -161,13 +161,13 @@ def plans() -> Contents:
 def autopilot_logs() -> Contents:
     outcomes: dict[str, object] = {}
     log = flight("ordinary-flight", "--as", "ardupilot", "--seed", "3", "--errors", "study")
-    known = flight("ordinary-flight", "--as", "px4", "--log-faults", "pressure-offset,dropouts", "--errors", "study")
+    px4_log = flight("ordinary-flight", "--as", "px4", "--log-faults", "pressure-offset,dropouts", "--errors", "study")
     aircraft = ("--aircraft", "nexstar.toml", "--propeller", "apc-12x8e")
     with new_folder() as folder:
         run("flightpower", "new", "aircraft", "--like", "nexstar", "-o", "nexstar.toml")
         for name, content, options in (
             ("ardupilot.BIN", log, (*OPTIONS, "--battery-Wh", "74")),
-            ("px4.ulg", known, aircraft),
+            ("px4.ulg", px4_log, aircraft),
         ):
             (folder / name).write_bytes(content)
             outcomes[name] = run("analyze", name, "-o", f"of {name}", *options)
@@ -216,8 +216,10 @@ def own_aircraft() -> Contents:
             (folder / name).write_bytes(content)
         (folder / "log.mcap").write_bytes(demo_log())
         (folder / "my.toml").write_text(MY_AIRCRAFT, "utf-8")
-        whole = (folder / "nexstar.toml").read_text("utf-8")
-        (folder / "long.toml").write_text(whole.replace('"0.6 m"', '"1.2 m"').replace('"1.59 mm"', '"1.1 mm"'), "utf-8")
+        nexstar_text = (folder / "nexstar.toml").read_text("utf-8")
+        (folder / "long.toml").write_text(
+            nexstar_text.replace('"0.6 m"', '"1.2 m"').replace('"1.59 mm"', '"1.1 mm"'), "utf-8"
+        )
         files = ("--magnetometer", "magnetometer.json", "--transducers", "transducers.json")
         for name, options in (
             ("calibrated", ("--aircraft", "my.toml", *files, "--thrust-stand", "stand.json", "--battery-Wh", "74")),

@@ -275,10 +275,10 @@ def _waypoints(path: Path) -> Any:
 def _page(path: Path) -> dict[str, Any]:
     """What is drawn in the figures of a page, by name."""
     matches = FIGURE.findall(path.read_text("utf-8"))
-    return {"figures": {json.loads(name): {"drawn": _drawn(json.loads(data))} for name, data in matches}}
+    return {"figures": {json.loads(name): {"drawn": _trace_values(json.loads(data))} for name, data in matches}}
 
 
-def _drawn(traces: list[dict[str, Any]]) -> dict[str, Any]:
+def _trace_values(traces: list[dict[str, Any]]) -> dict[str, Any]:
     return {f"{i}": {axis: trace[axis] for axis in ("x", "y") if axis in trace} for i, trace in enumerate(traces)}
 
 

@@ -91,10 +91,10 @@ def _has_results(folder: Path) -> bool:
     return any(folder.rglob("results.json"))
 
 
-def find_logs(given: Sequence[str]) -> FoundLogs:
+def find_logs(arguments: Sequence[str]) -> FoundLogs:
     """Files as they are given; of a folder and of an address that is one, the logs in it and below, by their suffix."""
     listing = FoundLogs()
-    for argument in given:
+    for argument in arguments:
         try:
             if is_address(argument):
                 listed = _listed(argument)

@@ -53,7 +53,7 @@ class Work:
 class Monitor(Protocol):
     """Receives the progress of the jobs."""
 
-    def planned(self, jobs: int, kept: int) -> None: ...
+    def planned(self, jobs: int, completed: int) -> None: ...
 
     def step(self, name: str, step: str) -> None: ...
 
@@ -69,7 +69,7 @@ class Campaign:
     folders: list[Path] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    kept: int = 0  # folders that were complete before
+    completed: int = 0  # folders that were complete before
     processor_seconds: float = 0.0  # of all analyses
     peak_bytes: int = 0  # the most memory of a process
 
@@ -92,10 +92,10 @@ def run(
         load_ahead(work.preload)
     campaign = Campaign(failures=list(listing.failures))
     planned = {planned_job.job.name: planned_job for planned_job in _plan(listing.logs, output, work, jobs, campaign)}
-    campaign.kept = len(campaign.folders)
+    campaign.completed = len(campaign.folders)
     for failure in campaign.failures:
         monitor.failed(failure)
-    monitor.planned(len(planned), campaign.kept)
+    monitor.planned(len(planned), campaign.completed)
 
     def new_folder(name: str) -> Path:
         return partial_folder(output, name)
@@ -130,8 +130,8 @@ def _plan(logs: Sequence[Log], output: Path, work: Work, jobs: int, campaign: Ca
     """The jobs that are left. Folders that are complete, unreadable logs and repeated ones go into `campaign`."""
     by_digest: dict[str, Log] = {}
     earlier = records(output)
-    known = _known_digest(logs, earlier.values())
-    for log, digest in zip(logs, digests(logs, known, jobs), strict=True):
+    earlier_digest = _known_digest(logs, earlier.values())
+    for log, digest in zip(logs, digests(logs, earlier_digest, jobs), strict=True):
         if isinstance(digest, InputError):
             campaign.failures.append(str(digest))
         elif digest in by_digest:
@@ -206,7 +206,7 @@ def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[L
         with contextlib.suppress(OSError):
             sizes[log.stat().st_size if isinstance(log, Path) else log.size or 0] += 1
 
-    def known(log: Log) -> str | None:
+    def earlier_digest(log: Log) -> str | None:
         same_file = by_path.get(str(log.absolute() if isinstance(log, Path) else log))
         with contextlib.suppress(OSError):
             if (
@@ -217,16 +217,16 @@ def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[L
                 return same_file.digest
         return f"unread {log}" if isinstance(log, RemoteLog) and log.size and sizes[log.size] == 1 else None
 
-    return known
+    return earlier_digest
 
 
 def read_flights(folders: Sequence[Path]) -> list[Results]:
     """The results in flights' folders, `log` in them being the folder's name. Raises InputError for a damaged file."""
     flights = []
     for folder in folders:
-        whole = read_results(folder / RESULTS)
-        values = whole.autopilot_parameters  # of which a pool gives the mean
-        flights.append(structs.replace(without_details(whole), log=folder.name, autopilot_parameters=values))
+        content = read_results(folder / RESULTS)
+        values = content.autopilot_parameters  # of which a pool gives the mean
+        flights.append(structs.replace(without_details(content), log=folder.name, autopilot_parameters=values))
     return flights
 
 

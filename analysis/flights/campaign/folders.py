@@ -39,12 +39,12 @@ def digest(path: Path) -> str:
         raise InputError(f"{path}: cannot be read ({cause})") from None
 
 
-def digests(logs: Iterable[Log], known: Callable[[Log], str | None], jobs: int) -> list[str | InputError]:
+def digests(logs: Iterable[Log], earlier_digest: Callable[[Log], str | None], jobs: int) -> list[str | InputError]:
     """`digest` of each log, `jobs` at a time, where it is not known; the error where one cannot be read."""
 
     def digest_or_error(log: Log) -> str | InputError:
         try:
-            return known(log) or (digest(log) if isinstance(log, Path) else content_digest(log))
+            return earlier_digest(log) or (digest(log) if isinstance(log, Path) else content_digest(log))
         except InputError as error:
             return error
 
@@ -302,9 +302,9 @@ def exclusive(output: Path) -> Iterator[None]:
 def _mend(output: Path) -> None:
     """Remove what is not complete; put back a folder that was to be replaced, where its replacement is missing."""
     for replaced in output.glob(f".*{REPLACED}"):
-        whole = output / replaced.name[1 : -len(REPLACED)]
-        if not whole.exists():  # killed between the two renames
-            replaced.rename(whole)
+        complete = output / replaced.name[1 : -len(REPLACED)]
+        if not complete.exists():  # killed between the two renames
+            replaced.rename(complete)
     for suffix in (PARTIAL, REPLACED):
         for left in output.glob(f".*{suffix}"):
             shutil.rmtree(left, ignore_errors=True)

@@ -54,11 +54,11 @@ def most_probable(
 
     def derivative(x: Array) -> Array:
         """Numerical, of the residuals before they are whitened, which is then done to all columns at once."""
-        at, columns = residual(x), []
+        base, columns = residual(x), []
         for i in range(len(x)):
             moved = x.copy()
             moved[i] += ROOT_EPS * max(1.0, abs(x[i])) * (1.0 if x[i] >= 0 else -1.0)
-            columns.append((residual(moved) - at) / (moved[i] - x[i]))
+            columns.append((residual(moved) - base) / (moved[i] - x[i]))
         return np.concatenate([whitened(factor, np.stack(columns, axis=1)), np.diag(1 / sigma), rows])
 
     x_scale = np.where(np.isfinite(sigma), sigma, 1.0)

@@ -66,10 +66,10 @@ def flown_aircraft(
 
     Raises InputError, in one line, when a value is missing or the aspect ratio impossible.
     """
-    given = {"weight_N": weight_N, "wing_area_m2": wing_area_m2, "span_m": span_m}
-    values = {name: value for name, value in given.items() if value is not None}
+    options = {"weight_N": weight_N, "wing_area_m2": wing_area_m2, "span_m": span_m}
+    values = {name: value for name, value in options.items() if value is not None}
     if aircraft is None:
-        if len(values) < len(given):
+        if len(values) < len(options):
             raise InputError(
                 f"{log}: a log of an autopilot has no aircraft file in it; give"
                 ' --mass "9.4 kg" --wing-area "1.5 m^2" --span "4 m" of your aircraft, or --aircraft FILE'
@@ -195,10 +195,10 @@ def _estimate(
     slowest, fastest = (float(np.percentile(balance.V_mps, share)) for share in CURVE.percentiles)
     V = np.linspace(slowest, fastest, CURVES.points)
     power = level_power(V, p, conditions)
-    known = np.isfinite(power)
-    if known.sum() < 2:
+    finite = np.isfinite(power)
+    if finite.sum() < 2:
         raise InputError(f"{log}: the flight does not determine the power of level flight at any speed flown")
-    V = V[known]
+    V = V[finite]
     if airspeed.mean_wind_covariance is not None:
         wind_sigma_mps = float(np.sqrt(np.max(np.linalg.eigvalsh(airspeed.mean_wind_covariance))))
         if wind_sigma_mps > GPS.known_wind * slowest:
@@ -210,9 +210,9 @@ def _estimate(
     gradient = parameters.gradient(partial(level_power, V))
     power_W = parameters.quantity(partial(level_power, V), gradient)
     level = level_power(balance.V_mps, p, conditions)
-    at = Condition(weight_N, rho, wing_area_m2)
+    condition = Condition(weight_N, rho, wing_area_m2)
     return ElectricalEstimate(
-        Curve(kind=Kind.ELECTRICAL, condition=at, V_mps=V, power_W=power_W, idle_W=conditions.idle_power_W),
+        Curve(kind=Kind.ELECTRICAL, condition=condition, V_mps=V, power_W=power_W, idle_W=conditions.idle_power_W),
         parameters,
         _among_flights(power_W, gradient, parameters, _prior(balance, span_m), airspeed),
         airspeed,

@@ -103,10 +103,10 @@ def drag_estimate(
     c, airspeed = electrical.conditions, electrical.airspeed
     samples = samples_of(flight, airspeed.scale, airspeed.zero_Pa, airspeed.wind)
     if samples.motor_revps is not None:
-        known = np.isfinite(samples.motor_revps)
+        finite = np.isfinite(samples.motor_revps)
         if measured:
             samples = samples._replace(
-                motor_revps=np.interp(samples.t_s, samples.t_s[known], samples.motor_revps[known])
+                motor_revps=np.interp(samples.t_s, samples.t_s[finite], samples.motor_revps[finite])
             )
     balance = ThrustBalance(samples, c, propeller, None if measured else motor, most_windows)
     powered = balance.motor_W() > 0.2 * np.percentile(balance.motor_W(), 95)
@@ -128,13 +128,13 @@ def drag_estimate(
     )
     V = electrical.V_mps
 
-    def required(p: NamedValues, given: FlightConditions) -> Array:
-        return drag_power(V, 1.0, 0.0, QuarticPolar.of(p), given)
+    def required(p: NamedValues, conditions: FlightConditions) -> Array:
+        return drag_power(V, 1.0, 0.0, QuarticPolar.of(p), conditions)
 
-    def shaft(p: NamedValues, given: FlightConditions) -> Array:
+    def shaft(p: NamedValues, conditions: FlightConditions) -> Array:
         correction = {name: p[name] for name in THRUST_ERRORS}
-        revps = revps_for_thrust(propeller, V, required(p, given) / V, given.rho, **correction)
-        _, shaft_W = propeller.thrust_and_power(V, revps, given.rho)
+        revps = revps_for_thrust(propeller, V, required(p, conditions) / V, conditions.rho, **correction)
+        _, shaft_W = propeller.thrust_and_power(V, revps, conditions.rho)
         return np.asarray(shaft_W)
 
     power, shaft_power = (parameters.quantity(quantity) for quantity in (required, shaft))

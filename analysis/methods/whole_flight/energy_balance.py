@@ -248,15 +248,15 @@ class EnergyBalance:
         return (*DRAG, *efficiency, *LIFT, *(() if self.samples.ground is None else WIND))
 
     def residual(
-        self, parameters: Array, samples: Samples | None = None, given: FlightConditions | None = None
+        self, parameters: Array, samples: Samples | None = None, conditions: FlightConditions | None = None
     ) -> Array:
         """Useful power less that of drag and of the change of energy, mean of each window (n,) [W]; then, where the
         accelerometer shows it, the change of energy less the power of the force along the path: (2 n,) together.
 
-        samples, given: perturbed ones, for the effect of an error.
+        samples, conditions: perturbed ones, for the effect of an error.
         """
-        c, p = given or self.conditions, unpack(self.names, parameters)
-        perturbed = samples is not None or given is not None
+        c, p = conditions or self.conditions, unpack(self.names, parameters)
+        perturbed = samples is not None or conditions is not None
         powers = self._powers(samples or self.samples, c) if perturbed else self._nominal
         s, gusts_W = powers.samples(p), powers.gusts_W(p)
         energy = c.mass_kg * (g * s.height_m + s.V_mps**2 / 2)
@@ -267,9 +267,9 @@ class EnergyBalance:
             return np.asarray(of_drag)
         return np.concatenate([of_drag, change - self._mean(powers.along_path_W(p) - gusts_W)])
 
-    def _powers(self, given: Samples, c: FlightConditions) -> "_Powers":
+    def _powers(self, original: Samples, c: FlightConditions) -> "_Powers":
         """The terms of the balance with these samples and conditions, as functions of the parameters."""
-        samples = Kept(partial(_with_airspeed, given))
+        samples = Kept(partial(_with_airspeed, original))
         useful = Kept(lambda p: self._useful(p, samples(p), c))
         return _Powers(
             samples,
@@ -384,8 +384,8 @@ def level_power(V: Array, p: NamedValues, c: FlightConditions) -> Array:
     surplus = thrust_power_W - drag_W[:, None]
     enough = surplus >= 0
     first = np.maximum(np.argmax(enough, axis=1), 1)
-    at = np.arange(len(V))
-    low, high = surplus[at, first - 1], surplus[at, first]
+    rows = np.arange(len(V))
+    low, high = surplus[rows, first - 1], surplus[rows, first]
     share = low / (low - high)
     power_W = motor[first - 1] + share * (motor[first] - motor[first - 1])
     return np.where(enough.any(axis=1), power_W + c.idle_power_W, np.nan)

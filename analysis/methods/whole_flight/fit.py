@@ -174,11 +174,11 @@ def most_probable_fit(
     covariance = np.asarray(np.linalg.inv(information), dtype=float)
     by_residual = solve_triangular(factor, jacobian[: len(residual)], lower=True, trans="T", check_finite=False)
     gain = -covariance @ by_residual.T
-    known = np.where(np.isfinite(sigma), sigma, 1.0)
+    finite = np.where(np.isfinite(sigma), sigma, 1.0)
     evidence = (
         float(np.sum(whitened(factor, residual) ** 2) + np.sum(((parameters - mean) / sigma) ** 2))
         + 2 * float(np.sum(np.log(np.diag(factor))))
-        + float(np.linalg.slogdet(information * np.outer(known, known))[1])
+        + float(np.linalg.slogdet(information * np.outer(finite, finite))[1])
     )
     return Fit(parameters, covariance, gain, residual[:n], gust_mps, gust_s, evidence)
 
@@ -287,8 +287,8 @@ def estimate_of(
     c = balance.conditions
     nominal = balance.residual(fit.parameters)
 
-    def error(samples: Samples, given: FlightConditions) -> SharedError:
-        return SharedError(fit.gain @ (balance.residual(fit.parameters, samples, given) - nominal), given)
+    def error(samples: Samples, conditions: FlightConditions) -> SharedError:
+        return SharedError(fit.gain @ (balance.residual(fit.parameters, samples, conditions) - nominal), conditions)
 
     shared: dict[Source, SharedError] = {}
     if airspeed.wind is None:

@@ -142,9 +142,9 @@ def flight_table(
 
 
 def _why_too_short(columns: Mapping[str, Array], moving: BoolArray, left_out_s: Sequence[Stretch]) -> str:
-    known = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
-    in_air_s, known_s = (float(rows.sum()) * FLIGHT.step_s for rows in (moving, moving & known))
-    lasting_s = max(((rows.stop - rows.start) * FLIGHT.step_s for rows in stretches(moving & known)), default=0.0)
+    finite = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
+    in_air_s, known_s = (float(rows.sum()) * FLIGHT.step_s for rows in (moving, moving & finite))
+    lasting_s = max(((rows.stop - rows.start) * FLIGHT.step_s for rows in stretches(moving & finite)), default=0.0)
     if left_out_s:
         cause = f"what is left of {in_air_s:.0f} s in the air, without the stretches left out by hand, is too short"
     elif known_s < FLIGHT.shortest_flight_s or lasting_s > 0.9 * in_air_s:
@@ -231,11 +231,11 @@ def require_length(flight: FlightRecording) -> None:
     columns = _columns(flight, _grid(flight))
     speed_mps, static_Pa = _ground_speed(columns), columns["static_Pa"]
     airspeed = columns["pressure_Pa"] if recording.AIRSPEED_PRESSURE in flight.channels else speed_mps
-    known = np.isfinite(airspeed + static_Pa + columns["power_W"])
+    finite = np.isfinite(airspeed + static_Pa + columns["power_W"])
     height_m = np.asarray(height_at(static_Pa))
-    lowest_m = float(np.min(height_m, where=known & np.isfinite(height_m), initial=np.inf))
+    lowest_m = float(np.min(height_m, where=finite & np.isfinite(height_m), initial=np.inf))
     moved = (height_m - lowest_m > FLIGHT.clear_of_ground_m) | (speed_mps > 2 * FLIGHT.standing_mps)
-    flown_s = float((known & moved).sum()) * FLIGHT.step_s
+    flown_s = float((finite & moved).sum()) * FLIGHT.step_s
     if flown_s < FLIGHT.shortest_flight_s:
         raise InputError(
             f"{flight.path}: too short a flight in this log: airspeed, height and battery for {flown_s:.0f} s in the"
@@ -384,8 +384,8 @@ def _airborne(
     left_out: BoolArray | bool = False,
 ) -> list[slice]:
     """Stretches clear of the ground in which everything needed was measured. left_out : rows (n,), by hand"""
-    known = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
-    flying = moving & ~np.asarray(left_out) & known & (columns["pressure_Pa"] > least_Pa)
+    finite = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
+    flying = moving & ~np.asarray(left_out) & finite & (columns["pressure_Pa"] > least_Pa)
     ground = _ground_height(columns["height_m"], standing)
     if ground is not None:
         flying &= columns["height_m"] - ground > FLIGHT.clear_of_ground_m
@@ -444,10 +444,10 @@ def meter(columns: Mapping[str, Array], moving: BoolArray) -> Meter:
     whatever the airspeed; a channel of throttle that power contradicts is another's, or was not in control.
     """
     throttle, power = columns[recording.THROTTLE], columns["power_W"]
-    known = moving & np.isfinite(throttle + power)
-    if not known.any():
+    finite = moving & np.isfinite(throttle + power)
+    if not finite.any():
         return Meter.UNCHECKED
-    throttle, power = throttle[known], power[known]
+    throttle, power = throttle[finite], power[finite]
     if np.std(throttle) <= 0.1 * np.mean(throttle):  # what varies power then is the airspeed
         return Meter.UNCHECKED
     # More than half of the variance: 0.7 to 0.97 in simulated flights and in SITL.

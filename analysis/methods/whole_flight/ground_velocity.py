@@ -46,8 +46,8 @@ class GroundVelocity(NamedTuple):
 def ground_velocity(table: pd.DataFrame, flown: NDArray[np.bool_], first_wind_mps: Array) -> GroundVelocity:
     """Ground velocity of all samples of a `FlightTable`. GPS reports the velocity GPS.latency_s late."""
     t_s = table.index.to_numpy()
-    known = table[list(recording.GPS)].notna().all(axis=1).to_numpy()
-    north, east, down = (np.interp(t_s + GPS.latency_s, t_s[known], table[name][known]) for name in recording.GPS)
+    finite = table[list(recording.GPS)].notna().all(axis=1).to_numpy()
+    north, east, down = (np.interp(t_s + GPS.latency_s, t_s[finite], table[name][finite]) for name in recording.GPS)
     factor, elapsed_s = table["wind_factor"].to_numpy(), t_s - t_s[flown].mean()
     return GroundVelocity(north, east, down, factor, elapsed_s, first_wind_mps)
 

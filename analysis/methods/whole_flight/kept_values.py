@@ -32,13 +32,13 @@ class Kept(Generic[T]):
 
     def __init__(self, function: Callable[[NamedValues], T]):
         self._function = function
-        self._known: list[tuple[dict[str, Any], T]] = []
+        self._entries: list[tuple[dict[str, Any], T]] = []
 
     def __call__(self, p: NamedValues) -> T:
-        for noted, value in self._known:
+        for noted, value in self._entries:
             if all(p[name] == last for name, last in noted.items()):  # p[name] also counts as read by a caller
                 return value
         seen = _Noted(p)
         value = self._function(seen)
-        self._known = [(seen.noted, value), *self._known[: len(seen.noted) + 1]]
+        self._entries = [(seen.noted, value), *self._entries[: len(seen.noted) + 1]]
         return value

@@ -84,8 +84,8 @@ def method_estimate(drag: DragEstimate) -> MethodEstimate:
     qS = c.rho * V**2 / 2 * c.wing_area_m2
     CL = c.mass_kg * g / qS
 
-    def polar(p: NamedValues, given: FlightConditions) -> Array:
-        CD = drag_power(V, 1.0, 0.0, QuarticPolar.of(p), given) / (qS * V)
+    def polar(p: NamedValues, conditions: FlightConditions) -> Array:
+        CD = drag_power(V, 1.0, 0.0, QuarticPolar.of(p), conditions) / (qS * V)
         return np.asarray(polyfit(CL, CD, 2))
 
     A = drag.parameters.quantity(polar)

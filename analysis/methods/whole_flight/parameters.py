@@ -84,5 +84,5 @@ def pack(names: Sequence[str], values: NamedValues | Mapping[str, float]) -> Arr
 
 def block(names: Sequence[str], covariance: NDArray[np.floating[Any]], chosen: Sequence[str]) -> Array:
     """The covariance (k, k) of some, `chosen` (k,), of the parameters with these names (m,)."""
-    at = [names.index(name) for name in chosen]
-    return np.asarray(covariance[np.ix_(at, at)], dtype=float)
+    index = [names.index(name) for name in chosen]
+    return np.asarray(covariance[np.ix_(index, index)], dtype=float)

@@ -59,8 +59,8 @@ def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEs
     )
     rows, airspeed = table.table, estimate.airspeed
     V = true_airspeed(rows["pressure_Pa"].to_numpy(), rows["rho"].to_numpy(), airspeed.scale, airspeed.zero_Pa)
-    known = table.flown & np.isfinite(true_V) & np.isfinite(V)
-    if not known.any():
+    finite = table.flown & np.isfinite(true_V) & np.isfinite(V)
+    if not finite.any():
         return None
     steady = _steady(true_V, true_height, table, estimate.conditions.mass_kg)
     at_V = np.array([np.mean(true_V[window]) for window in steady])
@@ -68,10 +68,10 @@ def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEs
     measured = np.array([np.mean(rows["power_W"].to_numpy()[window]) for window in steady])[inside]
     curve = np.interp(at_V[inside], estimate.V_mps, estimate.power_W) if inside.any() else measured
     # d ln V of the pitot's scale and zero, and of density where GPS does not show true airspeed.
-    of_pitot = np.array([1.0, 1 / (2 * np.mean(rows["pressure_Pa"].to_numpy()[known]))])
+    of_pitot = np.array([1.0, 1 / (2 * np.mean(rows["pressure_Pa"].to_numpy()[finite]))])
     sigma = np.hypot(np.sqrt(of_pitot @ airspeed.covariance @ of_pitot), (1 - airspeed.by_gps) * table.rho_sigma / 2)
     return SimulatedTruth(
-        float(np.mean(V[known]) / np.mean(true_V[known]) - 1),
+        float(np.mean(V[finite]) / np.mean(true_V[finite]) - 1),
         float(NORMAL_95 * sigma),
         int(inside.sum()),
         float(np.sum(curve) / np.sum(measured) - 1) if inside.any() else np.nan,

@@ -68,7 +68,7 @@ class ThrustBalance(EnergyBalance):
             samples = samples._replace(stretches=_powered(samples, conditions))
         super().__init__(samples, conditions, most_windows)
         self._propeller, self._motor = propeller, motor
-        self._known: tuple[Samples, FlightConditions, Array, Array] | None = None
+        self._cached: tuple[Samples, FlightConditions, Array, Array] | None = None
 
     def _names(self) -> tuple[str, ...]:
         return PARAMETERS
@@ -93,14 +93,14 @@ class ThrustBalance(EnergyBalance):
 
     def _thrust(self, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
         """Thrust by the table and advance ratio, (n,) each; they do not depend on the parameters."""
-        if self._known is None or self._known[0] is not s or self._known[1] is not c:
+        if self._cached is None or self._cached[0] is not s or self._cached[1] is not c:
             revps = self._revps(s, c)
             turning, n = np.clip(revps / INSTANCES.turning_revps, 0.0, 1.0), np.maximum(revps, INSTANCES.turning_revps)
             thrust_N, _ = self._propeller.thrust_and_power(s.V_mps, n, c.rho)
             standing_N = self._propeller.standing_thrust(s.V_mps, c.rho)
             J = np.minimum(s.V_mps / (n * self._propeller.diameter_m), THRUST.greatest_J)
-            self._known = (s, c, turning * thrust_N + (1 - turning) * standing_N, J)
-        return self._known[2], self._known[3]
+            self._cached = (s, c, turning * thrust_N + (1 - turning) * standing_N, J)
+        return self._cached[2], self._cached[3]
 
     def _revps(self, s: Samples, c: FlightConditions) -> Array:
         if self._motor is None:
@@ -115,9 +115,9 @@ class ThrustBalance(EnergyBalance):
             taken_W = np.maximum.accumulate(self._motor.electrical_W(shaft_W, revps))
             driven = max(int(np.argmax(taken_W > 0)) - 1, 0)  # the fastest that the air alone turns
             speeds[i] = np.interp(power_W, taken_W[driven:], revps[driven:])
-        at = np.clip(np.nan_to_num(s.V_mps) / (speed_mps[1] - speed_mps[0]), 0, len(speed_mps) - 1.001)
-        low, samples = at.astype(int), np.arange(len(power_W))
-        share = at - low
+        grid_place = np.clip(np.nan_to_num(s.V_mps) / (speed_mps[1] - speed_mps[0]), 0, len(speed_mps) - 1.001)
+        low, samples = grid_place.astype(int), np.arange(len(power_W))
+        share = grid_place - low
         return np.asarray((1 - share) * speeds[low, samples] + share * speeds[low + 1, samples])
 
 

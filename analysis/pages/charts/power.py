@@ -92,12 +92,12 @@ def _predicted(x: Array, y: Array, predicted: PredictedPolar) -> Line:
 def _continuation(results: Results, fastest: float) -> list[Mark]:
     """The curve from the fastest speed flown up to the highest level speed, dashed. There is none below the slowest."""
     top = results.use.available.maximum_speed_mps if results.use else None
-    polar, at, S = results.drag_polar, results.test, results.aircraft.wing_area_m2
+    polar, condition, S = results.drag_polar, results.test, results.aircraft.wing_area_m2
     if polar is None or top is None or top.value <= fastest:
         return []
     V = np.linspace(fastest, top.value, 15)
-    q = at.air_density_kgpm3 * V**2 / 2
-    CL = at.weight_N / (q * S)
+    q = condition.air_density_kgpm3 * V**2 / 2
+    CL = condition.weight_N / (q * S)
     power = q * S * V * (polar.A0 + polar.A1 * CL + polar.A2 * CL**2)
     return [Line(x=V, y=power, color=BLUE, width=3, dash=Dash.LONG, name=REQUIRED, value="{y:.1f} W, not flown")]
 
@@ -203,19 +203,19 @@ def every_method(results: Results, shown_first: int = 2) -> Figure:
 
     The legend has all; the curve and its cross-check, `shown_first`, are drawn until the reader asks for others.
     """
-    drawn = [method for method in listed_methods(results) if method.power_required]
+    methods = [method for method in listed_methods(results) if method.power_required]
     V, _, lo, hi = curve_arrays(results.power_required)
     figure = Figure(height_px=560, cursor=Cursor.NEAREST, legend_reversed=True, x=true_airspeed())
-    figure.add(band(V, (lo, hi), PALETTE[0], 0.25, name=capitalized_title(drawn[0])))
-    for i, method in reversed(list(enumerate(drawn))):  # the first one on top
+    figure.add(band(V, (lo, hi), PALETTE[0], 0.25, name=capitalized_title(methods[0])))
+    for i, method in reversed(list(enumerate(methods))):  # the first one on top
         color, title = PALETTE[i % len(PALETTE)], capitalized_title(method)
         symbol = None if i == 0 else SYMBOLS[i % len(SYMBOLS)]
         figure.add(*curve_lines(method.power_required, title, color, width=5 if i == 0 else 2.5, symbol=symbol))
         if i > 0:
-            figure.add(_interval_bars(method, color, (i - 0.5) / len(drawn)))
+            figure.add(_interval_bars(method, color, (i - 0.5) / len(methods)))
         if method.points:
             figure.add(measured_points(method, color, title))
-    visible = {capitalized_title(method) for method in drawn[:shown_first]}
+    visible = {capitalized_title(method) for method in methods[:shown_first]}
     for mark in figure.marks:
         mark.hidden = mark.name not in visible
     figure.y = Axis("power required", "W", limits=(0, 1.3 * float(np.max(hi))))
@@ -226,10 +226,10 @@ def _interval_bars(method: MethodResult, color: str, offset: float) -> Points:
     """The interval of a method at a few speeds. offset: 0 to 1, shifts the bars so that methods do not overlap."""
     V, P, lo, hi = curve_arrays(method.power_required)
     bars = 4  # more of each method would overlap
-    at = V[0] + (V[-1] - V[0]) * (np.arange(bars) + offset) / bars
-    value, low, high = (np.interp(at, V, values) for values in (P, lo, hi))
+    bar_speeds = V[0] + (V[-1] - V[0]) * (np.arange(bars) + offset) / bars
+    value, low, high = (np.interp(bar_speeds, V, values) for values in (P, lo, hi))
     ends = np.stack([low, high])
-    return Points(x=at, y=value, y_ends=ends, color=color, size=3, name=capitalized_title(method), value="")
+    return Points(x=bar_speeds, y=value, y_ends=ends, color=color, size=3, name=capitalized_title(method), value="")
 
 
 def run_by_run(results: Results) -> Figure:
@@ -242,13 +242,13 @@ def run_by_run(results: Results) -> Figure:
     kinds = (run.kind for run in results.runs if run.kind in LEVEL_RUNS)
     for kind, run in zip(kinds, results.one_by_one, strict=True):
         if run.power_required:
-            at, alone, _, _ = curve_arrays(run.power_required[::3])
-            percent = 100 * (alone / np.interp(at, V, P, left=np.nan, right=np.nan) - 1)
+            speeds, alone, _, _ = curve_arrays(run.power_required[::3])
+            percent = 100 * (alone / np.interp(speeds, V, P, left=np.nan, right=np.nan) - 1)
             for panel, values, value in ((1, alone, "{y:.1f} W"), (2, percent, "{y:+.1f} %")):
                 figure.add(
                     Line(
-                        panel=panel, x=at, y=values, name=kind, color=RUN_COLOR.get(kind, OTHER_RUN), label=run.title,
-                        value=value, run=run.title,
+                        panel=panel, x=speeds, y=values, name=kind, color=RUN_COLOR.get(kind, OTHER_RUN), 
+                        label=run.title, value=value, run=run.title,
                     )
                 )  # fmt: skip
     figure.zero_lines.add(2)

@@ -29,14 +29,14 @@ def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
     )
     scale = LAYOUT.room / max(farthest_m, 1.0)
 
-    def at(east_m: float, north_m: float) -> tuple[float, float]:
+    def point(east_m: float, north_m: float) -> tuple[float, float]:
         return LAYOUT.side / 2 + scale * east_m, LAYOUT.side / 2 - scale * north_m
 
     def reach(radii: Iterable[tuple[Direction, float]]) -> list[tuple[float, float]]:
-        return [at(r * sin(radians(leg.course_deg)), r * cos(radians(leg.course_deg))) for leg, r in radii]
+        return [point(r * sin(radians(leg.course_deg)), r * cos(radians(leg.course_deg))) for leg, r in radii]
 
     ring_m = round_length(farthest_m / 2)
-    x, y = at(0.0, 0.0)
+    x, y = point(0.0, 0.0)
     parts = [
         _polygon(
             reach((direction, direction.radius_m) for direction in result.directions),
@@ -46,7 +46,7 @@ def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
             reach((direction, direction.safe_radius_m) for direction in result.directions),
             f'stroke="{BLUE}" stroke-width="2"',
         ),
-        _line([at(place.east_m, place.north_m) for place in places], ORANGE),
+        _line([point(place.east_m, place.north_m) for place in places], ORANGE),
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="black"/>',
         _line([(40, LAYOUT.side - 30), (40 + scale * ring_m, LAYOUT.side - 30)], "black"),
         _text(40, LAYOUT.side - 38, f"{ring_m / 1000:g} km"),

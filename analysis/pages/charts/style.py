@@ -54,11 +54,11 @@ def thinned(x: Array, y: Array, points: int = 1000) -> tuple[Array, Array]:
     starts = np.linspace(0, len(x), points // 2 + 1).astype(int)[:-1]
     stretch = np.repeat(np.arange(len(starts)), np.diff(starts, append=len(x)))
     values = np.where(np.isfinite(y), y, np.nan)
-    kept = [starts[~np.logical_or.reduceat(np.isfinite(y), starts)]]
+    indices = [starts[~np.logical_or.reduceat(np.isfinite(y), starts)]]
     for extreme in (np.fmin, np.fmax):
-        (at,) = np.nonzero(values == extreme.reduceat(values, starts)[stretch])
-        kept.append(at[np.unique(stretch[at], return_index=True)[1]])
-    chosen = np.unique(np.concatenate(kept))
+        (index,) = np.nonzero(values == extreme.reduceat(values, starts)[stretch])
+        indices.append(index[np.unique(stretch[index], return_index=True)[1]])
+    chosen = np.unique(np.concatenate(indices))
     return x[chosen], y[chosen]
 
 

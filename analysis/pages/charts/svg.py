@@ -188,16 +188,16 @@ def _panel(figure: Figure, number: int, x: Scale, y: Scale) -> Iterator[str]:
     yield from _x_ticks(x, labels=last)
     for share, label in y.ticks(6):
         line = '<line x2="100%"/>' if y.axis.grid else ""
-        yield f'<svg class="tick y{_given(y)}" y="{100 * (1 - share):.2f}%">{line}{_text(label, -8, 5, "end")}</svg>'
+        yield f'<svg class="tick y{_value_class(y)}" y="{100 * (1 - share):.2f}%">{line}{_text(label, -8, 5, "end")}</svg>'
     yield f'<svg class="drawn" viewBox="0 0 {UNITS} {UNITS}" preserveAspectRatio="none">'
     yield from (_shade(shade, x) for shade in figure.shades)
     if number in figure.zero_lines:
-        at = UNITS * (1 - float(y.share(np.array(0.0))))
-        yield f'<path class="zero" d="M-1e6 {at:.0f}H1e6"/>'
+        zero_y = UNITS * (1 - float(y.share(np.array(0.0))))
+        yield f'<path class="zero" d="M-1e6 {zero_y:.0f}H1e6"/>'
     if figure.zero_column:
         yield f'<path class="zero" d="M{UNITS * float(x.share(np.array(0.0))):.0f} 0V{UNITS}"/>'
     for mark in marks:
-        yield from _drawn(mark, x, y)
+        yield from _mark_elements(mark, x, y)
     yield '</svg><svg class="placed">'
     for mark in marks:
         yield from _placed(mark, x, y)
@@ -218,10 +218,10 @@ def _x_ticks(x: Scale, *, labels: bool) -> Iterator[str]:
         line = '<line y2="100%"/>' if x.axis.grid else ""
         text = f'<svg y="100%">{_text(label, 0, 20, "middle")}</svg>' if labels else ""
         rare = " rare" if len(ticks) > 7 and i % 2 and x.axis.grid else ""
-        yield f'<svg class="tick x{_given(x)}{rare}" x="{100 * share:.2f}%">{line}{text}</svg>'
+        yield f'<svg class="tick x{_value_class(x)}{rare}" x="{100 * share:.2f}%">{line}{text}</svg>'
 
 
-def _given(scale: Scale) -> str:
+def _value_class(scale: Scale) -> str:
     """Attributes of ticks that stay as they are when the reader zooms."""
     return " given" if scale.axis.ticks is not None else ""
 
@@ -251,7 +251,7 @@ def _ink(color: str) -> str:
     return f"var({color_variable(color)})"
 
 
-def _drawn(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
+def _mark_elements(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
     """What stretches with the panel."""
     about = _about(mark, y)
     if isinstance(mark, Bars):
@@ -275,9 +275,9 @@ def _drawn(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
             yield from _error_bars(mark, x, y)
 
 
-def _dots(mark: Points, color: str, at: tuple[Array, Array], chosen: Array, y: Scale) -> Iterator[str]:
+def _dots(mark: Points, color: str, places: tuple[Array, Array], chosen: Array, y: Scale) -> Iterator[str]:
     """Points of one color: strokes without length, round; those with another outline are placed apart."""
-    X, Y = (values[chosen] for values in at)
+    X, Y = (values[chosen] for values in places)
     d = path(X, Y, dots=True)
     part = Points(**{**vars(mark), "z": None if mark.z is None else np.ravel(mark.z)[chosen]})
     about, look = _about(part, y), f'class="dots" stroke="{_ink(color)}"'
@@ -309,15 +309,15 @@ def path(x: Array, y: Array, *, dots: bool = False) -> str:
         if not np.isfinite(one_x + one_y):
             before = before if dots else None
             continue
-        at = round(one_x), round(one_y)
+        start_point = round(one_x), round(one_y)
         if before is None:
-            parts.append(f"M{at[0]} {at[1]}{'z' if dots else 'l'}")
+            parts.append(f"M{start_point[0]} {start_point[1]}{'z' if dots else 'l'}")
         else:
-            dx, dy = at[0] - before[0], at[1] - before[1]
+            dx, dy = start_point[0] - before[0], start_point[1] - before[1]
             parts.append(
                 f"{'m' if dots else '' if dx < 0 else ' '}{dx}{'' if dy < 0 else ' '}{dy}{'z' if dots else ''}"
             )
-        before = at
+        before = start_point
     return "".join(parts).replace("l ", "l").replace("lM", "M").removesuffix("l")
 
 
@@ -383,23 +383,23 @@ def _placed(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
     about = _names(mark)
     off = " off" if mark.hidden else ""
 
-    def at(i: int, content: str) -> str:
+    def placed(i: int, content: str) -> str:
         X, Y = 100 * float(x.share(mark.x[i])), 100 * (1 - float(y.share(mark.y[i])))
         return f'<svg{about} class="at{off}" x="{X:.2f}%" y="{Y:.2f}%">{content}</svg>' if np.isfinite(X + Y) else ""
 
     if isinstance(mark, Line) and mark.symbol:
         (seen,) = np.nonzero(np.isfinite(mark.x + mark.y))
         for i in seen[np.unique(np.linspace(0, len(seen) - 1, min(len(seen), mark.symbols)).round().astype(int))]:
-            yield at(int(i), symbol(mark.symbol, mark.color, 5.5))
+            yield placed(int(i), symbol(mark.symbol, mark.color, 5.5))
     if isinstance(mark, Line) and mark.arrow:
         angle = float(np.degrees(np.arctan2(mark.y[-2] - mark.y[-1], mark.x[-1] - mark.x[-2])))  # y of the page is down
-        yield at(
+        yield placed(
             len(mark.x) - 1, f'<path transform="rotate({angle:.1f})" d="M6 0L-10 7V-7Z" fill="{_ink(mark.color)}"/>'
         )
     if isinstance(mark, Points) and (mark.symbols or mark.symbol is not Symbol.CIRCLE):
         for i in range(len(mark.x)):
             outline = mark.symbols[i] if mark.symbols else mark.symbol
-            yield at(i, symbol(outline, mark.colors[i] if mark.colors else mark.color, mark.size / 2))
+            yield placed(i, symbol(outline, mark.colors[i] if mark.colors else mark.color, mark.size / 2))
     if isinstance(mark, Bars):
         middle_x, middle_y = (ends.mean(axis=0) for ends in _corners(mark))
         for X, Y, text in zip(x.share(middle_x), y.share(middle_y), mark.texts, strict=False):
@@ -420,27 +420,27 @@ def _entry(figure: Figure, name: str) -> str:
     lines = [mark for mark in marks if not isinstance(mark, Band)]
     shades = [shade for shade in figure.shades if shade.name == name]
     mark: Mark | Shade = lines[0] if lines else marks[0] if marks else shades[0]
-    ink, at = _ink(mark.color), '<g transform="translate(14 7)">'
+    ink, group_start = _ink(mark.color), '<g transform="translate(14 7)">'
     area = f'<rect x="6" y="1" width="16" height="12" fill="{ink}"'
     match mark:
         case Line():
             dash = f' stroke-dasharray="{mark.dash}"' if mark.dash else ""
-            drawn = f'<path d="M1 7H27" stroke="{ink}" stroke-width="{min(mark.width, 5):g}"{dash}/>'
-            drawn += f"{at}{symbol(mark.symbol, mark.color, 5)}</g>" if mark.symbol else ""
+            swatch = f'<path d="M1 7H27" stroke="{ink}" stroke-width="{min(mark.width, 5):g}"{dash}/>'
+            swatch += f"{group_start}{symbol(mark.symbol, mark.color, 5)}</g>" if mark.symbol else ""
         case Points():
-            drawn = f"{at}{symbol(mark.symbol, mark.color, min(mark.size / 2, 6))}</g>"
+            swatch = f"{group_start}{symbol(mark.symbol, mark.color, min(mark.size / 2, 6))}</g>"
             if mark.hollow:
-                drawn += f'{at}<circle r="{mark.size / 2 - 2.5:g}" fill="{_ink(PAPER)}"/></g>'
+                swatch += f'{group_start}<circle r="{mark.size / 2 - 2.5:g}" fill="{_ink(PAPER)}"/></g>'
         case Shade(outlined=True):
-            drawn = f'{area} fill-opacity="{mark.opacity:g}" stroke="{ink}" stroke-dasharray="3 3"/>'
+            swatch = f'{area} fill-opacity="{mark.opacity:g}" stroke="{ink}" stroke-dasharray="3 3"/>'
         case Band() | Shade():
-            drawn = f'{area} fill-opacity="{max(mark.opacity, 0.35):g}"/>'
+            swatch = f'{area} fill-opacity="{max(mark.opacity, 0.35):g}"/>'
         case _:
-            drawn = f"{area}/>"
+            swatch = f"{area}/>"
     hidden = bool(marks) and all(mark.hidden for mark in marks)
     return (
         f'<button type="button" data-entry="{escape(name)}" aria-pressed="{"false" if hidden else "true"}">'
-        f'<svg class="swatch" width="28" height="14" aria-hidden="true">{drawn}</svg>{escape(name)}</button>'
+        f'<svg class="swatch" width="28" height="14" aria-hidden="true">{swatch}</svg>{escape(name)}</button>'
     )
 
 

@@ -60,10 +60,10 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
     variance[:, QUANTITIES.index("thrust_N") :] += _by_thrust_table(nominal, f, aircraft)
     # At less dynamic pressure an airspeed is noise.
     qbar_Pa = f["rho"].to_numpy() * nominal[:, 1] ** 2 / 2
-    known = np.repeat(qbar_Pa[:, None] > AIRCRAFT_SIZE.least_flying_Pa, len(QUANTITIES), axis=1)
-    known[:, QUANTITIES.index("C_L") :] &= trajectory.block_means.flying[:, None]
-    columns = dict(zip(QUANTITIES, np.where(known, nominal, np.nan).T, strict=True))
-    spread = np.where(known, np.sqrt(variance), np.nan)
+    defined = np.repeat(qbar_Pa[:, None] > AIRCRAFT_SIZE.least_flying_Pa, len(QUANTITIES), axis=1)
+    defined[:, QUANTITIES.index("C_L") :] &= trajectory.block_means.flying[:, None]
+    columns = dict(zip(QUANTITIES, np.where(defined, nominal, np.nan).T, strict=True))
+    spread = np.where(defined, np.sqrt(variance), np.nan)
     columns |= {f"{name}{ERROR}": column for name, column in zip(QUANTITIES, spread.T, strict=True)}
     index = pd.Index(flight_forces.t_s, name="t_s")
     return pd.DataFrame({name: columns[name] for q in QUANTITIES for name in (q, f"{q}{ERROR}")}, index=index)
@@ -155,9 +155,9 @@ def _write_location(writer: Writer, log: Log) -> None:
     for time_ns, (latitude, longitude, height, across, up) in zip(
         times_ns(gps)[usable].tolist(), fields[usable].tolist(), strict=True
     ):
-        known = np.isfinite(across) and np.isfinite(up)
+        finite = np.isfinite(across) and np.isfinite(up)
         # The accuracy is that of both horizontal directions together.
-        diagonal = [across**2 / 2, across**2 / 2, up**2] if known else [0.0] * 3
+        diagonal = [across**2 / 2, across**2 / 2, up**2] if finite else [0.0] * 3
         fix = {
             "timestamp": {"sec": time_ns // 10**9, "nsec": time_ns % 10**9},
             "frame_id": "gps",
@@ -165,7 +165,7 @@ def _write_location(writer: Writer, log: Log) -> None:
             "longitude": longitude,
             "altitude": height,
             "position_covariance": np.diag(diagonal).ravel().tolist(),
-            "position_covariance_type": 2 if known else 0,
+            "position_covariance_type": 2 if finite else 0,
         }
         _add(writer, channel, time_ns, fix)
 

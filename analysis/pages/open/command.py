@@ -50,9 +50,9 @@ def open_page(
     for closing in ("SIGTERM", "SIGHUP"):  # the latter when the terminal closes, not on Windows
         if hasattr(signal, closing):
             signal.signal(getattr(signal, closing), lambda *_: sys.exit(0))
-    with _listening(port) as at, tempfile.TemporaryDirectory(prefix="flightpower-") as workspace:
+    with _listening(port) as server_socket, tempfile.TemporaryDirectory(prefix="flightpower-") as workspace:
         token = secrets.token_urlsafe(24)
-        address = f"http://127.0.0.1:{at.getsockname()[1]}/{token}/" + (f"#{quote(first)}" if first else "")
+        address = f"http://127.0.0.1:{server_socket.getsockname()[1]}/{token}/" + (f"#{quote(first)}" if first else "")
         # Reading and importing both take most of a second.
         reading = beside(lambda: read_log(folder / first)) if first.endswith(".mcap") else None
         print(f"{address}\nThe page of {folder.resolve()} is open until Ctrl-C.", flush=True)
@@ -68,7 +68,7 @@ def open_page(
 
         opened = Folder(folder, Path(workspace), {first: reading} if reading else {})
         names = [first] if first else list(opened.logs())
-        serve(opened, at, token, names[0] if len(names) == 1 else "")
+        serve(opened, server_socket, token, names[0] if len(names) == 1 else "")
 
 
 def _listening(port: int) -> socket.socket:

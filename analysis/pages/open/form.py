@@ -199,10 +199,10 @@ def _is_list(key: str) -> bool:
     return entry is not None and isinstance(tomllib.loads(f"value = {entry.example}")["value"], list)
 
 
-def option_values(given: Mapping[str, str]) -> Json:
+def option_values(texts: Mapping[str, str]) -> Json:
     """Fields of `Options` from what was typed, by key. Raises FieldError for a value that cannot be used."""
     values: Json = {}
-    for key, text in given.items():
+    for key, text in texts.items():
         if key not in OPTIONS:
             raise InputError(f"{key[:60]!r}: not a value of the form")
         if not text.strip():

@@ -99,10 +99,10 @@ class OpenedFlight(ABC):
         folder = report_folder(self.path)
         self.curve(msgspec.structs.replace(values, method=""))  # what is wrong is reported before anything is written
         options = self._options(values, folder)
-        kept = [path.name for path in self._write_inputs(values, folder) if path]
+        backups = [path.name for path in self._write_inputs(values, folder) if path]
         done = analyze_log(self.path, folder, options, lambda _: None, self.command(values))
         self.__dict__.pop("shown", None)  # what is opened next begins with what was written
-        return {"said": _summary_lines(done), "kept": kept, "command": self.command(values)}
+        return {"said": _summary_lines(done), "kept": backups, "command": self.command(values)}
 
     def command(self, values: Values) -> str:
         """The command that gives the same files."""
@@ -121,11 +121,11 @@ def curve_json(curve: Curve) -> Json:
     }
 
 
-def condition_at(flown: Condition, at: tuple[float, float] | None) -> Condition:
+def condition_at(flown: Condition, weight_and_density: tuple[float, float] | None) -> Condition:
     """The condition flown at another mass and density. Raises InputError for one that nothing flies at."""
-    if at is None:
+    if weight_and_density is None:
         return flown
-    mass_kg, rho = at
+    mass_kg, rho = weight_and_density
     if not (0 < mass_kg < 1000 and 0 < rho < 2):
         raise InputError(f"mass {mass_kg:g} kg in air of {rho:g} kg/m³: no flight to compare at")
     return flown._replace(weight_N=mass_kg * GRAVITY_MPS2, rho=rho)
@@ -139,8 +139,8 @@ def columns(points: list[PowerPoint]) -> Json:
 
 def shares(variances: Mapping[Any, Any]) -> list[list[Any]]:
     """The share of each source of error in the variance."""
-    whole = sum(float(np.ravel(variance)[0]) for variance in variances.values())
-    return [[str(source), float(np.ravel(variance)[0]) / whole] for source, variance in variances.items()]
+    total = sum(float(np.ravel(variance)[0]) for variance in variances.values())
+    return [[str(source), float(np.ravel(variance)[0]) / total] for source, variance in variances.items()]
 
 
 def report_folder(log: Path) -> Path:

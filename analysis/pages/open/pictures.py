@@ -49,11 +49,11 @@ def strips(rows: Sequence[Row], channels: Mapping[str, Channel], events: Sequenc
     rows = [row for row in rows if np.isfinite(row[1]).any()]
     rows += [(channel.t_s, channel.value, Axis(name)) for name, channel in channels.items()]
     rows = [_between(row, end_s) for row in rows]
-    known = [row for row in rows if len(row[0])]
-    panels = len(known) + bool(events)
+    with_samples = [row for row in rows if len(row[0])]
+    panels = len(with_samples) + bool(events)
     if not panels:
         return ""
-    figure = over_time(known, LIMITS.points)
+    figure = over_time(with_samples, LIMITS.points)
     figure.panels, figure.height_px = panels, LIMITS.strip_px * panels + 60
     figure.x = Axis(time_axis().name, time_axis().unit, limits=(0.0, end_s))
     if events:
@@ -116,30 +116,30 @@ def rows_of_runs(table: pd.DataFrame) -> list[Row]:
 
 def rows_of_recording(flight: FlightRecording, start_s: float) -> list[Row]:
     """What an energy balance uses, as logged: indicated airspeed, speed over ground, height, power, throttle, motor."""
-    known = flight.channels
-    drawn: list[tuple[Channel, Axis]] = []
-    if (pitot := known.get(recording.AIRSPEED_PRESSURE)) is not None:
+    channels = flight.channels
+    rows: list[tuple[Channel, Axis]] = []
+    if (pitot := channels.get(recording.AIRSPEED_PRESSURE)) is not None:
         speed = np.sign(pitot.value) * np.sqrt(2 * np.abs(pitot.value) / SEA_LEVEL_DENSITY)
-        drawn.append((Channel(pitot.t_s, speed), Axis("indicated airspeed", "m/s")))
-    if known.keys() >= set(recording.GPS):
-        north, east = known[recording.GPS[0]], known[recording.GPS[1]]
+        rows.append((Channel(pitot.t_s, speed), Axis("indicated airspeed", "m/s")))
+    if channels.keys() >= set(recording.GPS):
+        north, east = channels[recording.GPS[0]], channels[recording.GPS[1]]
         over_ground = np.hypot(north.value, east.at(north.t_s))
-        drawn.append((Channel(north.t_s, over_ground), Axis("speed over ground", "m/s")))
-    if (static := known.get(recording.STATIC)) is not None:
+        rows.append((Channel(north.t_s, over_ground), Axis("speed over ground", "m/s")))
+    if (static := channels.get(recording.STATIC)) is not None:
         lowest_Pa = float(np.percentile(static.value, 99))
         height_m = np.asarray(height_at(static.value, ground_pressure_Pa=lowest_Pa, ground_temperature_K=288.15))
-        drawn.append((Channel(static.t_s, height_m), Axis("height", "m")))
-    if known.keys() >= {recording.VOLTAGE, recording.CURRENT}:
-        current = known[recording.CURRENT]
-        power_W = current.value * known[recording.VOLTAGE].at(current.t_s)
-        drawn.append((Channel(current.t_s, power_W), Axis("electrical power", "W")))
+        rows.append((Channel(static.t_s, height_m), Axis("height", "m")))
+    if channels.keys() >= {recording.VOLTAGE, recording.CURRENT}:
+        current = channels[recording.CURRENT]
+        power_W = current.value * channels[recording.VOLTAGE].at(current.t_s)
+        rows.append((Channel(current.t_s, power_W), Axis("electrical power", "W")))
     for name, factor, axis in (
         (recording.THROTTLE, 100, Axis("throttle", "%")),
         (recording.MOTOR, 60, Axis("motor", "rpm")),
     ):
-        if name in known:
-            drawn.append((Channel(known[name].t_s, factor * known[name].value), axis))
-    return [(channel.t_s - start_s, channel.value, axis) for channel, axis in drawn]
+        if name in channels:
+            rows.append((Channel(channels[name].t_s, factor * channels[name].value), axis))
+    return [(channel.t_s - start_s, channel.value, axis) for channel, axis in rows]
 
 
 def track_of(flight: FlightRecording, start_s: float, end_s: float) -> Track | None:

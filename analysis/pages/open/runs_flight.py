@@ -128,7 +128,7 @@ class RunsFlight(OpenedFlight):
         condition = condition_at(flight.condition, values.at)
         curve = power_curve(main.polar, condition, flown_CL, (flight.rows_flown, flight.condition))
         points = curve.points()
-        at = points[len(points) // 2].speed_mps
+        middle_mps = points[len(points) // 2].speed_mps
         path_flown = track(flight.trajectory)
         air = air_found(flight.trajectory, flight.rows_flown, flight.condition)
         wind = (air.wind_mps, air.wind_from_deg)
@@ -143,8 +143,8 @@ class RunsFlight(OpenedFlight):
                 "curve": columns(other.power_required),
                 "notes": other.notes,
             },
-            "sources": shares(variance_by_source(main, flight.aircraft, condition, np.array([at]))),
-            "sources_at_mps": at,
+            "sources": shares(variance_by_source(main, flight.aircraft, condition, np.array([middle_mps]))),
+            "sources_at_mps": middle_mps,
             "predicted": self._predicted(values, condition, points, flight.aircraft.aspect_ratio),
             "runs": _runs(flight.maneuvers),
             "track": msgspec.to_builtins(path_flown),

@@ -138,7 +138,7 @@ class LocalPage:
             case "POST", ["open" | "curve" | "write" | "channels" | "strips" as action]:
                 return self._computed(action, _values(environ))
             case "PUT", ["file", name]:
-                return self._kept(name, environ)
+                return self._store_dropped_file(name, environ)
         raise RefusedError(HTTPStatus.NOT_FOUND, "there is no such page")
 
     def _computed(self, action: str, values: Values) -> Answer:
@@ -160,7 +160,7 @@ class LocalPage:
         with self._computing, suppress(InputError):
             _ = self.folder.flight(name).shown
 
-    def _kept(self, name: str, environ: Environ) -> Answer:
+    def _store_dropped_file(self, name: str, environ: Environ) -> Answer:
         """A log, a predicted polar or a map of columns that was dropped, written into the folder if it is one."""
         path = self.folder.new_file(name)
         small = path.suffix.lower() in (".txt", ".dat", ".toml")

@@ -171,22 +171,22 @@ class WholeFlight(OpenedFlight):
         return {key: guesses[key] for key in missing}
 
     def _options(self, values: Values, folder: Path, guessed: dict[str, float] | None = None) -> Options:
-        given: Json = {"leave_out": self._left_out(values) or None}
+        options: Json = {"leave_out": self._left_out(values) or None}
         if form.shipped(values.propeller):
-            given["propeller"] = values.propeller
+            options["propeller"] = values.propeller
         if self.aircraft_keys:
             if values.aircraft:
                 form.check_fields(self.aircraft_keys, values, self.path.name)
-                given["aircraft"] = folder / "aircraft.toml"
-            return Options(**given)
-        given |= form.option_values(values.aircraft)
+                options["aircraft"] = folder / "aircraft.toml"
+            return Options(**options)
+        options |= form.option_values(values.aircraft)
         for key in form.NEEDED:
             option = form.OPTIONS[key]
-            if given.get(option.field) is None:
+            if options.get(option.field) is None:
                 if not guessed:
                     raise FieldError(f"{option.label}: is only guessed; type it, such as {option.example}", key)
-                given[option.field] = guessed[key]
-        return Options(**given)
+                options[option.field] = guessed[key]
+        return Options(**options)
 
     def _left_out(self, values: Values) -> str:
         """The stretches as --leave-out has them. Raises FieldError for one without length or outside the log."""
@@ -232,8 +232,8 @@ def remembered(report: Path) -> dict[str, str]:
     }
 
 
-def _variances(estimate: ElectricalEstimate, at: int) -> dict[str, Any]:
+def _variances(estimate: ElectricalEstimate, index: int) -> dict[str, Any]:
     """Variances of power at one speed, by noise and by each error that the flight shares."""
     power = estimate.curve.power_W
-    by_shared = {str(source): float(change[at]) ** 2 for source, change in power.shared.items()}
-    return {"motion of the air, and what the flight cannot separate": float(power.own[at, at]), **by_shared}
+    by_shared = {str(source): float(change[index]) ** 2 for source, change in power.shared.items()}
+    return {"motion of the air, and what the flight cannot separate": float(power.own[index, index]), **by_shared}

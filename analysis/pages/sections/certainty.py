@@ -158,10 +158,10 @@ def halving(results: Results, sources: Sources | None = None) -> Halving | None:
     """
     if not results.interval_parts or not results.runs:
         return None
-    at = reference_point(results).point.speed_mps
-    part = min(results.interval_parts, key=lambda part: abs(part.speed_mps - at))
-    whole = math.hypot(part.noise_W, part.systematic_W)
-    start = f"To halve ±{_watts(whole)} at {part.speed_mps:.1f} m/s"
+    reference_mps = reference_point(results).point.speed_mps
+    part = min(results.interval_parts, key=lambda part: abs(part.speed_mps - reference_mps))
+    total_W = math.hypot(part.noise_W, part.systematic_W)
+    start = f"To halve ±{_watts(total_W)} at {part.speed_mps:.1f} m/s"
     runs = len(results.runs)
     more = more_runs_to_halve(part, runs)
     if more is not None and more <= EVIDENCE.most_repetitions:
@@ -264,8 +264,8 @@ def next_flight(results: Results, sources: Sources | None = None) -> list[str]:
 
 def _after_energy_balance(results: Results) -> list[str]:
     """What narrows the interval of a whole flight where it is least: a longer flight, or a better calibration."""
-    at = reference_point(results).point.speed_mps
-    part = min(results.main.interval_parts, key=lambda part: abs(part.speed_mps - at))
+    reference_mps = reference_point(results).point.speed_mps
+    part = min(results.main.interval_parts, key=lambda part: abs(part.speed_mps - reference_mps))
     halves = f"At {part.speed_mps:.1f} m/s, ±{_watts(math.hypot(part.noise_W, part.systematic_W))} come from"
     parts = f"{halves} ±{_watts(part.noise_W)} of air motion and ±{_watts(part.systematic_W)} of the instruments:"
     if part.noise_W > part.systematic_W:

@@ -114,10 +114,10 @@ def _data(results: Results) -> str:
 def at_whole_speeds(points: Sequence[PowerPoint], most: int = 40) -> list[PowerPoint]:
     """The curve between its points at whole m/s, each or every few of them; empty where it has no two of them."""
     V = [point.speed_mps for point in points]
-    whole = np.arange(math.ceil(min(V, default=0.0)), math.floor(max(V, default=0.0)) + 1)
-    if len(whole) < 2:
+    speeds_mps = np.arange(math.ceil(min(V, default=0.0)), math.floor(max(V, default=0.0)) + 1)
+    if len(speeds_mps) < 2:
         return []
-    speeds = whole[:: math.ceil(len(whole) / most)].astype(float)
+    speeds = speeds_mps[:: math.ceil(len(speeds_mps) / most)].astype(float)
     names = ("power_W", "power_lo_W", "power_hi_W")
     columns = (np.interp(speeds, V, [getattr(point, name) for point in points]).tolist() for name in names)
     return [
@@ -179,8 +179,8 @@ def shared_part(results: Results, sources: Sources | None = None) -> str:
     if not parts:
         return ""
     middle = parts[len(parts) // 2]
-    whole = math.hypot(middle.systematic_W, middle.noise_W)
-    shared = f"Of the ±{whole:.1f} W at {middle.speed_mps:.0f} m/s, ±{middle.systematic_W:.1f} W is common to"
+    total_W = math.hypot(middle.systematic_W, middle.noise_W)
+    shared = f"Of the ±{total_W:.1f} W at {middle.speed_mps:.0f} m/s, ±{middle.systematic_W:.1f} W is common to"
     if results.kind is Kind.ELECTRICAL:
         return (
             f"{shared} the whole flight, so that a longer flight does not reduce it: airspeed, current meter, mass,"

@@ -211,8 +211,8 @@ def _wind(results: Results) -> str:
     air = results.air
     if air.wind_mps is None or air.wind_from_deg is None:
         return "not known"
-    known = "" if air.wind_standard_error_mps is None else f" ± {NORMAL_95 * air.wind_standard_error_mps:.1f}"
-    return f"{air.wind_mps:.1f}{known} m/s from {air.wind_from_deg:.0f}°"
+    interval_text = "" if air.wind_standard_error_mps is None else f" ± {NORMAL_95 * air.wind_standard_error_mps:.1f}"
+    return f"{air.wind_mps:.1f}{interval_text} m/s from {air.wind_from_deg:.0f}°"
 
 
 def _length_of(air: AirFound) -> str:

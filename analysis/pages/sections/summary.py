@@ -105,16 +105,16 @@ def _point_at(results: Results, speed_mps: float) -> PowerPoint:
 
 
 def verdict_section(results: Results) -> VerdictSection:
-    at, meaning = reference_point(results)
+    reference, meaning = reference_point(results)
     heading, color_class = VERDICT[results.trust]
-    half_percent = 50 * (at.power_hi_W - at.power_lo_W) / at.power_W
+    half_percent = 50 * (reference.power_hi_W - reference.power_lo_W) / reference.power_W
     wide = half_percent >= 100 * RESULTS.wide
     what = "from the battery" if results.kind is Kind.ELECTRICAL else "drag times true airspeed"
     return VerdictSection(
-        number=f"{at.power_W:.1f} W",
-        interval=f"{at.power_lo_W:.1f} to {at.power_hi_W:.1f} W",
+        number=f"{reference.power_W:.1f} W",
+        interval=f"{reference.power_lo_W:.1f} to {reference.power_hi_W:.1f} W",
         sentence=(
-            f"in level flight at {at.speed_mps:.1f} m/s, {meaning}. This is {what}, for"
+            f"in level flight at {reference.speed_mps:.1f} m/s, {meaning}. This is {what}, for"
             f" {results.test.weight_N / GRAVITY_MPS2:.2f} kg in air of {results.test.air_density_kgpm3:.3f} kg/m³."
         ),
         heading=f"{heading}, but wide (±{half_percent:.0f} %)" if wide else heading,

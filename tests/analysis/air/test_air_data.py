@@ -21,7 +21,7 @@ SPEED_MPS, ANGLE_RAD = 0.5, np.radians(1.0)
 @pytest.fixture(scope="module")
 def flown():
     """Truth and table of the demonstration flight, without the vibration that the part's own filter takes out."""
-    flight, _, table = flights.flown(NEXSTAR, flights.drawn(load_budget("bench"), 0), "accel-decel", 0)
+    flight, _, table = flights.flown(NEXSTAR, flights.draw_errors(load_budget("bench"), 0), "accel-decel", 0)
     return flight.truth, table
 
 
@@ -67,10 +67,10 @@ def test_a_dead_sideslip_transducer_costs_the_sideslip_only(flown, probe, how: s
     """Speed and angle of attack stay as good as they were: at a degree or two of sideslip the maps hardly care."""
     truth, table = flown
     air = result(table.assign(dp_beta_Pa=np.nan if how == "silent" else 3.7), probe)
-    whole = result(table, probe)
-    assert errors_of(air, truth) == pytest.approx(errors_of(whole, truth), rel=0.05)
+    complete = result(table, probe)
+    assert errors_of(air, truth) == pytest.approx(errors_of(complete, truth), rel=0.05)
     assert air.table["beta_rad"].isna().all()
-    assert air.table["flying"].sum() == pytest.approx(whole.table["flying"].sum(), rel=0.01)
+    assert air.table["flying"].sum() == pytest.approx(complete.table["flying"].sum(), rel=0.01)
     assert any("sideslip is not known" in note for note in air.notes)
     assert any("/probe/beta never changed" in note for note in air.notes) == (how == "stuck")
 
@@ -142,13 +142,13 @@ def test_a_log_that_begins_in_the_air_is_high_enough_for_runs(flown, probe) -> N
     segment = table.loc[slice(*CRUISE_S)]
     corrected, _ = without_zeros(table, zeros(table, rest_segments(table, 25.0)))
     propeller = load_propeller(NEXSTAR.propulsion.propeller)
-    whole, cut = (
+    complete, cut = (
         air_data(specific_force_at_cg(part, NEXSTAR), NEXSTAR, probe, propeller, speed_scale(NEXSTAR))
         for part in (corrected, corrected.loc[segment.index])
     )
-    assert whole.notes == [] and "begins and ends in the air" in " ".join(cut.notes)
+    assert complete.notes == [] and "begins and ends in the air" in " ".join(cut.notes)
     assert cut.table["height_m"].min() == pytest.approx(40.0)
-    both = whole.table.loc[segment.index]
+    both = complete.table.loc[segment.index]
     apart = np.diff(cut.table["height_m"] - both["height_m"])
     assert np.abs(apart).max() < 0.01 * np.abs(np.diff(both["height_m"])).max()  # the scale, by the air's temperature
     assert (cut.table["rho"] / both["rho"] - 1).abs().max() < 0.01  # the tray was 2 K warmer than when it began

@@ -14,19 +14,19 @@ from flightpower.flight.log_reader import Log
 from flightpower.flight.propeller_files import load_propeller
 
 
-@pytest.mark.parametrize(("stated", "sigma"), [(True, 0.018), (False, 0.17)])
+@pytest.mark.parametrize(("in_file", "sigma"), [(True, 0.018), (False, 0.17)])
 def test_thrust_of_a_computed_table_is_as_uncertain_as_the_file_says_or_as_such_tables_are(
-    stated: bool, sigma: float
+    in_file: bool, sigma: float
 ) -> None:
     text = load_aircraft("nexstar").text
     log = Log(Path("flight.mcap"), attachments={
-        "aircraft.toml": (text if stated else text.partition("[uncertainty]")[0]).encode(),
+        "aircraft.toml": (text if in_file else text.partition("[uncertainty]")[0]).encode(),
         "propeller.csv": load_propeller("apc-12x8e").to_csv().encode(),
         "probe.json": msgspec.json.encode(tunnel_probe()),
     })  # fmt: skip
     log_contents = contents(log)
     assert log_contents.aircraft.uncertainty.thrust_scale_fraction == pytest.approx(sigma, abs=0.006)
-    assert any("computed, not measured" in note for note in log_contents.notes) is not stated
+    assert any("computed, not measured" in note for note in log_contents.notes) is not in_file
     measured = contents(log, Replacements(propeller=load_propeller("apc-11x5.5e")))
     assert measured.aircraft.uncertainty.thrust_scale_fraction == pytest.approx(0.018)
 

@@ -122,8 +122,8 @@ def test_the_section_is_one_that_an_aircraft_file_takes() -> None:
     from flightpower.flight.aircraft import load_aircraft, parse_aircraft
 
     table = surfaces.surface_table(surfaces.held_pulses(*session()), ANGLES)
-    whole = load_aircraft("nexstar").text
-    head, rest = whole.split("[elevator]")
+    content = load_aircraft("nexstar").text
+    head, rest = content.split("[elevator]")
     section = surfaces.to_toml("elevator", 2, table)
     aircraft = parse_aircraft(head + section + rest[rest.index("\n[aileron]") :], "mine.toml")
     assert aircraft.elevator.angle_of_pulse_rad(1250) == pytest.approx(np.radians(-11.2), abs=np.radians(0.1))
@@ -173,12 +173,14 @@ def test_positions_apart_by_the_play_of_a_servo_are_one_and_others_are_not() -> 
 def test_the_axis_that_stays_unknown_is_named_with_its_error_and_the_field(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two turns leave the vertical axis open, by more than a limit that is a hundredth of the usual one."""
     field = measured(0, by_hand=False)[0]
-    known = magnetometer.calibrate(field, "log")
+    calibrated = magnetometer.calibrate(field, "log")
     monkeypatch.setattr(magnetometer, "MAGNETOMETER", replace(MAGNETOMETER, worst_rad=MAGNETOMETER.worst_rad / 100))
     with pytest.raises(InputError) as refused:
         magnetometer.calibrate(field, "log")
-    message = f"hard iron along z stays uncertain by {1e6 * known.hard_iron_error_T[2]:.0f} uT (1 sigma, of a field of "
+    message = (
+        f"hard iron along z stays uncertain by {1e6 * calibrated.hard_iron_error_T[2]:.0f} uT (1 sigma, of a field of "
+    )
     assert message in str(refused.value)
     assert float(str(refused.value).partition(message)[2].partition(")")[0]) == pytest.approx(
-        1e6 * known.field_T, abs=0.5
+        1e6 * calibrated.field_T, abs=0.5
     )

@@ -115,5 +115,5 @@ def test_what_is_no_calibration_is_refused(change: dict, cause: str) -> None:
 )
 def test_errors_of_the_calibration_are_part_of_the_compass_error(change: dict, more_T: float) -> None:
     exact = msgspec.structs.replace(CALIBRATION, soft_iron_error=0.0, hard_iron_error_T=(0.0, 0.0, 0.0))
-    (known, _), (vague, _) = (compass(flight(), c) for c in (exact, msgspec.structs.replace(exact, **change)))
-    assert np.sqrt(vague.error_T**2 - known.error_T**2) == pytest.approx(more_T, rel=1e-6)
+    (precise, _), (vague, _) = (compass(flight(), c) for c in (exact, msgspec.structs.replace(exact, **change)))
+    assert np.sqrt(vague.error_T**2 - precise.error_T**2) == pytest.approx(more_T, rel=1e-6)

@@ -127,9 +127,9 @@ def at_speeds(speeds: int, points: int, residual) -> tuple[TunnelData, np.ndarra
 
 def test_offset_and_slope_at_each_speed() -> None:
     dependence = speed_dependence(*at_speeds(3, 20, lambda number, angle: 0.002 + 0.01 * number * angle))
-    assert [at.points for at in dependence.speeds] == [20, 20, 20]
-    assert [at.offset_rad for at in dependence.speeds] == pytest.approx([0.002] * 3)
-    assert [at.slope for at in dependence.speeds] == pytest.approx([0.0, 0.01, 0.02], abs=1e-12)
+    assert [point.points for point in dependence.speeds] == [20, 20, 20]
+    assert [point.offset_rad for point in dependence.speeds] == pytest.approx([0.002] * 3)
+    assert [point.slope for point in dependence.speeds] == pytest.approx([0.0, 0.01, 0.02], abs=1e-12)
 
 
 def test_the_spread_of_slopes_is_without_their_noise() -> None:
@@ -159,9 +159,9 @@ def test_the_covariance_of_a_polynomial_covers_its_scatter() -> None:
     x, y, even = np.cos(angle), np.sin(angle), np.ones(6)
     rng = np.random.default_rng(0)
     fits = [polynomial_of_order(x, y, rng.normal(size=6), even, 1) for _ in range(2000)]
-    stated = np.mean([np.diag(covariance) for _, covariance in fits], axis=0)
-    assert stated == pytest.approx([1 / 6, 1 / 3, 1 / 3], rel=0.1)
-    assert np.var([fit.coefficients for fit, _ in fits], axis=0) == pytest.approx(stated, rel=0.15)
+    estimated = np.mean([np.diag(covariance) for _, covariance in fits], axis=0)
+    assert estimated == pytest.approx([1 / 6, 1 / 3, 1 / 3], rel=0.1)
+    assert np.var([fit.coefficients for fit, _ in fits], axis=0) == pytest.approx(estimated, rel=0.15)
 
 
 def test_beyond_the_tunnel_s_angles_the_flow_is_flagged() -> None:
@@ -184,9 +184,9 @@ def simulated_tunnel(seed: int, slope_by_speed: float = 0.0) -> TunnelData:
 def test_the_stated_error_of_alpha_s_slope_covers(forty: list[ProbeCalibration]) -> None:
     """Over 40 simulated tunnels: two sigmas hold the truth in 34 at least (of 95 %, fewer come in one case of 250)."""
     errors = np.array([benchmark.slope_error(c) for c in forty])
-    stated = np.array([c.alpha_scale_sigma for c in forty])
-    assert np.sum(np.abs(errors) < 1.96 * stated) >= 34
-    assert np.median(stated) < 2 * np.sqrt(np.mean(errors**2)), "and it is not hidden behind a wide interval"
+    estimated_sigma = np.array([c.alpha_scale_sigma for c in forty])
+    assert np.sum(np.abs(errors) < 1.96 * estimated_sigma) >= 34
+    assert np.median(estimated_sigma) < 2 * np.sqrt(np.mean(errors**2)), "and it is not hidden behind a wide interval"
 
 
 def test_a_slope_that_depends_on_speed_is_seen_and_counted() -> None:
@@ -202,15 +202,15 @@ def test_a_slope_that_depends_on_speed_is_seen_and_counted() -> None:
     result = dependence(bent)
     assert result.significant
     assert result.spread == pytest.approx(0.013, rel=1 / 3)
-    assert [round(at.speed_mps) for at in result.speeds] == [12, 18, 25, 32]
+    assert [round(point.speed_mps) for point in result.speeds] == [12, 18, 25, 32]
     assert calibrate(bent).alpha_scale_sigma > result.spread
 
 
 def test_the_tunnel_s_own_angles_count_too_and_all_of_it_travels() -> None:
     tunnel = simulated_tunnel(1)
-    alone, known = calibrate(tunnel), calibrate(tunnel, angle_scale_sigma=0.01)
-    assert known.alpha_scale_sigma == pytest.approx(np.hypot(alone.alpha_scale_sigma, 0.01), rel=1e-9)
-    assert PROBE_FILE.parsed(msgspec.json.encode(known), "probe.json") == known
+    alone, with_scale = calibrate(tunnel), calibrate(tunnel, angle_scale_sigma=0.01)
+    assert with_scale.alpha_scale_sigma == pytest.approx(np.hypot(alone.alpha_scale_sigma, 0.01), rel=1e-9)
+    assert PROBE_FILE.parsed(msgspec.json.encode(with_scale), "probe.json") == with_scale
 
 
 def test_a_slope_that_the_tunnel_does_not_determine_is_refused_with_its_error() -> None:

@@ -42,9 +42,9 @@ def calibration_of(
 ) -> tuple[TransducerCalibration, str]:
     """Calibrates by a reference whose scale and readings have errors."""
     rng = np.random.default_rng([seed, 1])
-    given = np.array(PRESSURES_PA) * (1 + scale * rng.standard_normal())
-    given += reading_Pa * rng.standard_normal(len(given))
-    return calibrate(plateaus(column(seed=seed, **options), "log"), given.tolist(), scale, "log")
+    entered_Pa = np.array(PRESSURES_PA) * (1 + scale * rng.standard_normal())
+    entered_Pa += reading_Pa * rng.standard_normal(len(entered_Pa))
+    return calibrate(plateaus(column(seed=seed, **options), "log"), entered_Pa.tolist(), scale, "log")
 
 
 def test_slopes_lie_within_their_errors() -> None:
@@ -82,12 +82,12 @@ def test_corrected_readings_are_the_pressures_of_the_reference() -> None:
 def test_the_standard_errors_replace_the_priors() -> None:
     calibration, _ = calibration_of(scale=0.005)
     assert calibration.airspeed_scale_error == pytest.approx(0.0025, rel=0.2), "half that of the pressure"
-    for given in ({}, air_data_errors(calibration)._asdict()):
-        _, sigma = sensor_error_prior(SensorPriors(calibrated=given), gps=True)
+    for calibrated in ({}, air_data_errors(calibration)._asdict()):
+        _, sigma = sensor_error_prior(SensorPriors(calibrated=calibrated), gps=True)
         by_name = dict(zip(SENSOR_ERRORS, sigma, strict=True))
-        if given:
-            assert given["V_scale"] < by_name["V_scale"] < 0.005
-            assert given["alpha_scale"] < by_name["alpha_scale"] < 0.01
+        if calibrated:
+            assert calibrated["V_scale"] < by_name["V_scale"] < 0.005
+            assert calibrated["alpha_scale"] < by_name["alpha_scale"] < 0.01
         else:
             assert (by_name["V_scale"], by_name["alpha_scale"]) == (PRIOR_SIGMA["V_scale"], PRIOR_SIGMA["alpha_scale"])
 
@@ -100,7 +100,7 @@ def test_a_calibration_that_its_data_do_not_support_says_why() -> None:
 
 
 @pytest.mark.parametrize(
-    ("pressures", "given", "cause"),
+    ("pressures", "entered", "cause"),
     [
         (PRESSURES_PA, PRESSURES_PA[:-1], "7 pressures for 8 plateaus"),
         ((100.0, 200.0, 100.0, 200.0), (100.0, 200.0, 100.0, 200.0), "2 pressures besides zero are too few"),
@@ -108,9 +108,9 @@ def test_a_calibration_that_its_data_do_not_support_says_why() -> None:
         (PRESSURES_PA, tuple(2 * p for p in PRESSURES_PA), "/probe/alpha reads 0.49 times the pressures given"),
     ],
 )
-def test_pressures_that_are_not_those_of_the_log_are_refused(pressures, given, cause: str) -> None:
+def test_pressures_that_are_not_those_of_the_log_are_refused(pressures, entered, cause: str) -> None:
     with pytest.raises(InputError, match=cause):
-        calibrate(plateaus(column(pressures), "log"), given, 0.005, "log")
+        calibrate(plateaus(column(pressures), "log"), entered, 0.005, "log")
 
 
 def test_a_list_of_pressures_has_its_unit_at_the_end() -> None:
@@ -143,10 +143,10 @@ def test_the_command_lists_plateaus_writes_a_file_and_refuses_what_is_not_suppor
     output = tmp_path / "transducers.json"
     listed = run(log, "-o", output)
     assert listed.exit_code == 0 and "8: 59 Pa at" in listed.output and not output.exists()
-    given = ("--pressures", " ".join(f"{p:g}" for p in PRESSURES_PA) + " Pa", "-o", output)
-    refused = run(log, *given, "--reference-error", "5")
+    arguments = ("--pressures", " ".join(f"{p:g}" for p in PRESSURES_PA) + " Pa", "-o", output)
+    refused = run(log, *arguments, "--reference-error", "5")
     assert refused.exit_code == 1 and "nothing written" in refused.output and not output.exists()
-    assert run(log, *given).exit_code == 0
+    assert run(log, *arguments).exit_code == 0
     text = output.read_bytes()
     assert TRANSDUCERS_FILE.parsed(text, "file").airspeed.slope == pytest.approx(1.02, abs=0.005)
     for wrong, cause in (
@@ -175,11 +175,11 @@ def test_a_pressure_is_held_for_five_seconds(seconds: float, count: int) -> None
     assert seen[0].open and seen[0].start_s == pytest.approx(100.0) and seen[0].end_s == pytest.approx(108.0, abs=0.3)
 
 
-@pytest.mark.parametrize(("drift_Pa", "whole"), [(2.6, True), (3.6, False)])
-def test_a_held_pressure_stays_within_3_pascals_of_its_first_second(drift_Pa: float, whole: bool) -> None:
+@pytest.mark.parametrize(("drift_Pa", "is_full_length"), [(2.6, True), (3.6, False)])
+def test_a_held_pressure_stays_within_3_pascals_of_its_first_second(drift_Pa: float, is_full_length: bool) -> None:
     """A drift beyond that ends it: of 3.6 Pa in 20 s, the last three seconds are too short for another."""
     seen = plateaus(held((0.0, 8.0), (200.0, 20.0), drift_Pa=drift_Pa), "log")
-    assert len(seen) == 2 and (seen[1].end_s > 127.5) is whole
+    assert len(seen) == 2 and (seen[1].end_s > 127.5) is is_full_length
 
 
 def test_noise_allows_more_by_five_of_its_standard_errors() -> None:

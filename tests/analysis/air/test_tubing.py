@@ -35,10 +35,12 @@ def test_the_check_value_to_ten_digits() -> None:
 
 def test_a_tube_cut_in_two_is_the_same_tube() -> None:
     f = np.linspace(0, 300, 61)
-    whole = PneumaticLine(length_m=1.0, diameter_m=1e-3, cavity_m3=100e-9)
+    single_tube = PneumaticLine(length_m=1.0, diameter_m=1e-3, cavity_m3=100e-9)
     parts = [PneumaticLine(length_m=x, diameter_m=1e-3, cavity_m3=v) for x, v in ((0.3, 0.0), (0.7, 100e-9))]
-    assert response(parts, f, SEA_LEVEL) == pytest.approx(response([whole], f, SEA_LEVEL), rel=1e-11)
-    assert low_frequency_lag_s(parts, SEA_LEVEL) == pytest.approx(low_frequency_lag_s([whole], SEA_LEVEL), rel=1e-12)
+    assert response(parts, f, SEA_LEVEL) == pytest.approx(response([single_tube], f, SEA_LEVEL), rel=1e-11)
+    assert low_frequency_lag_s(parts, SEA_LEVEL) == pytest.approx(
+        low_frequency_lag_s([single_tube], SEA_LEVEL), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -180,18 +182,18 @@ def test_what_is_steady_stays_and_gaps_stay_gaps() -> None:
     values[200:220] = np.nan
     result = inverted(values, 25.0, remainder, 1.5)
     assert np.isnan(result[200:220]).all() and np.isfinite(result).sum() == 480
-    kept = np.isfinite(values)
-    assert result[kept] == pytest.approx(values[kept], abs=0.02)
+    finite = np.isfinite(values)
+    assert result[finite] == pytest.approx(values[finite], abs=0.02)
 
 
 def test_what_is_left_of_a_response_without_its_delay_has_no_phase_at_low_frequency() -> None:
     """61 ms are 11 deg at 0.5 Hz. Of a first-order lag (omega tau)^3/3 is left, 0.13 deg; the amplitude stays."""
     line = PneumaticLine(length_m=0.9, diameter_m=0.5e-3, cavity_m3=500e-9)
     f = np.array([0.5])
-    whole, remainder = response([line], f, SEA_LEVEL)[0], remainder_of(line, SEA_LEVEL)(f)[0]
-    assert np.degrees(np.angle(whole)) == pytest.approx(-11, abs=0.5)
+    full_response, remainder = response([line], f, SEA_LEVEL)[0], remainder_of(line, SEA_LEVEL)(f)[0]
+    assert np.degrees(np.angle(full_response)) == pytest.approx(-11, abs=0.5)
     assert abs(np.degrees(np.angle(remainder))) < 0.15
-    assert abs(remainder) == pytest.approx(abs(whole), rel=1e-12)
+    assert abs(remainder) == pytest.approx(abs(full_response), rel=1e-12)
 
 
 @pytest.mark.parametrize(("cavity_mm3", "corrected"), [(20.0, False), (500.0, True)])

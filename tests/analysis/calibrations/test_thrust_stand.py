@@ -73,8 +73,8 @@ def test_a_ratio_that_changes_with_motor_speed_is_less_certain() -> None:
 
 def test_the_command_writes_a_file_that_replaces_the_aircraft_files_ratio(tmp_path: Path) -> None:
     """Density of the standard atmosphere is 1.225, so thrust at 1.2 is 2 % less; the printed lines do the same."""
-    given, output = write(tmp_path / "stand.csv", readings(1.03 * 1.225 / 1.2)), tmp_path / "stand.json"
-    arguments = (given, "--propeller", "apc-12x8e", *AIR, "-o", output)
+    table, output = write(tmp_path / "stand.csv", readings(1.03 * 1.225 / 1.2)), tmp_path / "stand.json"
+    arguments = (table, "--propeller", "apc-12x8e", *AIR, "-o", output)
     outcome = run(*arguments)
     assert outcome.exit_code == 0 and "thrust at rest is 1.030 ± 0.020 (95 % interval)" in outcome.output
     result = THRUST_STAND_FILE.load(output)
@@ -148,8 +148,8 @@ def test_a_thrust_that_pulls_backward_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_ratio_that_stays_uncertain_is_not_written(tmp_path: Path) -> None:
-    given, output = write(tmp_path / "stand.csv", readings(noise=0.4)), tmp_path / "stand.json"
-    outcome = run(given, "--propeller", "apc-12x8e", *AIR, "-o", output)
+    table, output = write(tmp_path / "stand.csv", readings(noise=0.4)), tmp_path / "stand.json"
+    outcome = run(table, "--propeller", "apc-12x8e", *AIR, "-o", output)
     assert outcome.exit_code == 1 and "the standard error of the ratio is" in outcome.output and not output.exists()
 
 
@@ -182,8 +182,8 @@ def test_an_analysis_takes_the_file_in_place_of_the_aircraft_files_ratio_and_of_
     with_probe = Replacements(probe=SimpleNamespace())  # type: ignore[arg-type]
     result, _ = calibrate(readings(), TABLE, 0.01, "stand.csv")
     assert contents(log, with_probe).aircraft.propulsion.static_thrust_ratio == 1.07
-    given = contents(log, with_probe._replace(thrust_stand=result))
-    assert given.aircraft.propulsion.static_thrust_ratio == result.ratio and given.thrust_stand is result
+    replaced = contents(log, with_probe._replace(thrust_stand=result))
+    assert replaced.aircraft.propulsion.static_thrust_ratio == result.ratio and replaced.thrust_stand is result
     other = load_propeller("blade-11x5")
     left_out = contents(log, with_probe._replace(propeller=other))
     assert left_out.aircraft.propulsion.static_thrust_ratio is None

@@ -22,15 +22,15 @@ def test_errors_are_those_of_repeated_weighings() -> None:
     """300 weighings of one aircraft on three wheels: scatter over stated error."""
     rng = np.random.default_rng(0)
     x, mass = np.array([0.02, 0.38, 0.38]), np.array([0.5, 1.8, 1.8])
-    drawn = []
+    ratios = []
     for _ in range(300):
         readings = (mass + 0.005 * rng.standard_normal(3)) * (1 + 0.001 * rng.standard_normal())
-        at = x + 0.002 * rng.standard_normal(3)
-        supports = [Support(p, (m,)) for p, m in zip(at.tolist(), readings.tolist(), strict=True)]
+        placed_m = x + 0.002 * rng.standard_normal(3)
+        supports = [Support(p, (m,)) for p, m in zip(placed_m.tolist(), readings.tolist(), strict=True)]
         balance = weighed(supports, ERRORS)
-        drawn.append([(balance.mass_kg - 4.1) / balance.mass_error_kg,
+        ratios.append([(balance.mass_kg - 4.1) / balance.mass_error_kg,
                       (balance.position_m - x @ mass / 4.1) / balance.position_error_m])  # fmt: skip
-    assert np.sqrt(np.mean(np.square(drawn), axis=0)) == pytest.approx([1.0, 1.0], abs=0.15)
+    assert np.sqrt(np.mean(np.square(ratios), axis=0)) == pytest.approx([1.0, 1.0], abs=0.15)
 
 
 def test_the_sections_are_ones_that_an_aircraft_file_takes(tmp_path: Path) -> None:

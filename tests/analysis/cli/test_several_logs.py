@@ -104,17 +104,21 @@ def test_mass_is_for_the_logs_of_autopilots_beside_logs_with_an_aircraft_file(tm
     """Logs of one kind refuse it as a single log does that has an aircraft file of its own."""
     tray, autopilot = log_of(tmp_path / "tray.mcap", aircraft_toml="x"), tmp_path / "log.ulg"
     autopilot.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8))
-    given = Options(mass_kg=4.1, span_m=2.0, propeller="APC 12x6")
-    note = own_aircraft_note([tray, autopilot], given)
+    own_options = Options(mass_kg=4.1, span_m=2.0, propeller="APC 12x6")
+    note = own_aircraft_note([tray, autopilot], own_options)
     assert note == "--mass, --span: for the logs of autopilots; 1 of 2 logs keep the aircraft file that they hold"
-    mixed = FlightAnalysis(given, mixed=True).under(Path("/"))
+    mixed = FlightAnalysis(own_options, mixed=True).under(Path("/"))
     assert mixed.options_of(tray) == replace(mixed.options, mass_kg=None, span_m=None)
     assert mixed.options_of(autopilot).mass_kg == 4.1
-    assert FlightAnalysis(given).options_of(tray) == given
-    for logs, options in (([tray], given), ([autopilot], given), ([tray, autopilot], Options(propeller="APC 12x6"))):
+    assert FlightAnalysis(own_options).options_of(tray) == own_options
+    for logs, options in (
+        ([tray], own_options),
+        ([autopilot], own_options),
+        ([tray, autopilot], Options(propeller="APC 12x6")),
+    ):
         assert not own_aircraft_note(logs, options)
     with pytest.raises(InputError, match=r"--mass, --span: only for logs of autopilots"):
-        refuse_autopilot_options(tray, given)
+        refuse_autopilot_options(tray, own_options)
 
 
 def test_settings_are_values_and_names_of_files_without_their_folders() -> None:
@@ -156,7 +160,7 @@ def test_folders_of_a_pool_of_several_flights_and_of_one(tmp_path: Path) -> None
 def test_the_last_line_gives_seconds_and_megabytes() -> None:
     console = Console(file=StringIO(), width=100)
     progress = ProgressOnConsole(console, quiet=False)
-    progress.planned(3, kept=2)
+    progress.planned(3, completed=2)
     assert (progress.bars.tasks[0].completed, progress.bars.tasks[0].total) == (2, 5)
     progress.ended("a", Outcome("", seconds=12.34))
     progress.ended("b", Outcome("b: torn", seconds=0.1))
@@ -186,7 +190,7 @@ def test_a_folder_is_not_compared_with_itself(tmp_path: Path, monkeypatch) -> No
 def test_attachments_are_those_of_the_log_and_none_of_a_torn_one(tmp_path: Path) -> None:
     log = log_of(tmp_path / "log.mcap", aircraft_toml="span", propeller_csv="rpm,J")
     with log.open("rb") as stream:
-        known = {item.name: item.data for item in SeekingReader(stream).iter_attachments()}
-    assert _attachments(log) == known == {"aircraft.toml": b"span", "propeller.csv": b"rpm,J"}
+        attachments = {item.name: item.data for item in SeekingReader(stream).iter_attachments()}
+    assert _attachments(log) == attachments == {"aircraft.toml": b"span", "propeller.csv": b"rpm,J"}
     log.write_bytes(log.read_bytes()[:-40])
     assert _attachments(log) == {}

@@ -78,8 +78,8 @@ def linear_record(seed, strength=1.0, name="run"):
     x = np.empty((N, 2))
     x[0] = X0
     for k in range(N - 1):
-        known = np.array([*x[k], DE[k], DE[k + 1] - DE[k], 1.0])
-        x[k + 1] = TRANSITION @ known + root @ rng.standard_normal(2)
+        predictors = np.array([*x[k], DE[k], DE[k + 1] - DE[k], 1.0])
+        x[k + 1] = TRANSITION @ predictors + root @ rng.standard_normal(2)
     z = x + SIGMA * rng.standard_normal((N, 2))
     return Segment(name=name, t_s=T_S, u={"de": DE}, z={"alpha": z[:, 0], "q": z[:, 1]})
 

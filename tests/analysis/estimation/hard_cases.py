@@ -69,8 +69,8 @@ def _at_rest(seed):
 
 
 def _too_short(seed):
-    whole = _record(seed)
-    z = {name: values[:4] for name, values in whole.z.items()}
+    record = _record(seed)
+    z = {name: values[:4] for name, values in record.z.items()}
     return fit_output_error(LINEAR, Segment(name="run", t_s=T_S[:4], u={"de": DE[:4]}, z=z))
 
 

@@ -124,8 +124,8 @@ def test_the_low_pass_has_the_width_it_is_given(smoothing_s):
         output_function=lambda x, u, p: (x.x,),
     )
     rate, integral = np.sin(w * t), (1 - np.cos(w * t)) / w
-    given = Segment(name="sine", t_s=t, u={"u": rate}, z={"x": integral})
-    filtered = fit_equation_error(integrator, given, smoothing_s=smoothing_s).segment_fits[0].segment
+    segment = Segment(name="sine", t_s=t, u={"u": rate}, z={"x": integral})
+    filtered = fit_equation_error(integrator, segment, smoothing_s=smoothing_s).segment_fits[0].segment
     expected = np.exp(-((w * smoothing_s) ** 2) / 2) * np.sin(w * filtered.t_s)
     assert expected.max() == pytest.approx(np.sqrt(0.5), abs=0.02)
     assert filtered.u["u"] == pytest.approx(expected, abs=1e-3)

@@ -178,13 +178,13 @@ def test_derivatives_of_an_aircraft_that_noise_drives():
         p, ln_w, ln_v, x0 = np.split(numbers, sizes)
         return traced.run(Record(x0, U, p, 0.2), Z, NoiseLevels(ln_w, ln_v, np.array([5.0, 3.0, 0.0])))
 
-    at = np.concatenate([p, ln_w, ln_v, x0])
-    exact = run(at)
-    for i in range(len(at)):
-        h = 2e-4 * max(0.1, abs(at[i]))
+    point = np.concatenate([p, ln_w, ln_v, x0])
+    exact = run(point)
+    for i in range(len(point)):
+        h = 2e-4 * max(0.1, abs(point[i]))
 
         def central(h, i=i):
-            up, down = at.copy(), at.copy()
+            up, down = point.copy(), point.copy()
             up[i] += h
             down[i] -= h
             above, below = run(up), run(down)
@@ -312,12 +312,12 @@ def test_priors_held_parameters_and_known_noises():
     plain = fit_filter_error(LINEAR, segment, LINEAR_NOISE, test_significance=False)
     Mq = plain.parameters["Mq"]
     model = LINEAR.changed(Zde={"free": False}, Mq={"prior_mean": Mq.value, "prior_sigma": Mq.standard_error})
-    known = {"alpha": float(SIGMA[0])}
+    sigma_by_output = {"alpha": float(SIGMA[0])}
     fit = fit_filter_error(
         model,
         segment,
         LINEAR_NOISE,
-        noise_sigma=known,
+        noise_sigma=sigma_by_output,
         options=FitOptions(initial_states=("q",)),
         test_significance=False,
     )

@@ -23,14 +23,14 @@ def segments():
 
 
 def test_a_fit_in_blocks_is_that_of_the_whole_record(segments, monkeypatch):
-    whole = fit_output_error(LINEAR, segments, start={"Mq": -1.0})
+    at_once = fit_output_error(LINEAR, segments, start={"Mq": -1.0})
     monkeypatch.setattr(output_error.OutputErrorLikelihood, "LARGEST_KEPT", 0)
     monkeypatch.setattr(long_records, "BLOCK", 64)
     in_blocks = fit_output_error(LINEAR, segments, start={"Mq": -1.0})
-    assert in_blocks.iterations == whole.iterations
-    assert in_blocks.values == pytest.approx(whole.values, rel=1e-9)
-    assert in_blocks.covariance == pytest.approx(whole.covariance, rel=1e-9)
-    assert in_blocks.segment_fits[0].white.S == pytest.approx(whole.segment_fits[0].white.S, rel=1e-6, abs=1e-6)
+    assert in_blocks.iterations == at_once.iterations
+    assert in_blocks.values == pytest.approx(at_once.values, rel=1e-9)
+    assert in_blocks.covariance == pytest.approx(at_once.covariance, rel=1e-9)
+    assert in_blocks.segment_fits[0].white.S == pytest.approx(at_once.segment_fits[0].white.S, rel=1e-6, abs=1e-6)
 
 
 @pytest.mark.parametrize(("samples", "long"), [((200_000,), False), ((200_001,), True), ((120_000, 80_000), False),
@@ -50,14 +50,14 @@ def test_sensitivities_of_more_than_8_megabytes_are_not_kept(samples: tuple[int,
 def test_blocks_of_a_response_join(segments):
     simulator = build_simulator(LINEAR, ("Mq",))
     p, U = np.array([q.start for q in LINEAR.parameters]), segments[0].u["de"][:, None]
-    whole = simulator.run(np.array([0.05, 0.0]), U, p, 0.04)
+    at_once = simulator.run(np.array([0.05, 0.0]), U, p, 0.04)
     blocks = list(simulator.run_in_blocks(np.array([0.05, 0.0]), U, p, 0.04, 99))
     assert [len(block.y) for block in blocks] == [99, 99, 52]
     for name in ("x", "y"):
-        assert (np.concatenate([getattr(block, name) for block in blocks]) == getattr(whole, name)).all()
+        assert (np.concatenate([getattr(block, name) for block in blocks]) == getattr(at_once, name)).all()
     # The recursion of the sensitivities sums in another order.
     S = np.concatenate([block.S for block in blocks])
-    np.testing.assert_allclose(S, whole.S, rtol=0, atol=1e-14 * np.abs(whole.S).max())
+    np.testing.assert_allclose(S, at_once.S, rtol=0, atol=1e-14 * np.abs(at_once.S).max())
 
 
 def test_a_response_that_is_not_finite_has_no_likelihood_in_blocks(segments, monkeypatch):

@@ -46,11 +46,11 @@ def test_the_weight_of_a_residual_is_the_slope_of_the_likelihood(residuals: np.n
     few, R, S = residuals[:5], np.diag(SCALES**2), np.zeros((5, 2, 1))
     white = whiten(few, S, R, DOF)
     step = 1e-5
-    for at in ((0, 0), (3, 1)):
+    for place in ((0, 0), (3, 1)):
         moved = np.zeros_like(few)
-        moved[at] = step * SCALES[at[1]]
+        moved[place] = step * SCALES[place[1]]
         above, below = (negative_log_likelihood(whiten(few + s * moved, S, R, DOF), R, DOF) for s in (1, -1))
-        assert (above - below) / (2 * step) == pytest.approx(white.weight[at] * white.e[at], rel=1e-5)
+        assert (above - below) / (2 * step) == pytest.approx(white.weight[place] * white.e[place], rel=1e-5)
 
 
 def test_a_sample_of_t_noise_tells_as_much_as_its_fisher_information() -> None:

@@ -91,14 +91,14 @@ def test_a_whole_step_that_succeeds_is_followed_by_less_damping(damping: float, 
     """A tenth of it, down to the least; then none. A step against the slope needs more, until none is left to try."""
     parabola = Parabola()
     parabola.start = 3.0
-    at = parabola.evaluate(np.array([3.0]))
+    point = parabola.evaluate(np.array([3.0]))
     moving = np.array([0])
-    better, next_damping = _improve(parabola, at, _EigenSystem.of(at.information), moving, damping)
-    assert better is not None and better.cost < at.cost
+    better, next_damping = _improve(parabola, point, _EigenSystem.of(point.information), moving, damping)
+    assert better is not None and better.cost < point.cost
     assert better.theta[0] == pytest.approx(3.0 - 3.0 / (1 + damping))
     assert next_damping == pytest.approx(then)
-    uphill = at._replace(gradient=-at.gradient)
-    none, most = _improve(parabola, uphill, _EigenSystem.of(at.information), moving, damping)
+    uphill = point._replace(gradient=-point.gradient)
+    none, most = _improve(parabola, uphill, _EigenSystem.of(point.information), moving, damping)
     assert none is None and most > LARGEST_DAMPING
 
 
@@ -106,10 +106,10 @@ def test_a_step_that_raises_the_cost_is_halved_before_it_is_damped() -> None:
     """Steps five times too long: the first two of 1, 1/2, 1/4 end higher than they began."""
     parabola = Parabola(share=5.0)
     parabola.start = 3.0
-    at, tried = parabola.evaluate(np.array([3.0])), []
+    point, tried = parabola.evaluate(np.array([3.0])), []
     evaluate = parabola.evaluate
     parabola.evaluate = lambda theta: tried.append(theta[0]) or evaluate(theta)  # type: ignore[method-assign]
-    better, damping = _improve(parabola, at, _EigenSystem.of(at.information), np.array([0]), 0.0)
+    better, damping = _improve(parabola, point, _EigenSystem.of(point.information), np.array([0]), 0.0)
     assert tried == pytest.approx([3 - 15.0, 3 - 15.0 / 2, 3 - 15.0 / 4])
     assert better is not None and better.theta[0] == tried[-1] and damping == 0.0
 

@@ -76,8 +76,8 @@ def test_without_an_unknown_the_others_stay_what_they_were() -> None:
     for array in ("start", "lower", "upper", "prior_mean", "prior_information", "largest_step"):
         assert getattr(less, array).tolist() == getattr(problem, array)[keep].tolist()
     for i, (before, after) in enumerate(zip(problem.columns, less.columns, strict=True)):
-        kept = [problem.keys[c] for c in before if keep[c]]
-        assert [less.keys[c] for c in after] == kept, i
+        remaining = [problem.keys[c] for c in before if keep[c]]
+        assert [less.keys[c] for c in after] == remaining, i
 
 
 def test_units_of_a_table_are_those_of_the_parameters_also_with_a_value_in_each_segment() -> None:

@@ -58,8 +58,8 @@ def test_a_wrong_model_is_seen_on_other_data():
 
 def test_a_given_initial_state_is_not_estimated():
     segment = other_maneuver()
-    given = Segment(name="other", t_s=T_S, u=segment.u, z=segment.z, x0={"alpha": 0.2, "q": 0.0})
-    assert predict(FIT, given).y[0] == pytest.approx([0.2, 0.0])
+    started = Segment(name="other", t_s=T_S, u=segment.u, z=segment.z, x0={"alpha": 0.2, "q": 0.0})
+    assert predict(FIT, started).y[0] == pytest.approx([0.2, 0.0])
 
 
 def test_agreement_is_split_into_means_deviations_and_the_rest():

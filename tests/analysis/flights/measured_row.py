@@ -126,8 +126,8 @@ class RowModel:
     def truth(self, rng: np.random.Generator, polar: Array) -> Array:
         """Shared parameters (M,), drawn from their priors."""
         n = len(POLAR)
-        drawn = self.row.prior_mean[n:] + self.row.prior_sigma[n:] * rng.standard_normal(M - n)
-        return np.concatenate([polar, drawn])
+        nuisance = self.row.prior_mean[n:] + self.row.prior_sigma[n:] * rng.standard_normal(M - n)
+        return np.concatenate([polar, nuisance])
 
     def shared_errors(self, rng: np.random.Generator) -> Array:
         """(M,) of the values of all flights of an airframe, which no residual shows; the floor of the polar, too."""

@@ -143,10 +143,10 @@ def test_the_largest_of_errors_has_the_probability_with_which_it_is_drawn() -> N
     common, of which the largest is known exactly."""
     V = np.linspace(10.0, 25.0, 7)
     curve = np.stack([V**-2, np.ones(7), V**2 / 1e3])
-    drawn = np.max(np.abs(np.random.default_rng(1).standard_normal((200_000, 3)) @ curve) / norms(curve.T), axis=1)
+    maxima = np.max(np.abs(np.random.default_rng(1).standard_normal((200_000, 3)) @ curve) / norms(curve.T), axis=1)
     of_curve = largest_of_errors(curve.T @ curve)
     assert [of_curve(z) for z in (1.5, 2.3, 3.0)] == pytest.approx(
-        [np.mean(drawn > z) for z in (1.5, 2.3, 3.0)], rel=0.05
+        [np.mean(maxima > z) for z in (1.5, 2.3, 3.0)], rel=0.05
     )
     assert largest_of_errors(np.outer(V, V))(1.96) == pytest.approx(0.05, rel=1e-3)
     assert largest_of_errors(np.diag(V))(2.0) == pytest.approx(1 - (1 - 2 * norm.sf(2.0)) ** 7, rel=0.02)
@@ -242,18 +242,20 @@ def test_a_trend_is_told_over_the_range_flown_alone() -> None:
 
 def test_thrust_is_known_where_a_flight_that_was_there_had_it_within_the_table() -> None:
     """At its own lift coefficients, whatever its weight; a flight without a curve covers all that it flew."""
-    at = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
+    condition = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
     CL = np.array([0.25, 0.35, 0.55, 0.75, 0.95])
 
     def flight_of(CLs: list[float], extrapolated: list[bool]) -> SimpleNamespace:
         points = [
-            SimpleNamespace(speed_mps=float(speed_at(c, at)), extrapolated=e)
+            SimpleNamespace(speed_mps=float(speed_at(c, condition)), extrapolated=e)
             for c, e in zip(CLs, extrapolated, strict=True)
         ]
-        return SimpleNamespace(content=SimpleNamespace(power_required=points), flown_CL=(0.3, 0.8), condition=at)
+        return SimpleNamespace(content=SimpleNamespace(power_required=points), flown_CL=(0.3, 0.8), condition=condition)
 
     flights = [flight_of([0.35, 0.55, 0.75], [True, False, False])]
     assert thrust_known(flights, CL).tolist() == [False, False, True, True, False]  # type: ignore[arg-type]
-    flights.append(SimpleNamespace(content=SimpleNamespace(power_required=[]), flown_CL=(0.3, 0.4), condition=at))
+    flights.append(
+        SimpleNamespace(content=SimpleNamespace(power_required=[]), flown_CL=(0.3, 0.4), condition=condition)
+    )
     assert thrust_known(flights, CL).tolist() == [False, True, True, True, False]  # type: ignore[arg-type]
     assert thrust_known(flights, np.array([0.3, 0.8])).tolist() == [True, True]  # type: ignore[arg-type]

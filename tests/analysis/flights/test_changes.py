@@ -96,8 +96,8 @@ def test_the_change_has_the_error_stated() -> None:
     ratios = []
     for seed in range(1100, 1112):
         changes = changes_of(60, seed, thrust=0.05 * after(30, 60))
-        at = min(changes, key=lambda change: abs(change.since - 30))
-        ratios.append((at.thrust - 0.05) / at.errors[1])
+        nearest = min(changes, key=lambda change: abs(change.since - 30))
+        ratios.append((nearest.thrust - 0.05) / nearest.errors[1])
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.45)
 
 

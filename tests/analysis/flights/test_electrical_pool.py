@@ -71,7 +71,7 @@ def flight(log: str = "a", error: np.ndarray | float = 0.0, **of) -> Results:
     return msgspec.convert(content, Results)
 
 
-def drawn(rng: np.random.Generator, count: int, common: float | None = None, **of) -> list[Results]:
+def flights_with_errors(rng: np.random.Generator, count: int, common: float | None = None, **of) -> list[Results]:
     """Flights of one aircraft, whose shared error is drawn once."""
     shape = np.exp(-(((V[:, None] - V) / 3.0) ** 2))
     shared = SHARED * rng.standard_normal() if common is None else common
@@ -140,8 +140,10 @@ def test_one_more_flight_costs_a_pool_of_drag_nothing() -> None:
     assert [(flight.log, flight.reason) for flight in mixed.left_out] == [("a", LeftOutReason.ELECTRICAL_ONLY)]
     four = pool_results([autopilot, *five[:3]]).other_kind
     assert four is not None and mixed.other_kind is not None
-    at = len(V) // 2
-    assert (mixed.other_kind.power(V)[1] / mixed.other_kind.power(V)[0])[at] < (four.power(V)[1] / four.power(V)[0])[at]
+    middle = len(V) // 2
+    assert (mixed.other_kind.power(V)[1] / mixed.other_kind.power(V)[0])[middle] < (
+        four.power(V)[1] / four.power(V)[0]
+    )[middle]
 
 
 def test_no_sequence_of_flights_makes_a_pool_lose_a_flight_that_it_had() -> None:
@@ -208,10 +210,14 @@ def test_answer_and_sentence_quote_one_difference() -> None:
     """Without any difference some interval excludes zero by chance more often than the test sees one; then, too."""
     rng, by_chance = np.random.default_rng(12), 0
     for _ in range(40):
-        result = compared(drawn(rng, 2, 0.0), drawn(rng, 2, 0.0)).results()
+        result = compared(flights_with_errors(rng, 2, 0.0), flights_with_errors(rng, 2, 0.0)).results()
         answer = comparison_answers(result)[1]
-        at = f"{result.quoted.speed_mps:.1f} m/s"
-        assert f"at {at}" in result.text and f"at {at}" in answer.note and result.quoted in result.differences
+        speed_text = f"{result.quoted.speed_mps:.1f} m/s"
+        assert (
+            f"at {speed_text}" in result.text
+            and f"at {speed_text}" in answer.note
+            and result.quoted in result.differences
+        )
         assert result.quoted.excludes_zero is any(row.excludes_zero for row in result.differences)
         assert answer.question.startswith("Clearest" if result.quoted.excludes_zero else "Difference where it is known")
         by_chance += result.quoted.excludes_zero and not result.differs
@@ -253,8 +259,8 @@ def test_the_commands_give_both_kinds_as_python_does(tmp_path: Path, capsys: pyt
     assert outcome.exit_code == ExitCode.DONE
     assert f"A: a, B: b, by electrical power, both at {kg:.2f} kg" in " ".join(outcome.output.split())
     assert content["a"]["logs"] == ["b", "c", "x"], "also those of the pool's second estimate"
-    at = np.argmin([row["independent_half_width_percent"] for row in content["differences"]])
-    assert content["differences"][at]["difference_percent"] == pytest.approx(8.0, abs=1.5)
+    index = np.argmin([row["independent_half_width_percent"] for row in content["differences"]])
+    assert content["differences"][index]["difference_percent"] == pytest.approx(8.0, abs=1.5)
 
 
 def test_a_pool_knows_endurance_by_the_battery_of_its_flights() -> None:
@@ -309,7 +315,7 @@ def test_own_errors_fall_with_the_number_of_flights_and_shared_ones_stay() -> No
 def test_pools_contain_the_truth_as_often_as_they_say(count: int) -> None:
     rng, inside = np.random.default_rng(count), []
     for _ in range(300):
-        pool = electrical_pool(drawn(rng, count))
+        pool = electrical_pool(flights_with_errors(rng, count))
         half = NORMAL_95 * np.sqrt(np.diag(pool.curve.power_W.covariance))
         inside.append(np.abs(pool.curve.power_W.value - power_of(pool.curve.V_mps)) < half)
     assert 0.92 < np.mean(inside) < 0.98
@@ -318,12 +324,12 @@ def test_pools_contain_the_truth_as_often_as_they_say(count: int) -> None:
 def test_a_flight_that_begins_amid_the_curve_makes_no_step_in_it() -> None:
     """Power rises from 13 m/s on. The mean of both falls where the flight with less power begins, at 14 m/s."""
     pool = electrical_pool([flight("a", 0.03), flight("b", -0.03, speeds=V[V > 13.9])])
-    at = pool.curve.V_mps
-    rising = at > 13.0
-    assert np.diff(power_of(at)[rising]).min() > 0 and np.diff(pool.mean(at).value[rising]).min() < -1.0
+    speeds = pool.curve.V_mps
+    rising = speeds > 13.0
+    assert np.diff(power_of(speeds)[rising]).min() > 0 and np.diff(pool.mean(speeds).value[rising]).min() < -1.0
     assert np.diff(pool.curve.power_W.value[rising]).min() > 0
     half = 100 * pool.curve.power_W.half_width / pool.curve.power_W.value
-    assert pool.half_widths_percent([1, 1], at) == pytest.approx(half), "the page's table and figures agree"
+    assert pool.half_widths_percent([1, 1], speeds) == pytest.approx(half), "the page's table and figures agree"
     alike = electrical_pool([flight("a"), flight("b", speeds=V[V > 13.9])])
     assert alike.curve.power_W.value == pytest.approx(power_of(alike.curve.V_mps), rel=2e-4)
 
@@ -361,7 +367,7 @@ def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:
     seen, false, inside = [], [], []
     for _ in range(100):
         common = SHARED * rng.standard_normal()
-        a, b, c = (drawn(rng, 5, common, drag=drag) for drag in (1.0, 1.0, 1.08))
+        a, b, c = (flights_with_errors(rng, 5, common, drag=drag) for drag in (1.0, 1.0, 1.08))
         changed = compared(a, c).results("old", "new")
         seen.append(changed.differs)
         false.append(compared(a, b).differs)
@@ -395,7 +401,7 @@ def test_the_commands_pool_and_compare_as_those_of_drag(tmp_path: Path, capsys: 
     rng = np.random.default_rng(3)
     folders = {name: [] for name in ("old", "new")}
     for name, drag in (("old", 1.0), ("new", 1.3)):
-        for item in drawn(rng, 3, 0.0, drag=drag):
+        for item in flights_with_errors(rng, 3, 0.0, drag=drag):
             folder = tmp_path / name / item.log
             folder.mkdir(parents=True)
             (folder / "results.json").write_bytes(msgspec.json.encode(item))
@@ -455,8 +461,8 @@ def test_flights_of_two_autopilots_are_told_and_pooled(vehicles, names: str, mes
 )
 def test_errors_cancel_between_flights_that_one_autopilot_logged(of_a: str, of_b: str, item: bool) -> None:
     a, b = (
-        [flight(f"{side}{i}", 1e-3 * (i + 10 * at), vehicle=v) for i, v in enumerate(vehicles or [""])]
-        for at, (side, vehicles) in enumerate((("a", of_a), ("b", of_b)))
+        [flight(f"{side}{i}", 1e-3 * (i + 10 * number), vehicle=v) for i, v in enumerate(vehicles or [""])]
+        for number, (side, vehicles) in enumerate((("a", of_a), ("b", of_b)))
     )
     result = compared(a, b).results()
     widths = [row.hi_percent - row.lo_percent for row in result.differences]

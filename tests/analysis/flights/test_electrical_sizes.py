@@ -19,23 +19,25 @@ def less_certain(results: Results, factor: float) -> Results:
     return results.with_curve(Kind.ELECTRICAL, statistics=msgspec.structs.replace(statistics, own_covariance=own))
 
 
-def correlation(at: np.ndarray) -> np.ndarray:
+def correlation(speeds: np.ndarray) -> np.ndarray:
     """Correlation of the own errors of `flight`."""
-    return np.exp(-(((at[:, None] - at) / 3.0) ** 2))
+    return np.exp(-(((speeds[:, None] - speeds) / 3.0) ** 2))
 
 
-def p_of_one_share(share: float, at: np.ndarray) -> float:
+def p_of_one_share(share: float, speeds: np.ndarray) -> float:
     """Probability that two flights differ at any speed by more than one share, by integration of the normal density."""
-    z = np.full(len(at), share / (np.sqrt(2) * OWN))
-    errors = multivariate_normal(np.zeros(len(at)), correlation(at), allow_singular=True, seed=1, maxpts=200_000)
+    z = np.full(len(speeds), share / (np.sqrt(2) * OWN))
+    errors = multivariate_normal(
+        np.zeros(len(speeds)), correlation(speeds), allow_singular=True, seed=1, maxpts=200_000
+    )
     return 1 - float(errors.cdf(z, lower_limit=-z))
 
 
 @pytest.mark.parametrize("share", [0.03, 0.08, 0.15])
 def test_a_difference_has_the_probability_and_the_width_of_two_flights(share: float) -> None:
     result = compared([flight("a")], [flight("b", share)]).results()
-    at = np.array([row.speed_mps for row in result.differences])
-    assert result.p == pytest.approx(p_of_one_share(share, at), rel=0.02)
+    speeds = np.array([row.speed_mps for row in result.differences])
+    assert result.p == pytest.approx(p_of_one_share(share, speeds), rel=0.02)
     for row in result.differences:
         half = (row.hi_percent - row.lo_percent) / 2
         assert half == pytest.approx(100 * NORMAL_95 * np.sqrt(2) * OWN, rel=0.01), "the same watts of both cancel"

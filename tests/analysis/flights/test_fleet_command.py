@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from flightpower.analysis.cli.fleet import app
 from flightpower.analysis.pages.fleet_page import _dates
 from flightpower.flight.errors import InputError
-from tests.analysis.flights.test_electrical_pool import drawn
+from tests.analysis.flights.test_electrical_pool import flights_with_errors
 
 
 def called(*words: object) -> str:
@@ -148,7 +148,7 @@ def test_flights_of_electrical_power_are_a_fleet_by_aircraft_and_autopilot(tmp_p
     """Two boards of one name are two rows, each with the pool of its own flights; a flight added twice is one."""
     rng = np.random.default_rng(5)
     for i, vehicle in enumerate(("1", "1", "2")):
-        (item,) = drawn(rng, 1, 0.0, vehicle=vehicle)
+        (item,) = flights_with_errors(rng, 1, 0.0, vehicle=vehicle)
         folder = tmp_path / "flights" / f"0000000{i}"
         folder.mkdir(parents=True)
         (folder / "results.json").write_bytes(msgspec.json.encode(item))

@@ -92,13 +92,13 @@ def test_flights_that_say_nothing_of_a_parameter_do_not_make_a_pool_worse() -> N
         joint_pool([item]).estimate.parameters.value, item["pooling"]["values"], rtol=1e-7, atol=1e-10
     )
     flown = [campaign(seed, 20, color=3.0) for seed in range(40)]
-    stated, actual = [], []
+    expected, actual = [], []
     for number in (1, 5, 20):
         pools = np.array([slowest_error_percent(joint_pool(flights[:number]), POLAR) for flights in flown])
-        stated.append(np.median(pools[:, 1]))
+        expected.append(np.median(pools[:, 1]))
         actual.append(np.sqrt(np.mean(pools[:, 0] ** 2)))
-        assert 0.7 < actual[-1] / (stated[-1] / NORMAL_95) < 1.25  # 40 draws: 1 +- 0.11
-    assert stated == sorted(stated, reverse=True) and stated[2] < 0.6 * stated[0]
+        assert 0.7 < actual[-1] / (expected[-1] / NORMAL_95) < 1.25  # 40 draws: 1 +- 0.11
+    assert expected == sorted(expected, reverse=True) and expected[2] < 0.6 * expected[0]
     assert actual == sorted(actual, reverse=True)
 
 
@@ -139,15 +139,15 @@ def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> No
 def test_the_prior_of_thrust_moves_a_pool_of_twenty_flights_by_its_own_share_only() -> None:
     """Thrust 2 and 1.5 prior standard deviations beyond its table, in 60 campaigns of 20 flights: the prior of thrust
     moves neither the airspeed scale nor the polar by more than its own share."""
-    rng, campaigns, known = np.random.default_rng(11), 60, np.isfinite(PRIOR_SIGMA)
+    rng, campaigns, finite = np.random.default_rng(11), 60, np.isfinite(PRIOR_SIGMA)
     errors, totals = [], []
     for _ in range(campaigns):
         x = truth(rng)
         x[3:5] = [0.036, -0.22]
         pooled = joint_pool([flight(x, rng, str(i)) for i in range(20)])
         prior = pooled.estimate.prior_part
-        errors.append(pooled.estimate.parameters.value - x - prior @ np.where(known, PRIOR_MEAN - x, 0.0))
-        by_prior = prior @ np.diag(np.where(known, PRIOR_SIGMA, 0.0) ** 2) @ prior.T
+        errors.append(pooled.estimate.parameters.value - x - prior @ np.where(finite, PRIOR_MEAN - x, 0.0))
+        by_prior = prior @ np.diag(np.where(finite, PRIOR_SIGMA, 0.0) ** 2) @ prior.T
         totals.append(np.diag(without_weight(pooled.estimate) - by_prior))
     mean, sigma = np.mean(errors, axis=0), np.sqrt(np.mean(totals, axis=0))
     assert np.all(np.abs(mean) < 3.5 * sigma / np.sqrt(campaigns))
@@ -192,12 +192,12 @@ def test_the_interval_narrows_with_flights_and_less_where_the_probe_is_mounted_a
 
 def test_the_common_part_of_mountings_is_known_no_better_than_their_scatter_allows() -> None:
     named, unnamed = (joint_pool(campaign(3, 6, noise=0.1, installation=name)) for name in ("boom", ""))
-    at = POOLED.index("alpha_bias")
-    scatter = 0.95 * POOLING.remounted * PRIOR_SIGMA[at] / np.sqrt(6)  # the prior knows a little more
+    index = POOLED.index("alpha_bias")
+    scatter = 0.95 * POOLING.remounted * PRIOR_SIGMA[index] / np.sqrt(6)  # the prior knows a little more
     assert (
-        unnamed.estimate.parameters.covariance[at, at] ** 0.5
+        unnamed.estimate.parameters.covariance[index, index] ** 0.5
         > scatter
-        > 2 * named.estimate.parameters.covariance[at, at] ** 0.5
+        > 2 * named.estimate.parameters.covariance[index, index] ** 0.5
     )
     assert unnamed.notes == [NOT_NAMED]
     assert not named.notes

@@ -50,23 +50,23 @@ def test_each_flight_has_its_own_error_of_the_density() -> None:
     density = 0.016
     change = density * np.r_[-POLAR[0], 0.0, POLAR[2], -1.0, np.zeros(5), -0.5, 0.0]
 
-    def measured(x: np.ndarray, rng: np.random.Generator, name: str, stated: bool) -> dict[str, Any]:
+    def measured(x: np.ndarray, rng: np.random.Generator, name: str, with_change: bool) -> dict[str, Any]:
         result = flight(x, rng, name, noise=0.1)["pooling"]
         values = np.array(result["values"]) + rng.standard_normal() * change
-        changes = result["changes"] | ({DENSITY: change.tolist()} if stated else {})
+        changes = result["changes"] | ({DENSITY: change.tolist()} if with_change else {})
         result = result | {"values": values.tolist(), "changes": changes}
         return flight(x, rng, name) | {"pooling": result}
 
-    def alarms(stated: bool) -> float:
+    def alarms(with_change: bool) -> float:
         results = []
         for seed in range(50):
             rng = np.random.default_rng(seed)
             x = truth(rng)
-            a, b = (joint_pool([measured(x, rng, f"{n}{i}", stated) for i in range(2)]) for n in "ab")
+            a, b = (joint_pool([measured(x, rng, f"{n}{i}", with_change) for i in range(2)]) for n in "ab")
             results.append(compare(a, b).differs)
         return float(np.mean(results))
 
-    assert alarms(stated=True) < 0.15 and alarms(stated=False) > 0.5
+    assert alarms(with_change=True) < 0.15 and alarms(with_change=False) > 0.5
 
 
 def test_two_measurements_of_thrust_at_rest_are_two_propellers() -> None:
@@ -215,7 +215,7 @@ def test_b_differs_only_where_an_interval_says_so() -> None:
         comparison = compare(a, b)
         message.append(comparison.differs)
         apart.append(np.abs(comparison.difference_percent) > comparison.half_width_percent)
-        assert not comparison.differs or apart[-1][comparison.test.at]
+        assert not comparison.differs or apart[-1][comparison.test.speed_index]
         if seed < 8:
             text = comparison.results().text
             assert text.startswith("B differs from A" if comparison.differs else "No difference is seen")

@@ -60,9 +60,11 @@ def pooled(flights: list[Results]) -> dict[str, AutopilotParameter]:
 def test_sink_is_that_of_the_polar_at_the_cruise_weight_and_density_of_the_pool() -> None:
     """No flight flew at the pool's weight, density and cruise: each one's sink is carried there by its own polar."""
     flights = [flight("a", 13.0, 34.0, 1.10), flight("b", 17.0, 42.0, 1.22)]
-    values, at = pooled(flights), pool_results(flights).condition
-    cruise_mps = values["FW_AIRSPD_TRIM"].value * (SEA_LEVEL_DENSITY / at.rho) ** 0.5
-    assert values["FW_T_SINK_MIN"].value == pytest.approx(sink_mps(cruise_mps, at.weight_N, at.rho), rel=1e-6)
+    values, condition = pooled(flights), pool_results(flights).condition
+    cruise_mps = values["FW_AIRSPD_TRIM"].value * (SEA_LEVEL_DENSITY / condition.rho) ** 0.5
+    assert values["FW_T_SINK_MIN"].value == pytest.approx(
+        sink_mps(cruise_mps, condition.weight_N, condition.rho), rel=1e-6
+    )
     assert not any(
         each.autopilot_parameters[3].value == pytest.approx(values["FW_T_SINK_MIN"].value, rel=0.02) for each in flights
     )
@@ -118,9 +120,9 @@ def test_the_commands_write_the_curve_and_the_parameters_of_a_pool(tmp_path: Pat
     _pool(Campaign(folders=[tmp_path / "a", tmp_path / "b"]), tmp_path, quiet=True)
     assert "power_required.csv in" in capsys.readouterr().err
     rows = list(csv.DictReader((tmp_path / "electrical_power.csv").open(encoding="utf-8")))
-    whole = pool_results(flights).results()
+    results = pool_results(flights).results()
     assert [float(row["power_W"]) for row in rows] == pytest.approx(
-        [point.power_W for point in whole.electrical_power], rel=1e-5
+        [point.power_W for point in results.electrical_power], rel=1e-5
     )
     assert "TECS_SINK_MIN" in (tmp_path / "report.html").read_text("utf-8")
     written = tmp_path / "my.param"

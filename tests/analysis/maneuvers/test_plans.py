@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from methods import drawn, fly
+from methods import draw_errors, fly
 
 from flightpower.analysis.air.air import bank_angle
 from flightpower.analysis.maneuvers import runs_file
@@ -29,7 +29,7 @@ SETTLED_S = 15.0  # a hold that is longer has a steady part: getting to its spee
 
 
 def flown(probe, plan: str, turbulence_kt: float = 0.0):
-    errors = drawn(load_budget("bench"), 0)
+    errors = draw_errors(load_budget("bench"), 0)
     return fly(load_aircraft("nexstar"), probe, errors, plan, turbulence_kt, 0)
 
 
@@ -51,9 +51,9 @@ def test_the_maneuvers_of_the_literature_are_found_once_each_where_they_were_flo
 
 
 def test_a_gap_in_the_imu_does_not_make_a_wind_up_turn_vanish_without_a_word(maneuvers) -> None:
-    (whole,) = find(maneuvers.table, maneuvers.still).of("wind-up turn")
+    (complete,) = find(maneuvers.table, maneuvers.still).of("wind-up turn")
     table = maneuvers.table.copy()
-    middle = (whole.start_s + whole.end_s) / 2
+    middle = (complete.start_s + complete.end_s) / 2
     table.loc[middle : middle + 0.6, ["ax_mps2", "ay_mps2", "az_mps2"]] = np.nan
     table["bank_rad"] = bank_angle(table)
     all_maneuvers = find(table, maneuvers.still)
@@ -226,13 +226,13 @@ def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_rea
     """Not even where the motor stood for a twentieth of the flight, which no run but the whole flight contains."""
     table = maneuvers.table.copy()
     all_maneuvers = find(table, maneuvers.still)
-    (whole,) = all_maneuvers.of("flying")
+    (flight_stretch,) = all_maneuvers.of("flying")
     used = [run for run in all_maneuvers.maneuvers if run.kind not in ("flying", "standing", "porpoising")]
     free = np.ones(len(table), dtype=bool)
     for run in used:
         free[run.rows] = False
-    table.loc[free & (table.index.to_numpy() > whole.start_s), "thrust_N"] = np.nan
-    assert table["thrust_N"].iloc[whole.rows].isna().mean() > 0.05
+    table.loc[free & (table.index.to_numpy() > flight_stretch.start_s), "thrust_N"] = np.nan
+    assert table["thrust_N"].iloc[flight_stretch.rows].isna().mean() > 0.05
     (tmp_path / "runs.toml").write_text(runs_file.to_toml(all_maneuvers, "log.mcap"), "utf-8")
     back = runs_file.apply(runs_file.load(tmp_path / "runs.toml"), table, all_maneuvers.rejected, "runs.toml")
     assert [(run.kind, run.rows) for run in back.maneuvers] == [(run.kind, run.rows) for run in all_maneuvers.maneuvers]

@@ -131,8 +131,8 @@ def test_noise_of_speed_does_not_make_the_slowest_speed_of_a_light_aircraft_lowe
 
 def loaded(load: np.ndarray) -> pd.DataFrame:
     """Level flight at 15 m/s at a load factor, 1 for 10 s before and after."""
-    whole = np.concatenate([np.ones(round(10 * RATE_HZ)), load, np.ones(round(10 * RATE_HZ))])
-    return flight(np.full(len(whole), 15.0)).assign(az_mps2=-GRAVITY_MPS2 * whole)
+    load_factor = np.concatenate([np.ones(round(10 * RATE_HZ)), load, np.ones(round(10 * RATE_HZ))])
+    return flight(np.full(len(load_factor), 15.0)).assign(az_mps2=-GRAVITY_MPS2 * load_factor)
 
 
 def pull_and_push(most: float, least: float, seconds: float = 8.0) -> np.ndarray:

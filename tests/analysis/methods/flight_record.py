@@ -19,7 +19,12 @@ from flightpower.flight.propeller import Propeller
 
 
 def flight_record(
-    table: pd.DataFrame, trajectory: Any, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, **known: Any
+    table: pd.DataFrame,
+    trajectory: Any,
+    runs: list[Maneuver],
+    aircraft: Aircraft,
+    propeller: Propeller,
+    **overrides: Any,
 ) -> Reconstructed:
     """known: other fields of the record, such as flown_CL."""
     log: Any = SimpleNamespace(path=Path("flight.mcap"), entries={}, attachments={})
@@ -36,4 +41,4 @@ def flight_record(
         "trajectory": trajectory,
         "prior_conflict": PriorConflict(np.ones(len(SENSOR_ERRORS)), {}, 1.0),
     }
-    return Reconstructed(**fields | known)
+    return Reconstructed(**fields | overrides)

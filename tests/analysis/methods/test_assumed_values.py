@@ -65,8 +65,8 @@ class Rerun:
 def test_without_missing_keys_nothing_is_added(nexstar, propeller):
     assert assumption_uncertainty(Rerun(), nexstar, propeller, AT, FLOWN_CL) is None
     assert upwash_slope_sigma(nexstar) == 0.0
-    whole = estimate(np.array([*A, 0.0, 0.0]))
-    assert with_assumption_uncertainty(whole, None) is whole
+    complete = estimate(np.array([*A, 0.0, 0.0]))
+    assert with_assumption_uncertainty(complete, None) is complete
 
 
 def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(propeller):
@@ -139,8 +139,8 @@ def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propel
     without = standard_error(OWN * (1 + upwash_slope_sigma(mine)) + uncertainty.covariance)
     part = np.zeros((5, 5))
     part[2, 2] = (0.1 * PRIORS.upwash_rad) ** 2
-    known = standard_error(OWN + uncertainty.covariance - part)
-    assert f"{100 * (1 - known / without):.0f} % narrower" in note
+    narrower = standard_error(OWN + uncertainty.covariance - part)
+    assert f"{100 * (1 - narrower / without):.0f} % narrower" in note
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.004, False), (-0.03, True), (0.03, True)])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from methods import Analyzed, analyzed, drawn, fly
+from methods import Analyzed, analyzed, draw_errors, fly
 
 from flightpower.analysis.curve import Condition, power_required, speed_at
 from flightpower.analysis.maneuvers.find import find
@@ -31,7 +31,7 @@ AIRCRAFT = load_aircraft("nexstar")
 def analyzed_flight(
     probe, seed: int, plan: str = "accel-decel", errors: str = "bench", W20_kt: float = 0.0, **wrong
 ) -> Analyzed:
-    return analyzed(AIRCRAFT, fly(AIRCRAFT, probe, drawn(load_budget(errors), seed, **wrong), plan, W20_kt, seed))
+    return analyzed(AIRCRAFT, fly(AIRCRAFT, probe, draw_errors(load_budget(errors), seed, **wrong), plan, W20_kt, seed))
 
 
 # One error each, several times COMPARISON.installation_sigma; every case has another seed.
@@ -84,7 +84,7 @@ def test_a_lag_is_not_mistaken_for_thrust_in_gusts_of_3_kt(probe) -> None:
 @pytest.mark.slow
 def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
     """A whole flight in 3 kt, where a lag of 14 ms looked like 76 and thrust 2.3 % too much, five standard errors."""
-    errors = drawn(load_budget("study"), 1)
+    errors = draw_errors(load_budget("study"), 1)
     flown = fly(AIRCRAFT, probe, errors, "full-test-flight", 3.0, 1)
     trajectory = reconstruct(flown.table, flown.still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma))
     flight_forces = FlightForces(trajectory, AIRCRAFT, load_propeller(AIRCRAFT.propulsion.propeller))
@@ -100,7 +100,7 @@ def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
 @pytest.mark.parametrize(("tilt_deg", "side"), [(1.5, "high"), pytest.param(-1.5, "low", marks=pytest.mark.thorough)])
 def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, tilt_deg: float, side: str) -> None:
     """No estimated error explains the drag along a trajectory tilted by hand; W V tilt recovers the tilt."""
-    flown = fly(AIRCRAFT, probe, drawn(load_budget("none"), 0), "accel-decel", 0.0, 0)
+    flown = fly(AIRCRAFT, probe, draw_errors(load_budget("none"), 0), "accel-decel", 0.0, 0)
     trajectory = reconstruct(flown.table, flown.still)
     states = trajectory.states.assign(theta=trajectory.states["theta"] + np.radians(tilt_deg))
     tilted = dataclasses.replace(trajectory, states=states)
@@ -109,9 +109,9 @@ def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, 
     level = maneuvers.of("acceleration", "deceleration")
     estimate = estimate_polar(tilted, level, AIRCRAFT, propeller)
     rows = pd.concat([flown.table.iloc[run.rows] for run in level])
-    at, flown_CL = flown_condition(rows, AIRCRAFT), flown_lift(rows, AIRCRAFT)
+    condition, flown_CL = flown_condition(rows, AIRCRAFT), flown_lift(rows, AIRCRAFT)
     disagreements = every_method(
-        tilted, level, AIRCRAFT, propeller, at, dynamic=estimate, dynamic_CL=flown_CL
+        tilted, level, AIRCRAFT, propeller, condition, dynamic=estimate, dynamic_CL=flown_CL
     ).disagreements
     (item,) = (disagreement for disagreement in disagreements if disagreement.methods[1] == "energy")
     assert item.culprit == "pitch attitude"
@@ -131,8 +131,8 @@ def test_methods_agree_where_nothing_is_wrong(probe, errors: str, seed: int) -> 
 def worst_error(flight: Analyzed, truth, name: str) -> float:
     """Largest error of a method over the speeds it saw, relative to the simulator's true"""
     (estimate,) = (e for e in flight.estimates if e.method.name == name)
-    V = speed_at(np.linspace(*estimate.flown_CL, 20), flight.at)
-    power, _ = power_required(V, estimate.polar, flight.at)
+    V = speed_at(np.linspace(*estimate.flown_CL, 20), flight.condition)
+    power, _ = power_required(V, estimate.polar, flight.condition)
     return float(np.max(np.abs(power / np.interp(V, truth["speed_mps"], truth["power_W"]) - 1)))
 
 
@@ -140,7 +140,7 @@ def worst_error(flight: Analyzed, truth, name: str) -> float:
 @pytest.mark.slow
 def test_piw_viw_on_simulated_steady_points_is_within_two_per_cent(probe) -> None:
     """With a bench's errors, whose table is within half a percent; the table's own doubt, 3 %, is in the interval."""
-    flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), 30, thrust_scale=0.005), "steady-points", 0.0, 30)
+    flown = fly(AIRCRAFT, probe, draw_errors(load_budget("bench"), 30, thrust_scale=0.005), "steady-points", 0.0, 30)
     assert worst_error(analyzed(AIRCRAFT, flown), flown.truth, "piw-viw") < 0.02
 
 
@@ -166,21 +166,21 @@ def with_steady_points() -> str:
 
 def test_a_flight_of_maneuvers_alone_has_a_curve_and_one_of_a_single_speed_has_none(probe) -> None:
     """Lift varied at one speed: within its interval of the truth, and 10 % in the middle of what was seen."""
-    flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), 31), "maneuvers", 0.0, 31)
+    flown = fly(AIRCRAFT, probe, draw_errors(load_budget("bench"), 31), "maneuvers", 0.0, 31)
     trajectory = reconstruct(flown.table, flown.still)
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)
     rho = float(flown.truth["density_kgpm3"].iloc[0])
-    at = Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
+    condition = Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
     maneuvers = find(flown.table, flown.still)
 
     def estimates(*kinds: str) -> list[MethodEstimate]:
-        return every_method(trajectory, maneuvers.of(*kinds), AIRCRAFT, propeller, at).by_method
+        return every_method(trajectory, maneuvers.of(*kinds), AIRCRAFT, propeller, condition).by_method
 
     estimate, flown_CL, _ = fallback(
         estimates("steady", "roller coaster", "wind-up turn"), trajectory, AIRCRAFT, "flight.mcap"
     )
-    V = speed_at(np.geomspace(flown_CL[0] * 1.1, flown_CL[1] / 1.1, 9), at)
-    power, error = power_required(V, estimate.polar, at)
+    V = speed_at(np.geomspace(flown_CL[0] * 1.1, flown_CL[1] / 1.1, 9), condition)
+    power, error = power_required(V, estimate.polar, condition)
     truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
     assert np.all(np.abs(power - truth) < 1.96 * error)
     assert abs(power[4] / truth[4] - 1) < 0.1

@@ -16,8 +16,8 @@ def text_of(
     cause: str, share_W: float | None = 3.0, *, difference_W: float = 5.0, unexplained_W: float = 2.0, **errors
 ):
     results = {name: ErrorEstimate(*error) for name, error in errors.items()}
-    at = Difference(15.0, 100.0, difference_W, Cause(cause), share_W, unexplained_W)
-    return sentences(TITLES, at, results, AT)
+    quoted = Difference(15.0, 100.0, difference_W, Cause(cause), share_W, unexplained_W)
+    return sentences(TITLES, quoted, results, AT)
 
 
 def test_the_difference_is_a_share_of_the_first_power_and_its_side_is_named() -> None:

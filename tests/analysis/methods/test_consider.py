@@ -115,8 +115,10 @@ def test_an_updraft_takes_weight_times_its_speed_off_the_power() -> None:
 
 def test_priors_are_read_from_the_aircraft_file_and_have_defaults() -> None:
     text = NEXSTAR.text + 'weight = "0.5 %"\nupdraft = "2 cm/s"\nhysteresis = "0.1 %"\n'
-    given = parse_aircraft(text, "mine.toml").uncertainty
-    assert (given.weight_fraction, given.updraft_mps, given.hysteresis_fraction) == pytest.approx((0.005, 0.02, 0.001))
+    uncertainty = parse_aircraft(text, "mine.toml").uncertainty
+    assert (uncertainty.weight_fraction, uncertainty.updraft_mps, uncertainty.hysteresis_fraction) == pytest.approx(
+        (0.005, 0.02, 0.001)
+    )
     assert (NEXSTAR.uncertainty.weight_fraction, NEXSTAR.uncertainty.updraft_mps) == (0.002, 0.004)
     with pytest.raises(InputError, match=r"mine.toml: uncertainty.weight: must not be negative"):
         parse_aircraft(text.replace("0.5 %", "-1 %"), "mine.toml")

@@ -192,12 +192,12 @@ def test_a_wrong_weight_changes_power_by_what_the_interval_has_for_it() -> None:
     """Analyzed with a weight 1 % too large, a flight gives the curve of the heavier aircraft."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
-    known, unsure = (estimate_polar(trajectory, runs, weighed_within(x), PROPELLER) for x in (0.0, 0.01))
+    exact, unsure = (estimate_polar(trajectory, runs, weighed_within(x), PROPELLER) for x in (0.0, 0.01))
     heavier = estimate_polar(trajectory, runs, AIRCRAFT.weighing(1.01 * W), PROPELLER)
     at_its_weight, _ = power_required(V, heavier.polar, AT._replace(weight_N=1.01 * W))
-    added = Polar(polar(), (unsure.systematic - known.systematic)[:3, :3])
-    assert power_required(V, added, AT)[1] == pytest.approx(np.abs(at_its_weight - power(known.polar.A)), rel=1e-6)
-    assert np.array_equal(unsure.values, known.values)
+    added = Polar(polar(), (unsure.systematic - exact.systematic)[:3, :3])
+    assert power_required(V, added, AT)[1] == pytest.approx(np.abs(at_its_weight - power(exact.polar.A)), rel=1e-6)
+    assert np.array_equal(unsure.values, exact.values)
 
 
 def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
@@ -367,19 +367,19 @@ def test_a_method_s_interval_contains_the_errors_that_the_aircraft_file_states()
     trajectory = measured(f)
     sizes = {key: factor * getattr(Uncertainty(), key) for key, (factor, _) in FACTORS.items()}
     inputs = []
-    for stated in (Uncertainty(), replace(Uncertainty(), **sizes)):
-        flight_forces = FlightForces(trajectory, replace(AIRCRAFT, uncertainty=stated), PROPELLER)
+    for uncertainty in (Uncertainty(), replace(Uncertainty(), **sizes)):
+        flight_forces = FlightForces(trajectory, replace(AIRCRAFT, uncertainty=uncertainty), PROPELLER)
         errors = estimate_errors(flight_forces, trajectory, np.ones(len(f), dtype=bool))
         inputs.append(method_inputs(flight_forces, trajectory, runs, errors))
     factors = {error: factor for factor, error in FACTORS.values()}
     for method in (item for item in ALL_METHODS if item.name in ("direct", "direct-speed", "energy", "accelerations")):
-        default, stated = (estimate_with(method, inputs) for inputs in inputs)
+        default, uncertainty = (estimate_with(method, inputs) for inputs in inputs)
         parts = {
             error: factors[error] ** 2 * np.outer(s, s) * error_prior_sigma(Uncertainty())[error] ** 2
             for error, s in default.sensitivities.items()
         }
         expected = Polar(polar(), covariance.floor() + sum(parts.values()))
-        error = power_required(V, Polar(polar(), stated.systematic), AT)[1]
+        error = power_required(V, Polar(polar(), uncertainty.systematic), AT)[1]
         assert error == pytest.approx(power_required(V, expected, AT)[1], rel=0.03), method.name
 
 
@@ -391,8 +391,8 @@ def test_twice_the_stated_error_of_thrust_widens_the_interval(key: str, name: st
     trajectory = measured(f.assign(ax=f["ax"] + noise))
     polars = []
     for factor in (1.0, 2.0):
-        stated = replace(Uncertainty(), **{key: factor * getattr(Uncertainty(), key)})
-        polars.append(estimate_polar(trajectory, runs[1:2], replace(AIRCRAFT, uncertainty=stated), PROPELLER))
+        uncertainty = replace(Uncertainty(), **{key: factor * getattr(Uncertainty(), key)})
+        polars.append(estimate_polar(trajectory, runs[1:2], replace(AIRCRAFT, uncertainty=uncertainty), PROPELLER))
     i = 3 + ("thrust_scale", "thrust_slope").index(name)
     before, after = (np.sqrt((polar.noise + polar.systematic)[i, i]) for polar in polars)
     assert after > 1.3 * before

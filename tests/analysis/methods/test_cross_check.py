@@ -20,7 +20,7 @@ SPEEDS_MPS = np.array([14.0, 17.0, 20.0])
 @pytest.fixture(scope="module")
 def flown(nexstar, probe):
     def fly(seed, turbulence_kt, **wrong):
-        errors = methods.drawn(load_budget("study"), seed, **wrong)
+        errors = methods.draw_errors(load_budget("study"), seed, **wrong)
         return methods.fly(nexstar, probe, errors, "accel-decel", turbulence_kt, seed)
 
     return fly
@@ -31,8 +31,8 @@ def checked(flight, aircraft, propeller):
     runs = find(flight.table, flight.still).of("acceleration", "deceleration")
     check = on_runs_alone(flight.table, runs, aircraft, propeller, gust_mps=0.0, zeroed=True)
     rho = float(np.mean([flight.table["rho"].iloc[run.rows].mean() for run in runs]))
-    at = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
-    power, error = power_required(SPEEDS_MPS, check.polar, at)
+    condition = Condition(aircraft.mass.weight_N, rho, aircraft.geometry.wing_area_m2)
+    power, error = power_required(SPEEDS_MPS, check.polar, condition)
     truth = np.interp(SPEEDS_MPS, flight.truth["speed_mps"], flight.truth["power_W"])
     return check, (power - truth) / error, 100 * (power / truth - 1)
 
@@ -68,18 +68,18 @@ def test_thrust_on_a_stand_is_a_prior_of_the_cross_check(flown, nexstar, propell
 
 
 def test_it_differs_where_the_intervals_do_not_allow_it() -> None:
-    at, flown_CL = Condition(37.7, 1.2, 0.46), (0.3, 1.0)
+    condition, flown_CL = Condition(37.7, 1.2, 0.46), (0.3, 1.0)
 
     def polar(CD0: float) -> Polar:
         return Polar(np.array([CD0, 0.0, 0.06]), np.diag([0.001, 0.0, 0.0]) ** 2)
 
     def compared(CD0: float, *, converged: bool = True) -> tuple[bool, int]:
-        result = disagreement(polar(0.04), CrossCheck(polar(CD0), "no minimum", converged), at, flown_CL)
+        result = disagreement(polar(0.04), CrossCheck(polar(CD0), "no minimum", converged), condition, flown_CL)
         return result.differs, len(result.warnings)
 
     assert compared(0.0443) == (False, 0)  # the root of chi-square of 3 at 95 %, 2.80, times hypot(1, 1.2): 4.37
     assert compared(0.0445) == (True, 1)
-    (warning,) = disagreement(polar(0.04), CrossCheck(polar(0.08), "", True, False), at, (0.6, 0.6)).warnings
+    (warning,) = disagreement(polar(0.04), CrossCheck(polar(0.08), "", True, False), condition, (0.6, 0.6)).warnings
     assert "by +65 %" in warning, "C_D is 0.1016 in place of 0.0616"
     assert compared(0.05, converged=False) == (False, 1)  # it is left out, and said to be
 
@@ -91,9 +91,9 @@ def test_of_a_long_flight_runs_of_both_kinds_from_beginning_to_end_are_checked()
         for i in range(240)
     ]
     taken = spread(runs)
-    at = [runs.index(run) for run in taken]
-    assert len(at) == CROSS_CHECK.most_runs and at[0] == 0 and at[-1] == 239
-    assert max(np.diff(at)) <= np.ceil(239 / (CROSS_CHECK.most_runs - 1)) and min(np.diff(at)) >= np.floor(
+    index = [runs.index(run) for run in taken]
+    assert len(index) == CROSS_CHECK.most_runs and index[0] == 0 and index[-1] == 239
+    assert max(np.diff(index)) <= np.ceil(239 / (CROSS_CHECK.most_runs - 1)) and min(np.diff(index)) >= np.floor(
         239 / (CROSS_CHECK.most_runs - 1)
     )
     assert abs(sum(run.kind == DECELERATION for run in taken) - CROSS_CHECK.most_runs / 2) <= CROSS_CHECK.most_runs / 8

@@ -23,9 +23,9 @@ SURE = {name: ErrorEstimate(0.0, 1e-6) for name in COMPARISON.installation_sigma
 
 def dynamic(noise: np.ndarray = NOISE) -> DynamicEstimate:
     zero = np.zeros((5, 5))
-    whole = zero.copy()
-    whole[:3, :3] = noise
-    return DynamicEstimate(Polar(A, noise), [], CurveStatus.CONVERGED, "", [], [], np.r_[A, 0.0, 0.0], whole, zero)
+    covariance = zero.copy()
+    covariance[:3, :3] = noise
+    return DynamicEstimate(Polar(A, noise), [], CurveStatus.CONVERGED, "", [], [], np.r_[A, 0.0, 0.0], covariance, zero)
 
 
 def by(method: Method, change: float, **fields) -> MethodEstimate:

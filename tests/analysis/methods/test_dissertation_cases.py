@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from flight_record import flight_record
-from methods import Flown, drawn, fly
+from methods import Flown, draw_errors, fly
 
 from flightpower.analysis.air.probe import ProbeCalibration
 from flightpower.analysis.curve import Condition, Polar, power_required
@@ -41,7 +41,7 @@ class Case(NamedTuple):
     runs: list[Maneuver]
     trajectory: Trajectory
     truth_W: np.ndarray  # at V
-    at: Condition
+    condition: Condition
 
 
 @pytest.fixture(scope="module")
@@ -50,12 +50,12 @@ def case(probe: ProbeCalibration):
 
     @cache
     def of(plan: str, seed: int) -> Case:
-        flown = fly(AIRCRAFT, probe, drawn(load_budget("bench"), seed), plan, 0.0, seed)
+        flown = fly(AIRCRAFT, probe, draw_errors(load_budget("bench"), seed), plan, 0.0, seed)
         runs, _ = find_runs(flown.table)
         rho = float(flown.table.loc[flown.table["flying"], "rho"].mean())
-        at = Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
+        condition = Condition(AIRCRAFT.mass.weight_N, rho, AIRCRAFT.geometry.wing_area_m2)
         truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
-        return Case(flown, runs, reconstruct(flown.table, flown.still), truth, at)
+        return Case(flown, runs, reconstruct(flown.table, flown.still), truth, condition)
 
     return of
 
@@ -82,7 +82,7 @@ def by_likelihood(case) -> LikelihoodEstimates:
 def test_power_is_within_the_source_s_worst_deviation(case, plan: str, seed: int) -> None:
     this_case = case(plan, seed)
     estimate = estimate_polar(this_case.trajectory, this_case.runs, AIRCRAFT, PROPELLER)
-    power, _ = power_required(V, estimate.polar, this_case.at)
+    power, _ = power_required(V, estimate.polar, this_case.condition)
     assert np.abs(power - this_case.truth_W).max() < WORST_W
 
 
@@ -93,7 +93,7 @@ def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_li
     """The offset of angle of attack, known to a degree, makes the intervals wide; here it is some hundredths."""
     this_case = case("case-1", 0)
     estimate = next(estimate for estimate in by_likelihood.methods if estimate.method.name == name)
-    power, error = power_required(V, estimate.polar, this_case.at)
+    power, error = power_required(V, estimate.polar, this_case.condition)
     assert (np.abs(power - this_case.truth_W) < NORMAL_95 * error / 3).all()
     assert (NORMAL_95 * error > 0.1 * this_case.truth_W).all()
 
@@ -112,7 +112,7 @@ def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) ->
     )
     for result, other in zip(by_likelihood.methods, again.methods, strict=True):
         changes = other.polar.A - result.polar.A, result.sensitivities["thrust_scale"] * sigma
-        by_whole, by_steps = (power_required(V, Polar(A, np.zeros((3, 3))), this_case.at)[0] for A in changes)
+        by_whole, by_steps = (power_required(V, Polar(A, np.zeros((3, 3))), this_case.condition)[0] for A in changes)
         assert by_steps == pytest.approx(by_whole, abs=0.002 * this_case.truth_W.min())
 
 

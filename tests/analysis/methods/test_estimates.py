@@ -114,22 +114,22 @@ def test_errors_of_trajectory_and_states_are_in_the_dynamic_method_s_covariance(
 def test_errors_of_states_are_not_counted_again_in_the_residuals_they_cause() -> None:
     """Residuals that are nothing but errors of the states: the noise is theirs, once."""
     f, runs = accelerations_and_decelerations()
-    known = measured(f)
+    flight_data = measured(f)
     theta, rng = STATES.index("theta"), np.random.default_rng(1)
-    n, nx = known.states.shape
-    states = known.states.assign(theta=known.states["theta"] + 0.01 * rng.standard_normal(n))
+    n, nx = flight_data.states.shape
+    states = flight_data.states.assign(theta=flight_data.states["theta"] + 0.01 * rng.standard_normal(n))
     draws = np.zeros((16, n, nx))
     draws[:, :, theta] = 0.01 * rng.standard_normal((16, n))
     factor = np.full((n, nx), 1e16)
     factor[:, theta] = 1 / 0.01
-    given = StatesGivenErrors(factor.reshape(1, -1))
+    state_errors = StatesGivenErrors(factor.reshape(1, -1))
 
     def noise(**changes) -> np.ndarray:
-        trajectory = replace(known, states=states, **changes)
+        trajectory = replace(flight_data, states=states, **changes)
         return power_error(dynamic.estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER).noise[:3, :3]) ** 2
 
-    by_residuals, once = noise(), noise(states_given_errors=given, draws=draws)
-    by_states = noise(states_given_errors=given) - by_residuals
+    by_residuals, once = noise(), noise(states_given_errors=state_errors, draws=draws)
+    by_states = noise(states_given_errors=state_errors) - by_residuals
     fast = slice(2, None)  # at lower speeds the prior of thrust is most of the noise
     assert np.all(by_states < once)
     assert np.all(once[fast] < (by_states + 0.3 * by_residuals)[fast])

@@ -56,8 +56,8 @@ def test_independent_errors_have_what_each_alone_contributes_and_alike_ones_shar
 def test_the_sources_add_up_to_the_variance_of_the_curve() -> None:
     covariance = covariance_of(7)
     changes = {"updraft": np.array([2e-3, 0, 1e-3, 0, 0, 0, 0]), "hysteresis alpha": np.array([1e-3, 0, 0, 0, 0, 0, 0])}
-    whole = covariance[:3, :3] + sum(np.outer(change[:3], change[:3]) for change in changes.values())
-    polar = Polar(np.array([0.045, 0.0, 0.065]), whole)
+    total = covariance[:3, :3] + sum(np.outer(change[:3], change[:3]) for change in changes.values())
+    polar = Polar(np.array([0.045, 0.0, 0.065]), total)
     estimate = SimpleNamespace(polar=polar, joint=joint(covariance, **changes))
     variances = variance_by_source(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
     assert {Share.NOISE, Share.UPDRAFT, Share.TRANSDUCERS} <= variances.keys() and Share.WEIGHT not in variances
@@ -79,6 +79,6 @@ def test_what_a_propeller_table_contributes_is_no_noise_that_more_runs_average()
     polar = Polar(np.array([0.045, 0.0, 0.065]), covariance[:3, :3])
     estimate = SimpleNamespace(polar=polar, joint=joint(covariance))
     parts = interval_parts(estimate, SimpleNamespace(), CONDITION, V)  # type: ignore[arg-type]
-    whole = NORMAL_95 * power_required(V, polar, CONDITION)[1]
-    assert [part.systematic_W for part in parts] == pytest.approx(whole, rel=1e-9)
-    assert max(part.noise_W for part in parts) < 1e-3 * min(whole)
+    half_width_W = NORMAL_95 * power_required(V, polar, CONDITION)[1]
+    assert [part.systematic_W for part in parts] == pytest.approx(half_width_W, rel=1e-9)
+    assert max(part.noise_W for part in parts) < 1e-3 * min(half_width_W)

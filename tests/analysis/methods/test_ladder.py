@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from methods import drawn, fly
+from methods import draw_errors, fly
 
 from flightpower.analysis import flight
 from flightpower.analysis.curve import Polar, power_required, speed_at
@@ -45,7 +45,7 @@ def estimate_of(method, A=GOOD, sigma: float = 1e-3) -> MethodEstimate:
 
 @pytest.fixture(scope="module")
 def flown(probe):
-    return fly(AIRCRAFT, probe, drawn(load_budget("bench"), 46), "accel-decel", 0.0, 46)
+    return fly(AIRCRAFT, probe, draw_errors(load_budget("bench"), 46), "accel-decel", 0.0, 46)
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +161,7 @@ def test_only_a_curve_not_to_be_trusted_on_a_path_in_misfit_gives_way(
     monkeypatch, dynamic: Trust, in_misfit: bool, simpler: Trust | None, chosen: str
 ) -> None:
     """Without misfit the table of thrust is to blame, or the number of poles, which the simpler methods share."""
-    given = {"dynamic": dynamic, "simpler": simpler}
+    verdicts = {"dynamic": dynamic, "simpler": simpler}
     flight = SimpleNamespace(
         aircraft=None, propeller=None, trajectory=None, drag=None, progress=lambda _: None, method="dynamic"
     )
@@ -174,7 +174,7 @@ def test_only_a_curve_not_to_be_trusted_on_a_path_in_misfit_gives_way(
     monkeypatch.setattr(pipeline, "by_simpler_method", lambda *_: other)
     monkeypatch.setattr(
         pipeline, "_analysis",
-        lambda item, *_: SimpleNamespace(method=item.method, results=SimpleNamespace(trust=given[item.method])),
+        lambda item, *_: SimpleNamespace(method=item.method, results=SimpleNamespace(trust=verdicts[item.method])),
     )  # fmt: skip
     nothing: Any = None
     assert pipeline.analyze_runs(nothing).method == chosen  # type: ignore[attr-defined]

@@ -86,12 +86,12 @@ def test_a_search_starts_at_a_usual_aircraft_in_trim():
 
 def test_priors_of_the_models_are_those_of_the_aircraft_file():
     """An aircraft file without [uncertainty] and a model without priors assume the same."""
-    priors, stated = Priors(), Uncertainty()
+    priors, uncertainty = Priors(), Uncertainty()
     assert (priors.alpha_bias_rad, priors.alpha_scale, priors.V_scale, priors.accelerometer_bias_mps2) == pytest.approx(
-        (stated.angle_of_attack_offset_rad, stated.angle_of_attack_slope_fraction, stated.airspeed_scale_fraction,
-         stated.accelerometer_offset_mps2)
+        (uncertainty.angle_of_attack_offset_rad, uncertainty.angle_of_attack_slope_fraction,
+         uncertainty.airspeed_scale_fraction, uncertainty.accelerometer_offset_mps2)
     )  # fmt: skip
-    assert (priors.thrust_scale, priors.thrust_slope) == (stated.thrust_scale_fraction, stated.thrust_slope)
+    assert (priors.thrust_scale, priors.thrust_slope) == (uncertainty.thrust_scale_fraction, uncertainty.thrust_slope)
     (CZa2,) = (q for q in FORCE_MODELS.parameters if q.name == "CZa2")
     assert CZa2.prior_sigma == 2.0
 

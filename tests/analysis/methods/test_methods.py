@@ -71,14 +71,14 @@ def test_error_of_two_terms_at_low_speed_is_as_in_method_section_2(CL_minD: floa
 
     With weights by relative error, as `steady` has them, the fit is better at low speed: 3 and 8 %.
     """
-    at = Condition(W, 1.225, S)
+    condition = Condition(W, 1.225, S)
     V = np.linspace(11.58, 22.86, 30)  # 38 to 75 ft/s
     table, runs = joined([flown(np.full(20, v), polar(CL_minD), 1.225) for v in V], "steady")
     regression = PIW_VIW_TWO.regression(table, runs, AIRCRAFT)
     assert isinstance(regression, PointRegression)
     equal = dataclasses.replace(regression, sigma=np.ones(len(V)))
     true, classic, weighted = (
-        power_required(V, Polar(A, NO_COVARIANCE), at)[0]
+        power_required(V, Polar(A, NO_COVARIANCE), condition)[0]
         for A in (polar(CL_minD), equal.coefficients(), regression.coefficients())
     )
     assert abs(classic / true - 1)[0] == pytest.approx(wrong, rel=0.1)
@@ -139,8 +139,8 @@ def test_energy_recovers_the_polar_from_speed_and_height_alone() -> None:
     """To the error of the trapezoidal rule over 0.2 s, (dt^2/12) f''/f of each integral: 1e-4."""
     fitted = coefficients(ENERGY, runs_of_speed(polar()), "acceleration")
     V = np.array([12.0, 15.0, 20.0, 23.5])
-    at = Condition(W, 1.15, S)
-    power, true = (power_required(V, Polar(A, NO_COVARIANCE), at)[0] for A in (fitted, polar()))
+    condition = Condition(W, 1.15, S)
+    power, true = (power_required(V, Polar(A, NO_COVARIANCE), condition)[0] for A in (fitted, polar()))
     assert power == pytest.approx(true, rel=2e-3)
 
 
@@ -232,13 +232,13 @@ def test_energy_s_interval_contains_the_work_of_gusts() -> None:
     Rising air lifts at the cost of nothing, air that comes on faster adds V du: both as height, (w t - V u/g).
     """
     A, rng = polar(), np.random.default_rng(11)
-    at = Condition(W, 1.15, S)
+    condition = Condition(W, 1.15, S)
     V = np.array([12.5, 15.0, 18.0, 22.0])
-    true = power_required(V, Polar(A, NO_COVARIANCE), at)[0]
+    true = power_required(V, Polar(A, NO_COVARIANCE), condition)[0]
     up = np.linspace(11.5, 24.0, 50)
     gusts = {"gust_mps": 0.15, "gust_s": 2.0, "gust_along_mps": 0.25, "gust_along_s": 9.0}
 
-    def drawn(sigma: float, time_s: float) -> np.ndarray:
+    def colored(sigma: float, time_s: float) -> np.ndarray:
         values = [sigma * rng.standard_normal()]
         stays = np.exp(-STEP_S / time_s)
         for new in sigma * np.sqrt(1 - stays**2) * rng.standard_normal(len(up) - 1):
@@ -249,11 +249,11 @@ def test_energy_s_interval_contains_the_work_of_gusts() -> None:
     for _ in range(100):
         parts = [flown(speed, A, 1.15).assign(**gusts) for speed in (up, up[::-1], up, up[::-1])]
         for part in parts:
-            w, u = drawn(0.15, 2.0), drawn(0.25, 9.0)
+            w, u = colored(0.15, 2.0), colored(0.25, 9.0)
             part["height_measured"] += np.cumsum(w) * STEP_S - part["V"] * u / GRAVITY_MPS2
         table, runs = joined(parts, "acceleration")
         regression = ENERGY.regression(table, runs, AIRCRAFT)
-        power, error = power_required(V, Polar(regression.coefficients(), regression.noise_covariance()), at)
+        power, error = power_required(V, Polar(regression.coefficients(), regression.noise_covariance()), condition)
         hits.append(np.abs(power - true) < NORMAL_95 * error)
     assert np.mean(hits, axis=0).min() > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 100)
 
@@ -265,8 +265,8 @@ def test_the_error_of_a_mean_allows_for_the_correlation_of_the_record() -> None:
     x = np.zeros((400, n))
     for i in range(1, n):
         x[:, i] = decay * x[:, i - 1] + np.sqrt(1 - decay**2) * rng.normal(size=400)
-    stated = np.sqrt(np.mean([_error_of_mean(record, step_s) ** 2 for record in x[:40]]))
-    assert stated == pytest.approx(np.std(x.mean(axis=1)), rel=0.2)
+    estimated = np.sqrt(np.mean([_error_of_mean(record, step_s) ** 2 for record in x[:40]]))
+    assert estimated == pytest.approx(np.std(x.mean(axis=1)), rel=0.2)
     white = rng.normal(size=5000)
     assert _error_of_mean(white, step_s) == pytest.approx(np.std(white) / np.sqrt(5000), rel=0.25)
 

@@ -20,13 +20,13 @@ STATED = Uncertainty()
 
 def runs(rng: np.random.Generator, kind: str, count: int) -> list[MethodEstimate]:
     """Single runs, each with its noise and an error of its path's slope."""
-    drawn = rng.multivariate_normal(TRUTH, NOISE, count)
-    drawn[:, 1] += rng.normal(0.0, COMPARISON.run_slope_rad, count)
+    polars = rng.multivariate_normal(TRUTH, NOISE, count)
+    polars[:, 1] += rng.normal(0.0, COMPARISON.run_slope_rad, count)
     return [
         MethodEstimate(
             replace(ONE_RUN, title=f"{kind} at {i} s", kinds=(kind,)), Polar(A, NOISE), NOISE, flown_CL=(0.3, 1.0)
         )
-        for i, A in enumerate(drawn)
+        for i, A in enumerate(polars)
     ]
 
 
@@ -102,7 +102,7 @@ def test_thrust_twelve_percent_off_shows_between_accelerations_and_decelerations
         for kind, share in (("acceleration", 1.5), ("deceleration", 0.5))
     ]
     wrong = one_kind_against_another(*kinds, AT, replace(STATED, thrust_scale_fraction=0.01))
-    stated = one_kind_against_another(*kinds, AT, replace(STATED, thrust_scale_fraction=0.12))
-    assert wrong is not None and stated is not None
-    assert wrong.z > noise_limit(1) > abs(stated.z) and wrong.power_W > wrong.others_W
+    allowed = one_kind_against_another(*kinds, AT, replace(STATED, thrust_scale_fraction=0.12))
+    assert wrong is not None and allowed is not None
+    assert wrong.z > noise_limit(1) > abs(allowed.z) and wrong.power_W > wrong.others_W
     assert one_kind_against_another(kinds[0], replace(kinds[1], polar=None), AT, STATED) is None

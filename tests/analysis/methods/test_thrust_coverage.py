@@ -50,16 +50,16 @@ def test_decelerations_alone_are_no_sign_of_another_propeller() -> None:
 def test_the_curve_is_flagged_where_the_table_was_extrapolated() -> None:
     V = np.linspace(12, 24, 400)
     data = pd.DataFrame({"V_mps": V, "propeller_covered": V > 16})
-    known = thrust_known(data, np.array([12.5, 14.0, 18.0, 23.0, 30.0]))
-    assert known.tolist() == [False, False, True, True, True], "nothing was flown at 30: flagged for another reason"
+    covered = thrust_known(data, np.array([12.5, 14.0, 18.0, 23.0, 30.0]))
+    assert covered.tolist() == [False, False, True, True, True], "nothing was flown at 30: flagged for another reason"
 
 
 def test_the_curve_is_flagged_where_less_than_half_of_the_samples_near_a_speed_are_covered() -> None:
     """As where accelerations are in the table, and slower decelerations through the same speed beyond it."""
     V = np.linspace(12, 24, 400)
-    for covered_of_ten, known in ((4, False), (6, True)):
+    for covered_of_ten, enough in ((4, False), (6, True)):
         data = pd.DataFrame({"V_mps": V, "propeller_covered": np.arange(400) % 10 < covered_of_ten})
-        assert thrust_known(data, np.array([18.0])).tolist() == [known]
+        assert thrust_known(data, np.array([18.0])).tolist() == [enough]
 
 
 def test_the_limit_that_was_left_is_named_at_the_speeds_where_it_was() -> None:

@@ -28,11 +28,11 @@ A = np.array([0.045, -0.02, 0.065])
 SCALE, SLOPE = 0.01, -0.04
 
 
-def on_stand(ratio: float, **stated: float) -> Aircraft:
+def on_stand(ratio: float, **uncertainty: float) -> Aircraft:
     return replace(
         NEXSTAR,
         propulsion=replace(NEXSTAR.propulsion, static_thrust_ratio=ratio),
-        uncertainty=replace(NEXSTAR.uncertainty, **stated),
+        uncertainty=replace(NEXSTAR.uncertainty, **uncertainty),
     )
 
 
@@ -175,6 +175,6 @@ def test_a_ratio_beyond_the_priors_of_the_table_is_doubted() -> None:
     ],
 )
 def test_a_prior_measurement_that_means_nothing_is_refused(changed: dict[str, object], message: str) -> None:
-    given: dict[str, object] = {"name": "stand", "coefficients": {"A0": 1.0}, "value": 0.0, "sigma": 1.0}
+    arguments: dict[str, object] = {"name": "stand", "coefficients": {"A0": 1.0}, "value": 0.0, "sigma": 1.0}
     with pytest.raises(InputError, match=message):
-        replace(drag_model(NEXSTAR), prior_measurements=(PriorMeasurement(**(given | changed)),))  # type: ignore[arg-type]
+        replace(drag_model(NEXSTAR), prior_measurements=(PriorMeasurement(**(arguments | changed)),))  # type: ignore[arg-type]

@@ -62,11 +62,11 @@ def of_results(results: Results) -> RouteInput:
 
 def aerodynamic_flight(**changed: Any) -> Results:
     table = load_propeller("apc-12x8e")
-    known = parameters()
+    polar = parameters()
     model = ComputationModel(
-        names=list(known.names),
-        values=known.values.tolist(),
-        covariance=known.covariance.tolist(),
+        names=list(polar.names),
+        values=polar.values.tolist(),
+        covariance=polar.covariance.tolist(),
         no_load_torque_Nm=0.01,
         flown_CL=FLOWN_CL,
         propeller=PropellerTable(

@@ -43,10 +43,10 @@ def test_a_flight_inside_table_battery_and_height_has_no_warning(nexstar: Expect
 
 
 def test_a_table_that_ends_below_the_revolutions_flown_is_warned_of(nexstar: ExpectedAircraft) -> None:
-    whole = nexstar.propeller
-    slow = Propeller(whole.name, whole.diameter_m, whole.rows[:1])
+    propeller = nexstar.propeller
+    slow = Propeller(propeller.name, propeller.diameter_m, propeller.rows[:1])
     (warning,) = card.warnings(plan(replace(nexstar, propeller=slow)))
-    assert f"{whole.rows[0].rpm:.0f} rpm" in warning
+    assert f"{propeller.rows[0].rpm:.0f} rpm" in warning
 
 
 def test_a_battery_that_is_empty_before_the_landing_is_warned_of(nexstar: ExpectedAircraft) -> None:
@@ -72,14 +72,14 @@ def test_a_wind_that_the_flight_hardly_advances_against_is_warned_of(nexstar: Ex
 
 
 def test_without_a_heading_there_is_no_map_and_without_a_direction_no_wind_in_it(nexstar: ExpectedAircraft) -> None:
-    def drawn(**given: float) -> str:
+    def map_of(**changes: float) -> str:
         planned = plan(nexstar)
-        planned.request = replace(planned.request, **given)
+        planned.request = replace(planned.request, **changes)
         return card._map(planned)
 
-    assert drawn() == "" == drawn(wind_from_deg=270.0)
-    assert "N</text>" in drawn(heading_deg=0.0) and "kt" not in drawn(heading_deg=0.0)
-    assert "rotate(270)" in drawn(heading_deg=0.0, wind_from_deg=270.0)
+    assert map_of() == "" == map_of(wind_from_deg=270.0)
+    assert "N</text>" in map_of(heading_deg=0.0) and "kt" not in map_of(heading_deg=0.0)
+    assert "rotate(270)" in map_of(heading_deg=0.0, wind_from_deg=270.0)
 
 
 @pytest.mark.parametrize(("heading_deg", "axis", "side"), [(0.0, 0, 1), (90.0, 1, 1), (180.0, 0, -1), (270.0, 1, -1)])

@@ -152,9 +152,9 @@ def test_an_assumed_motor_may_turn_at_any_speed_from_5_to_400_a_second(aircraft:
 
 def with_table_to(aircraft: ExpectedAircraft, rpm: float, monkeypatch: pytest.MonkeyPatch) -> ExpectedAircraft:
     """This aircraft with a propeller table that ends at this speed of rotation."""
-    whole = aircraft.propeller
-    rows = tuple(replace(row, rpm=row.rpm * rpm / whole.rows[-1].rpm) for row in whole.rows)
-    short = Propeller(whole.name, whole.diameter_m, rows, beyond_zero_thrust=whole.beyond_zero_thrust)
+    propeller = aircraft.propeller
+    rows = tuple(replace(row, rpm=row.rpm * rpm / propeller.rows[-1].rpm) for row in propeller.rows)
+    short = Propeller(propeller.name, propeller.diameter_m, rows, beyond_zero_thrust=propeller.beyond_zero_thrust)
     monkeypatch.setattr(of_module, "load_propeller", lambda _: short)
     return expected_aircraft(aircraft.aircraft, HEIGHT_M)
 

@@ -33,28 +33,30 @@ def test_a_flight_stays_in_sight_in_any_wind(nexstar, pieces_flown: list[Piece],
     """A leg about the place of take-off; in a strong wind half as much more, since runs downwind cannot be shortened.
     As planned in still air it would be gone by miles."""
     plan = sequence(pieces_flown, nexstar)
-    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), wind_mps)
-    assert farthest_m(kept, nexstar, wind_mps) < (1.1 if wind_mps < 5 else 1.5) * LEG_M
+    corrected = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), wind_mps)
+    assert farthest_m(corrected, nexstar, wind_mps) < (1.1 if wind_mps < 5 else 1.5) * LEG_M
     assert farthest_m(plan, nexstar, wind_mps) > 1500.0
-    assert [type(maneuver) for maneuver in kept] == [type(maneuver) for maneuver in plan]
+    assert [type(maneuver) for maneuver in corrected] == [type(maneuver) for maneuver in plan]
 
 
 def test_legs_end_at_the_same_two_places_and_take_longer_against_the_wind(nexstar: ExpectedAircraft) -> None:
     turn = Turn(18.0)
     plan = sequence([Piece("", 2 * (Hold(25.0, 18.0), turn), None)] * 4, nexstar)  # type: ignore[arg-type]
     wind_mps = 6.0
-    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), wind_mps)
-    history = fly(kept, nexstar, HEIGHT_M, wind_mps)
-    at = np.rint(history.starts_s / 0.04).astype(int)[:-1]
+    corrected = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), wind_mps)
+    history = fly(corrected, nexstar, HEIGHT_M, wind_mps)
+    index = np.rint(history.starts_s / 0.04).astype(int)[:-1]
     x, y = history.position_m.T
-    legs = [i for i, maneuver in enumerate(kept) if isinstance(maneuver, Hold)][3:-1]  # after the first, before landing
-    ends = np.array([at[i + 1] for i in legs])
+    legs = [i for i, maneuver in enumerate(corrected) if isinstance(maneuver, Hold)][
+        3:-1
+    ]  # after the first, before landing
+    ends = np.array([index[i + 1] for i in legs])
     assert np.ptp(y[ends]) < 60.0, "crabbed: all end on one line"
     seconds = {}
     for into_the_wind in (True, False):
-        these = [k for k, i in enumerate(legs) if (x[at[i + 1]] > x[at[i]]) == into_the_wind]
+        these = [k for k, i in enumerate(legs) if (x[index[i + 1]] > x[index[i]]) == into_the_wind]
         assert np.ptp(x[ends[these]]) < 60.0
-        seconds[into_the_wind] = [kept[legs[k]].duration_s for k in these]
+        seconds[into_the_wind] = [corrected[legs[k]].duration_s for k in these]
     assert min(seconds[True]) > 1.5 * max(seconds[False])
 
 
@@ -62,8 +64,8 @@ def test_legs_end_at_the_same_two_places_and_take_longer_against_the_wind(nexsta
 def test_the_landing_is_into_the_wind(nexstar: ExpectedAircraft, pieces_flown: list[Piece], pairs: int) -> None:
     """Also after a number of turns that would have it downwind: the last one is a circle then."""
     plan = sequence([*pieces_flown[:1] * 2, *pieces_flown[-1:] * pairs], nexstar)
-    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 4.0)
-    history = fly(kept, nexstar, HEIGHT_M, 4.0)
+    corrected = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 4.0)
+    history = fly(corrected, nexstar, HEIGHT_M, 4.0)
     touching = int(history.starts_s[-2] / 0.04) - 25
     assert np.cos(history.attitude[touching, 2] - np.radians(PATH.wind_from_deg)) > 0.3
 
@@ -74,10 +76,10 @@ def test_a_wind_from_elsewhere_keeps_the_flight_in_sight(
 ) -> None:
     """Computed for another direction than it is flown in, it drifts off by more than a leg."""
     plan = sequence(pieces_flown, nexstar, wind_from_deg)
-    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 4.0, wind_from_deg)
+    corrected = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 4.0, wind_from_deg)
 
     def reached_m(from_deg: float) -> float:
-        position_m = fly(kept, nexstar, HEIGHT_M, 4.0, wind_from_deg=from_deg).position_m
+        position_m = fly(corrected, nexstar, HEIGHT_M, 4.0, wind_from_deg=from_deg).position_m
         return float(np.hypot(*position_m.T).max())
 
     assert reached_m(wind_from_deg) < 1.15 * LEG_M
@@ -88,5 +90,5 @@ def test_without_a_turn_nothing_changes_and_no_wind_makes_a_plan_endless(nexstar
     straight: list[Maneuver] = [Hold(10.0, 15.0), Run(0.87, 8.0, 20.0), Land(16.0)]
     assert kept_in_place(straight, nexstar, Space(LEG_M, HEIGHT_M), 8.0) == straight
     plan = sequence([Piece("", (Hold(20.0, 12.0), Turn(15.0)), None)] * 6, nexstar)  # type: ignore[arg-type]
-    kept = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 20.0)
-    assert max(maneuver.duration_s for maneuver in kept if isinstance(maneuver, Hold)) <= 20.0 + 120.0
+    corrected = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 20.0)
+    assert max(maneuver.duration_s for maneuver in corrected if isinstance(maneuver, Hold)) <= 20.0 + 120.0

@@ -107,10 +107,10 @@ def test_full_throttle_is_held_to_95_per_cent_of_the_fastest_speed() -> None:
 
 def test_a_flight_begins_and_ends_at_1_6_of_the_stall_and_turns_to_either_side() -> None:
     turn = Turn(17.0, pi, 0.6)
-    whole = pieces.sequence([pieces.Piece("", (turn, turn, turn), pieces.PieceKind.CIRCUIT)], AIRCRAFT)
-    assert [maneuver.angle_rad for maneuver in whole if isinstance(maneuver, Turn)] == [-pi, pi, -pi, pi, -pi]
-    assert (whole[0].duration_s, whole[1].speed_mps, whole[2].speed_mps) == (90.0, 16.0, 16.0)
-    assert (whole[-3].speed_mps, whole[-2].speed_mps, whole[-1].duration_s) == (16.0, 16.0, 30.0)
+    maneuvers = pieces.sequence([pieces.Piece("", (turn, turn, turn), pieces.PieceKind.CIRCUIT)], AIRCRAFT)
+    assert [maneuver.angle_rad for maneuver in maneuvers if isinstance(maneuver, Turn)] == [-pi, pi, -pi, pi, -pi]
+    assert (maneuvers[0].duration_s, maneuvers[1].speed_mps, maneuvers[2].speed_mps) == (90.0, 16.0, 16.0)
+    assert (maneuvers[-3].speed_mps, maneuvers[-2].speed_mps, maneuvers[-1].duration_s) == (16.0, 16.0, 30.0)
 
 
 def test_a_turn_that_has_no_room_is_steeper_then_slower_then_left_out() -> None:

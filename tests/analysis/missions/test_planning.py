@@ -72,8 +72,12 @@ def test_no_acceleration_is_planned_that_the_analysis_finds_too_gentle(nexstar: 
 
     def ramps_s(aircraft: ExpectedAircraft) -> list[float]:
         catalog = pieces.catalog(aircraft, request.space, request.pilot, request.wind_kt)
-        kept = [piece for piece in search._without_gentle_runs(catalog, aircraft, request) if piece.kind == "runs"]
-        return [next(maneuver.ramp_s for maneuver in piece.maneuvers if isinstance(maneuver, Run)) for piece in kept]
+        run_pieces = [
+            piece for piece in search._without_gentle_runs(catalog, aircraft, request) if piece.kind == "runs"
+        ]
+        return [
+            next(maneuver.ramp_s for maneuver in piece.maneuvers if isinstance(maneuver, Run)) for piece in run_pieces
+        ]
 
     assert ramps_s(nexstar) == [13.0, 8.0]
     assert ramps_s(narrow) == [8.0]
@@ -151,11 +155,13 @@ def test_a_probe_elsewhere_pulls_at_the_sensor_errors_as_the_estimator_finds(nex
     assert len(complete.scores) == 0 and np.sqrt(complete.covariance[ahead, ahead]) < 1e-5
 
 
-def test_keys_that_the_aircraft_file_lacks_widen_a_plans_interval(nexstar, acceleration, stated_variance, stated):
+def test_keys_that_the_aircraft_file_lacks_widen_a_plans_interval(
+    nexstar, acceleration, stated_variance, complete_uncertainty
+):
     """Scores explain half of the variance at most: a value assumed a standard deviation off is no other polar."""
-    known = replace(nexstar, aircraft=replace(nexstar.aircraft, uncertainty=stated))
+    complete = replace(nexstar, aircraft=replace(nexstar.aircraft, uncertainty=complete_uncertainty))
     for key in ("probe.upwash_per_CL", "probe.position", "imu_position"):
-        assert 1.0001 < variance_of_drag(acceleration, without_keys(known, key)) / stated_variance < 1.5, key
+        assert 1.0001 < variance_of_drag(acceleration, without_keys(complete, key)) / stated_variance < 1.5, key
 
 
 @pytest.fixture(scope="module")
@@ -166,12 +172,12 @@ def acceleration(nexstar: ExpectedAircraft) -> TimeHistory:
 
 
 def variance_of_drag(history: TimeHistory, aircraft: ExpectedAircraft) -> float:
-    at = np.array([1.0, 0.9, 0.81])  # one lift coefficient
-    return float(at @ expected(history, aircraft, 0.0125, alpha_scale_sigma=0.01).total @ at)
+    powers_of_CL = np.array([1.0, 0.9, 0.81])  # one lift coefficient
+    return float(powers_of_CL @ expected(history, aircraft, 0.0125, alpha_scale_sigma=0.01).total @ powers_of_CL)
 
 
 @pytest.fixture(scope="module")
-def stated(nexstar: ExpectedAircraft) -> Uncertainty:
+def complete_uncertainty(nexstar: ExpectedAircraft) -> Uncertainty:
     """With a calibrated airspeed, vibration measured in a run-up, and a calm hour.
 
     With the default of 1.25 % a less certain thrust takes up some of the airspeed's error in one acceleration, and the
@@ -182,8 +188,10 @@ def stated(nexstar: ExpectedAircraft) -> Uncertainty:
 
 
 @pytest.fixture(scope="module")
-def stated_variance(nexstar: ExpectedAircraft, acceleration: TimeHistory, stated: Uncertainty) -> float:
-    return variance_of_drag(acceleration, replace(nexstar, aircraft=replace(nexstar.aircraft, uncertainty=stated)))
+def stated_variance(nexstar: ExpectedAircraft, acceleration: TimeHistory, complete_uncertainty: Uncertainty) -> float:
+    return variance_of_drag(
+        acceleration, replace(nexstar, aircraft=replace(nexstar.aircraft, uncertainty=complete_uncertainty))
+    )
 
 
 # Plans are without hysteresis, calm air without gusts, two belong to a stand, and a level run has one load factor.
@@ -193,15 +201,18 @@ ELSEWHERE = ("gust_length", "hysteresis_fraction", "static_thrust_ratio_fraction
 
 @pytest.mark.parametrize("key", [field.name for field in fields(Uncertainty) if field.name not in ELSEWHERE])
 def test_every_error_that_the_aircraft_file_states_is_in_a_plans_interval(
-    nexstar, acceleration, stated, stated_variance, key: str
+    nexstar, acceleration, complete_uncertainty, stated_variance, key: str
 ):
     """Stated five times as large, or as 1 where it was 0, it widens the interval."""
-    larger = replace(nexstar.aircraft, uncertainty=replace(stated, **{key: 5 * getattr(stated, key) or 1.0}))
+    larger = replace(
+        nexstar.aircraft,
+        uncertainty=replace(complete_uncertainty, **{key: 5 * getattr(complete_uncertainty, key) or 1.0}),
+    )
     assert variance_of_drag(acceleration, replace(nexstar, aircraft=larger)) > 1.0001 * stated_variance
 
 
 def test_thrust_on_a_stand_narrows_a_plans_interval_and_its_errors_widen_it(
-    nexstar, acceleration, stated, stated_variance
+    nexstar, acceleration, complete_uncertainty, stated_variance
 ):
     """The stand leaves the scale in flight as it is, and one acceleration without turns does not know the scale of the
     accelerometer, so that the interval is narrower by a tenth of a percent."""
@@ -210,13 +221,13 @@ def test_thrust_on_a_stand_narrows_a_plans_interval_and_its_errors_widen_it(
         aircraft = replace(
             nexstar.aircraft,
             propulsion=replace(nexstar.aircraft.propulsion, static_thrust_ratio=1.0),
-            uncertainty=replace(stated, **larger),
+            uncertainty=replace(complete_uncertainty, **larger),
         )
         return variance_of_drag(acceleration, replace(nexstar, aircraft=aircraft))
 
     assert variance() < 0.998 * stated_variance
     for key in ("static_thrust_ratio_fraction", "thrust_curvature_fraction"):
-        assert 1.0001 * variance() < variance(**{key: 5 * getattr(stated, key)}) < stated_variance
+        assert 1.0001 * variance() < variance(**{key: 5 * getattr(complete_uncertainty, key)}) < stated_variance
 
 
 @pytest.mark.slow
@@ -269,10 +280,12 @@ def test_more_wind_widens_and_earlier_flights_narrow_the_interval(plan: FlightPl
         return float(max(plan.question.half_widths(search.predicted(plan.maneuvers, plan.aircraft, request))))
 
     assert worst(replace(plan.request, wind_kt=15.0)) > 1.1 * max(plan.half_widths)
-    known = np.zeros((len(SENSOR_ERRORS),) * 2)
+    information_of_flight = np.zeros((len(SENSOR_ERRORS),) * 2)
     slope = SENSOR_ERRORS.index("alpha_scale")
-    known[slope, slope] = 0.005**-2
-    narrower = plan.covariances._replace(errors=np.linalg.inv(np.linalg.inv(plan.covariances.errors) + known))
+    information_of_flight[slope, slope] = 0.005**-2
+    narrower = plan.covariances._replace(
+        errors=np.linalg.inv(np.linalg.inv(plan.covariances.errors) + information_of_flight)
+    )
     assert max(plan.question.half_widths(narrower)) < 0.97 * max(plan.half_widths)
 
 
@@ -379,9 +392,9 @@ def test_earlier_flights_are_known_by_what_they_added_to_the_prior():
 
     errors = [error("alpha_scale", 1.0, 3.0), error("alpha_bias", 0.1, 1.0), error("ax_bias", 0.01, 0.19)]
     flight = SimpleNamespace(path=SimpleNamespace(sensor_errors=errors), log="one")
-    known = information.information([flight, flight])  # type: ignore[list-item]
-    assert known is not None
-    diagonal = dict(zip(SENSOR_ERRORS, np.diag(known), strict=True))
+    added = information.information([flight, flight])  # type: ignore[list-item]
+    assert added is not None
+    diagonal = dict(zip(SENSOR_ERRORS, np.diag(added), strict=True))
     assert diagonal["alpha_scale"] == pytest.approx(2 * (0.01**-2 - 0.03**-2))
     assert diagonal["alpha_bias"] == pytest.approx(2 * (np.radians(0.1) ** -2 - np.radians(1.0) ** -2))
     assert diagonal["ax_bias"] == 0.0

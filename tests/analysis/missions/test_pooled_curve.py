@@ -37,13 +37,13 @@ def contents(*, measured: tuple[bool, ...] = (True, True, True), use: bool = Tru
     rng = np.random.default_rng(3)
     x = truth(rng)
     contents = []
-    for number, (scale, known) in enumerate(zip(SCALES, measured, strict=True)):
-        whole = msgspec.to_builtins(aerodynamic_flight())
-        at = whole["use"]["model"]["names"].index("shaft_scale")
-        whole["use"]["model"]["values"][at] = scale
-        whole["use"]["power_train"]["measured"] = known
-        whole["slowest_flown"]["largest_lift_coefficient"] += 0.1 * number
-        taken = {name: whole[name] for name in ("air", "slowest_flown", "battery", *(["use"] if use else []))}
+    for number, (scale, has_power_train) in enumerate(zip(SCALES, measured, strict=True)):
+        content = msgspec.to_builtins(aerodynamic_flight())
+        index = content["use"]["model"]["names"].index("shaft_scale")
+        content["use"]["model"]["values"][index] = scale
+        content["use"]["power_train"]["measured"] = has_power_train
+        content["slowest_flown"]["largest_lift_coefficient"] += 0.1 * number
+        taken = {name: content[name] for name in ("air", "slowest_flown", "battery", *(["use"] if use else []))}
         contents.append({**upgraded(statistics_of(x, rng, str(number))), **taken})
     return contents
 
@@ -58,11 +58,13 @@ def test_polar_and_thrust_are_those_of_the_pool_with_their_joint_covariance() ->
     use = pool.results().use
     assert use is not None
     parameters = model_of(use.model).parameters
-    at = [POOLED.index(name) for name in parameters.names[:5]]
+    index = [POOLED.index(name) for name in parameters.names[:5]]
     assert parameters.names[:5] == ("A0", "A1", "A2", "thrust_scale", "thrust_slope")
     assert parameters.values[:3] == pytest.approx(pool.polar.A)
     assert parameters.covariance[:3, :3] == pytest.approx(pool.polar.covariance)
-    np.testing.assert_allclose(parameters.covariance[:5, 3:5], pool.estimate.parameters.covariance[np.ix_(at, at[3:])])
+    np.testing.assert_allclose(
+        parameters.covariance[:5, 3:5], pool.estimate.parameters.covariance[np.ix_(index, index[3:])]
+    )
     assert np.any(parameters.covariance[:3, 3:5]), "thrust and drag err together"
     assert use.model.flown_CL == pool.flown_CL
     largest = pool.results().slowest_flown
@@ -90,11 +92,11 @@ def _model_of_one() -> Any:
 
 def test_power_by_a_pool_has_the_spread_of_the_pool_and_less_than_that_of_a_flight() -> None:
     def spread(number: int) -> float:
-        given = contents()[:number]
-        for content in given:  # of drag alone
+        flights = contents()[:number]
+        for content in flights:  # of drag alone
             content["use"]["model"]["covariance"] = np.zeros((13, 13)).tolist()
-        route = route_of(route_input(joint_pool(given)), legs("3 km 000"), flight(power_sd=0.0))
-        power_W = route.source.drawn.battery_W(route.V, route.legs.condition, 0.0, 1.0)
+        route = route_of(route_input(joint_pool(flights)), legs("3 km 000"), flight(power_sd=0.0))
+        power_W = route.source.power_draws.battery_W(route.V, route.legs.condition, 0.0, 1.0)
         return float(np.std(power_W) / np.mean(power_W))
 
     assert 0.002 < spread(3) < 0.8 * spread(1)
@@ -106,13 +108,13 @@ def test_a_pool_of_one_flight_of_electrical_power_is_that_flight() -> None:
     item, pooled = (
         source_of(results, None, 2000, np.random.default_rng(2)) for results in (electrical_results(), pooled_input)
     )
-    V, at = np.array([12.0, 15.0, 20.0]), item.reference
+    V, condition = np.array([12.0, 15.0, 20.0]), item.reference
     assert pooled.flown_CL == pytest.approx(item.flown_CL)
     for of in ("nominal", "drawn"):
-        powers = [getattr(source, of).battery_W(V, at, 0.0, 1.0) for source in (item, pooled)]
+        powers = [getattr(source, of).battery_W(V, condition, 0.0, 1.0) for source in (item, pooled)]
         assert powers[1].mean(axis=0) == pytest.approx(powers[0].mean(axis=0), rel=3e-3)
         assert powers[1].std(axis=0) == pytest.approx(powers[0].std(axis=0), rel=0.08)
-    heavier = predict(pooled_input, legs("3 km 000"), flight(weight_N=1.2 * at.weight_N))
+    heavier = predict(pooled_input, legs("3 km 000"), flight(weight_N=1.2 * condition.weight_N))
     assert heavier.energy_Wh.value > 1.1 * predict(electrical_results(), legs("3 km 000"), flight()).energy_Wh.value
 
 

@@ -37,9 +37,9 @@ def flown(route: Route, rng: np.random.Generator, worlds: int, power_sigma: floa
     Polar, train and losses are drawn from their covariance; the wind's mean is wrong, and turbulence is added to it as
     a process in time; power is wrong by `power_sigma`, half of it by a share of all legs and half anew by leg.
     """
-    known, step_s = parameters(), 2.0
-    values = rng.multivariate_normal(known.values, known.covariance, worlds)
-    columns = {name: values[:, i : i + 1] for i, name in enumerate(known.names)}
+    model_parameters, step_s = parameters(), 2.0
+    values = rng.multivariate_normal(model_parameters.values, model_parameters.covariance, worlds)
+    columns = {name: values[:, i : i + 1] for i, name in enumerate(model_parameters.names)}
     power = AerodynamicPower(columns, model_of(aerodynamic_results().use.model), 0.0)
     wind = route.flight.wind
     mean = np.array([[wind.east_mps], [wind.north_mps]]) + wind.sd_mps * rng.standard_normal((2, worlds))
@@ -53,12 +53,12 @@ def flown(route: Route, rng: np.random.Generator, worlds: int, power_sigma: floa
     L = route.legs
     for i in range(len(L)):
         V = route.V[i] * airspeed
-        at = Condition(np.array([WEIGHT_N]), L.condition.rho[i : i + 1], AREA_M2)
+        condition = Condition(np.array([WEIGHT_N]), L.condition.rho[i : i + 1], AREA_M2)
         course = L.course_rad[i]
         blown = np.hypot(*wind[:2]) * np.cos(np.arctan2(wind.east_mps, wind.north_mps) - course)
         sine = np.full_like(V, L.climb_m[i] / (L.distance_m[i] / (route.V[i] + blown)) / route.V[i])
-        level_W = power.battery_W(V, at, sine, 1.0)[:, 0]
-        turn_W = power.battery_W(V, at, 0.0, L.turn_load)[:, 0]
+        level_W = power.battery_W(V, condition, sine, 1.0)[:, 0]
+        turn_W = power.battery_W(V, condition, 0.0, L.turn_load)[:, 0]
         turn_s = L.turn_rad[i] * V[:, 0] / (9.80665 * np.sqrt(L.turn_load**2 - 1))
         off = 1 + power_sigma / np.sqrt(2) * (common + rng.standard_normal(worlds))
         covered, seconds = np.zeros(worlds), np.zeros(worlds)
@@ -191,11 +191,11 @@ def test_how_far_out_and_back_is_what_the_battery_gives_both_ways() -> None:
 
 def test_a_dropped_payload_saves_energy_after_it() -> None:
     text = "3 km 000{}, 3 km 180"
-    kept, dropped = (
+    carried, dropped = (
         predict(aerodynamic_results(), legs(text.format(d)), flight(CALM)).legs for d in ("", ", drop 1 kg")
     )
-    assert dropped[0].energy_Wh.value == pytest.approx(kept[0].energy_Wh.value, rel=1e-3)
-    assert dropped[1].energy_Wh.value < 0.85 * kept[1].energy_Wh.value
+    assert dropped[0].energy_Wh.value == pytest.approx(carried[0].energy_Wh.value, rel=1e-3)
+    assert dropped[1].energy_Wh.value < 0.85 * carried[1].energy_Wh.value
     light = predict(aerodynamic_results(), legs("3 km 180"), flight(CALM, weight_N=WEIGHT_N - 9.80665)).legs
     assert dropped[1].airspeed_mps == pytest.approx(light[0].airspeed_mps, rel=1e-3)
 
@@ -226,7 +226,7 @@ def test_a_launch_takes_the_kinetic_energy() -> None:
 def test_a_faster_leg_takes_the_gain_of_kinetic_energy_and_a_slower_one_gives_it_back() -> None:
     """15 to 19 m/s: m (19^2 - 15^2) / 2, at the efficiency of a climb."""
     steps = legs("3 km 000, 3 km 000").steps
-    at = [Speed(mps, over_ground=False) for mps in (15.0, 19.0)]
+    speeds = [Speed(mps, over_ground=False) for mps in (15.0, 19.0)]
     mission = legs("3 km 000, 3 km 000")
 
     def energy_J(first: Speed, second: Speed) -> np.ndarray:
@@ -234,12 +234,12 @@ def test_a_faster_leg_takes_the_gain_of_kinetic_energy_and_a_slower_one_gives_it
         route = route_of(electrical_results(), flown, flight(CALM))
         return energy_and_time(route.legs, route.V, route.nominal, BATTERY)[0][0]
 
-    slow, fast = (energy_J(speed, speed)[1] for speed in at)
+    slow, fast = (energy_J(speed, speed)[1] for speed in speeds)
     route = route_of(electrical_results(), mission, flight(CALM))
     to_true = 1 / np.sqrt(route.legs.condition.rho[1] / 1.225)
     gain_J = WEIGHT_N / 9.80665 * (19.0**2 - 15.0**2) * to_true**2 / 2 / 0.6
-    assert energy_J(at[0], at[1])[1] - fast == pytest.approx(gain_J, rel=2e-3)
-    assert slow - energy_J(at[1], at[0])[1] == pytest.approx(gain_J, rel=2e-3)
+    assert energy_J(speeds[0], speeds[1])[1] - fast == pytest.approx(gain_J, rel=2e-3)
+    assert slow - energy_J(speeds[1], speeds[0])[1] == pytest.approx(gain_J, rel=2e-3)
 
 
 def test_the_same_mission_gives_the_same_result() -> None:

@@ -57,8 +57,8 @@ def straight(distance_m: float, course_deg: float, climb_m: float = 0.0, **chang
     return replace(made, **changed)
 
 
-def energy_of(legs_: Legs, V: float, at: World, battery: Battery = BATTERY) -> tuple[float, float]:
-    energy_J, seconds = energy_and_time(legs_, np.array([V]), at, battery)
+def energy_of(legs_: Legs, V: float, in_world: World, battery: Battery = BATTERY) -> tuple[float, float]:
+    energy_J, seconds = energy_and_time(legs_, np.array([V]), in_world, battery)
     return float(energy_J[0, 0]), float(seconds[0, 0])
 
 
@@ -71,10 +71,10 @@ def test_a_level_leg_in_calm_takes_the_power_of_level_flight() -> None:
 
 
 def test_out_against_the_wind_and_back_takes_the_time_of_the_wind_triangle() -> None:
-    at = world(source().nominal, east=5.0)
-    out, back = (energy_of(straight(3000.0, course), 15.0, at)[1] for course in (270.0, 90.0))
+    windy = world(source().nominal, east=5.0)
+    out, back = (energy_of(straight(3000.0, course), 15.0, windy)[1] for course in (270.0, 90.0))
     assert out + back == pytest.approx(2 * 3000 * 15 / (15**2 - 5**2))
-    across = energy_of(straight(3000.0, 0.0), 15.0, at)[1]
+    across = energy_of(straight(3000.0, 0.0), 15.0, windy)[1]
     assert across == pytest.approx(3000 / np.sqrt(15**2 - 5**2))
 
 
@@ -121,24 +121,27 @@ def test_circles_take_their_length_at_their_load_factor() -> None:
     energy_J, seconds = energy_of(circles, 16.0, world(power))
     assert seconds == pytest.approx(3 * 2 * np.pi * 50 / 16)
     load = np.sqrt(1 + (16**2 / (9.80665 * 50)) ** 2)
-    at = Condition(np.array([WEIGHT_N]), np.array([RHO]), AREA_M2)
-    assert energy_J == pytest.approx(seconds * float(power.battery_W(np.array([16.0]), at, 0.0, load)[0, 0]))
+    condition = Condition(np.array([WEIGHT_N]), np.array([RHO]), AREA_M2)
+    assert energy_J == pytest.approx(seconds * float(power.battery_W(np.array([16.0]), condition, 0.0, load)[0, 0]))
 
 
 def test_thin_air_and_less_weight_change_the_speed_of_an_electrical_curve_by_viw() -> None:
     power = source(electrical=True).nominal
     half = Condition(np.array([WEIGHT_N]), np.array([RHO / 1.21]), AREA_M2)
-    at = Condition(np.array([WEIGHT_N]), np.array([RHO]), AREA_M2)
-    thin, dense = power.battery_W(np.array([15.4]), half, 0.0, 1.0), power.battery_W(np.array([14.0]), at, 0.0, 1.0)
+    condition = Condition(np.array([WEIGHT_N]), np.array([RHO]), AREA_M2)
+    thin, dense = (
+        power.battery_W(np.array([15.4]), half, 0.0, 1.0),
+        power.battery_W(np.array([14.0]), condition, 0.0, 1.0),
+    )
     assert thin - 8.0 == pytest.approx((dense - 8.0) * 1.1, rel=1e-6)
 
 
 def test_the_battery_heats_its_resistance() -> None:
     battery = BATTERY._replace(open_circuit_V=14.8, resistance_ohm=0.05)
-    given = battery.drawn_W(np.array([100.0, 2000.0]))
-    current_A = given[0] / 14.8
-    assert given[0] == pytest.approx(100.0 + 0.05 * current_A**2)
-    assert np.isinf(given[1])  # more than V^2/4R
+    powers_W = battery.drawn_W(np.array([100.0, 2000.0]))
+    current_A = powers_W[0] / 14.8
+    assert powers_W[0] == pytest.approx(100.0 + 0.05 * current_A**2)
+    assert np.isinf(powers_W[1])  # more than V^2/4R
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -146,14 +149,14 @@ def test_the_best_speed_is_that_of_a_search_through_all_speeds(seed: int) -> Non
     """In any wind and on any course, climbing, level or descending: to 0.1 % of the speed, or of no cost at all."""
     rng = np.random.default_rng(seed)
     result = source(electrical=seed % 3 == 0)
-    at = world(result.nominal, *rng.uniform(-6, 6, 2))
+    windy = world(result.nominal, *rng.uniform(-6, 6, 2))
     leg = straight(rng.uniform(500, 5000), rng.uniform(0, 360), rng.uniform(-60, 60))
     limits = speed_limits(result, leg.condition, 1.2, 1.2)
-    best = best_speeds(leg, limits, at, BATTERY)
+    best = best_speeds(leg, limits, windy, BATTERY)
     V = np.linspace(limits.slowest[0], limits.fastest[0], 20001)
-    every_J, _ = energy_and_time(leg, V[:, None], at, BATTERY)
+    every_J, _ = energy_and_time(leg, V[:, None], windy, BATTERY)
     brute = V[np.argmin(every_J[:, 0])]
-    least_J = energy_of(leg, float(best[0]), at)[0]
+    least_J = energy_of(leg, float(best[0]), windy)[0]
     assert least_J <= every_J.min() * (1 + 1e-6)
     assert best[0] == pytest.approx(brute, rel=1e-3)
 
@@ -198,8 +201,8 @@ def test_a_turn_replaces_straight_flight_by_its_load_factor_for_its_time() -> No
     without, turned = (
         energy_of(straight(2000.0, 0.0, turn_rad=np.array([angle])), 16.0, world(power)) for angle in (0.0, 2.0)
     )
-    at = Condition(np.array([WEIGHT_N]), np.array([RHO]), AREA_M2)
-    level_W, turn_W = (float(power.battery_W(np.array([16.0]), at, 0.0, n)[0, 0]) for n in (1.0, 1.2))
+    condition = Condition(np.array([WEIGHT_N]), np.array([RHO]), AREA_M2)
+    level_W, turn_W = (float(power.battery_W(np.array([16.0]), condition, 0.0, n)[0, 0]) for n in (1.0, 1.2))
     seconds = 2.0 * 16.0 / (9.80665 * np.tan(np.arccos(1 / 1.2)))
     assert turned[0] - without[0] == pytest.approx(seconds * (turn_W - level_W), rel=1e-9)
     assert turned[1] == without[1]
@@ -213,13 +216,13 @@ def test_legs_turn_the_short_way() -> None:
 def test_the_draws_are_as_wide_as_wind_turbulence_and_airspeed_are_uncertain() -> None:
     mission, wind = legs("2 km 000, 2 km 090"), Wind(0.0, 8.0, 1.2)
     route = route_of(aerodynamic_results(), mission, flight(wind))
-    drawn = route.drawn
-    between = (drawn.wind_east_mps[:, 0] - drawn.wind_east_mps[:, 1]).std() / np.sqrt(2)
+    worlds = route.world_draws
+    between = (worlds.wind_east_mps[:, 0] - worlds.wind_east_mps[:, 1]).std() / np.sqrt(2)
     _, seconds = energy_and_time(route.legs, route.V, route.nominal, BATTERY)
     of_leg = mean_wind_sigma(8.0, np.ones(2), route.V, seconds[0])
     assert between == pytest.approx(np.sqrt(np.mean(of_leg**2)), rel=0.1)
-    assert drawn.wind_north_mps.mean(axis=1).std() == pytest.approx(1.2, rel=0.15)
-    assert drawn.airspeed.std() == pytest.approx(0.0125, rel=0.1)
+    assert worlds.wind_north_mps.mean(axis=1).std() == pytest.approx(1.2, rel=0.15)
+    assert worlds.airspeed.std() == pytest.approx(0.0125, rel=0.1)
 
 
 def test_a_speed_over_the_ground_is_flown_with_the_airspeed_that_makes_it() -> None:

@@ -60,9 +60,9 @@ def predicted(first: FlightTable, second: FlightTable) -> Half:
             mean = float(np.mean(V))
             rise_m = float(samples.height_m[part[-1]] - samples.height_m[part[0]] + (V[-1] ** 2 - V[0] ** 2) / 19.6)
             load = float(np.sqrt(np.mean(samples.load_factor[part] ** 2)))
-            at = Condition(np.array([WEIGHT_N]), np.array([rho]), AREA_M2)
+            condition = Condition(np.array([WEIGHT_N]), np.array([rho]), AREA_M2)
             sine = rise_m / (mean * seconds)
-            drawn_J += seconds * power.battery_W(np.array([mean]), at, sine, load)[:, 0]
+            drawn_J += seconds * power.battery_W(np.array([mean]), condition, sine, load)[:, 0]
             measured_J += seconds * float(np.mean(samples.power_W[part]))
     return Half(measured_J, drawn_J * (1 + 0.03 * rng.standard_normal(1000)))
 

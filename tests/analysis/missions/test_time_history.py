@@ -106,8 +106,8 @@ def test_lift_carries_the_load_and_thrust_the_drag_the_climb_and_the_acceleratio
         thrust = some["thrust_N"].to_numpy()
         expected = nexstar.drag_N(V, normal / g) + nexstar.aircraft.mass_kg * along
         assert np.allclose(thrust, expected, atol=0.03 * np.abs(thrust).max()), kind
-        given, _ = nexstar.propeller.thrust_and_power(V, some["n_revps"].to_numpy(), nexstar.rho)
-        assert np.allclose(given * np.cos(alpha), thrust, atol=0.02), kind
+        thrust_of_table, _ = nexstar.propeller.thrust_and_power(V, some["n_revps"].to_numpy(), nexstar.rho)
+        assert np.allclose(thrust_of_table * np.cos(alpha), thrust, atol=0.02), kind
     assert (table["beta_rad"].dropna() == 0).all()
     assert table["rho"].eq(nexstar.rho).all()
     assert table["V_mps"].notna().equals(table["flying"]) and table["flying"].equals(table["propeller_covered"])

@@ -120,8 +120,8 @@ def ended(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
 
 
 def is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> None:
-    given = ("--results", "results.json", *WIND)
-    assert ended(monkeypatch, *given, *words) == 2
+    arguments = ("--results", "results.json", *WIND)
+    assert ended(monkeypatch, *arguments, *words) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.startswith("error: ") and printed.err.count("\n") == 1

@@ -62,16 +62,16 @@ def results() -> Results:
         text="PIW-VIW lies 10 % above: the propeller's table <gives> too much.",
     )  # fmt: skip
     none = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_flown_range=False)
-    at = ConditionResult(weight_N=37.0, air_density_kgpm3=1.2)
+    condition = ConditionResult(weight_N=37.0, air_density_kgpm3=1.2)
     required = CurveResult(
-        condition=at, points=curve(dashed_above=20.0), standard=curve(), least_power_speed=none,
+        condition=condition, points=curve(dashed_above=20.0), standard=curve(), least_power_speed=none,
         best_range_speed=SpeedInterval(speed_mps=13.1, lo_mps=12.8, hi_mps=13.4, inside_flown_range=True),
         interval_parts=[IntervalPart(speed_mps=v, noise_W=1.0, systematic_W=2.0) for v in (12.0, 18.0, 24.0)],
     )  # fmt: skip
     return Results(
         software_version="0", log="flight.mcap",
         aircraft=AircraftResult(name="n", title="A & B", wing_area_m2=0.46, span_m=1.7, propeller="p"),
-        test=at,
+        test=condition,
         standard=ConditionResult(weight_N=38.0, air_density_kgpm3=1.225),
         air=AirFound(temperature_K=290.0, pressure_Pa=1e5), runs=[run],
         kind=Kind.POWER_REQUIRED, curves={Kind.POWER_REQUIRED: required}, cross_check=curve(1.02),

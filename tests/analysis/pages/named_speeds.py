@@ -37,8 +37,8 @@ def _speeds(results: Results) -> Iterator[tuple[str, float, float]]:
         result = getattr(results, name)
         yield from ((name, v, slowest) for v in (result.speed_mps, result.lo_mps, result.hi_mps) if v is not None)
     yield from (("power_required", p.speed_mps, slowest) for p in results.power_required + results.cross_check)
-    at = results.standard
-    standard = slowest_at(at.weight_N, at.air_density_kgpm3)
+    condition = results.standard
+    standard = slowest_at(condition.weight_N, condition.air_density_kgpm3)
     yield from (("power_required_standard", p.speed_mps, standard) for p in results.power_required_standard)
     for method in results.methods + results.one_by_one:
         yield from ((method.title, p.speed_mps, slowest) for p in method.power_required)

@@ -40,6 +40,6 @@ def test_the_table(results: Results) -> None:
     first = replace(logged.autopilot_parameters[0], logged=15.0)
     section = autopilot_section(replace(logged, autopilot_parameters=[first, *logged.autopilot_parameters[1:]]))
     assert section is not None
-    at = section.parameters.header.index("in the log")
-    assert [row[at] for row in section.parameters.rows][:2] == ["15.0", ""]
+    index = section.parameters.header.index("in the log")
+    assert [row[index] for row in section.parameters.rows][:2] == ["15.0", ""]
     assert {len(row) for row in section.parameters.rows} == {len(section.parameters.header)}

@@ -114,13 +114,13 @@ def test_the_margin_to_the_stall_is_what_the_wing_has_carried(results: Results) 
 
 
 def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -> None:
-    at, meaning = reference_point(results)
-    assert (at.speed_mps, meaning) == (13.1, "the speed of least drag")
+    reference, meaning = reference_point(results)
+    assert (reference.speed_mps, meaning) == (13.1, "the speed of least drag")
     unknown = replace(results.best_range_speed, speed_mps=None)
     middle, meaning = reference_point(drag(results, best_range_speed=unknown, least_power_speed=unknown))
     ends = results.power_required[0].speed_mps, results.power_required[-1].speed_mps
     assert middle.speed_mps == pytest.approx(np.mean(ends), abs=0.3) and meaning == "the middle of those flown"
-    assert at.power_lo_W < at.power_W < at.power_hi_W
+    assert reference.power_lo_W < reference.power_W < reference.power_hi_W
     assert "but 1 pair of methods disagree" in verdict_section(results).reasons
     agreeing = replace(results, disagreements=[])
     assert "1 other method agrees within the intervals" in verdict_section(agreeing).reasons

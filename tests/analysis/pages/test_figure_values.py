@@ -81,8 +81,10 @@ def test_sections_are_coefficients_over_the_angle_in_degrees() -> None:
 
 
 def test_the_dependence_on_speed_is_in_per_cent_and_degrees() -> None:
-    at = [SimpleNamespace(speed_mps=V, offset_rad=0.01 * V / 10, slope=0.02, slope_error=0.005) for V in (10.0, 20.0)]
-    slope, offset = probe_calibration.by_speed(SimpleNamespace(speeds=at))  # type: ignore[arg-type]
+    speeds = [
+        SimpleNamespace(speed_mps=V, offset_rad=0.01 * V / 10, slope=0.02, slope_error=0.005) for V in (10.0, 20.0)
+    ]
+    slope, offset = probe_calibration.by_speed(SimpleNamespace(speeds=speeds))  # type: ignore[arg-type]
     (points,) = slope.marks
     assert np.asarray(points.y) == pytest.approx([2.0, 2.0])
     drawn_to = 1e-5
@@ -242,11 +244,11 @@ def test_the_page_draws_residuals_in_degrees_and_per_cent(monkeypatch: pytest.Mo
     class Drawn(Exception):
         pass
 
-    def drawn(_: Any, residuals: Any) -> Any:
+    def record_maps(_: Any, residuals: Any) -> Any:
         raise Drawn(*residuals)
 
     monkeypatch.setattr(calibration_page, "dynamic_pressure", lambda tunnel: 0.6 * tunnel.speed_mps**2)
-    monkeypatch.setattr(calibration_page, "residual_maps", drawn)
+    monkeypatch.setattr(calibration_page, "residual_maps", record_maps)
     with pytest.raises(Drawn) as raised:
         calibration_page.render(measured, SimpleNamespace(maps=maps), angle_scale_sigma=0.0)  # type: ignore[arg-type]
     alpha, beta, ratio = raised.value.args

@@ -57,12 +57,12 @@ def test_each_correlation_stands_in_its_row_and_column_with_the_color_of_its_sig
     figure = flight.correlation(Correlation(names=["A0", "A1", "thrust_scale"], matrix=matrix))
     (cells,) = figure.marks
     assert isinstance(cells, Bars) and cells.base is not None and cells.colors and cells.opacities
-    at = {(int(x), int(base)): i for i, (x, base) in enumerate(zip(cells.x, cells.base, strict=True))}
-    first_row_second_column, first_row_third_column = at[1, 2], at[2, 2]
+    cell_numbers = {(int(x), int(base)): i for i, (x, base) in enumerate(zip(cells.x, cells.base, strict=True))}
+    first_row_second_column, first_row_third_column = cell_numbers[1, 2], cell_numbers[2, 2]
     assert cells.texts[first_row_second_column] == "−0.80" and cells.texts[first_row_third_column] == "+0.40"
     look = list(zip(cells.colors, cells.opacities, strict=True))
     assert look[first_row_second_column] == (RED, 0.4) and look[first_row_third_column] == (BLUE, 0.2)
-    assert look[at[0, 2]] == (GRID, 1.0)
+    assert look[cell_numbers[0, 2]] == (GRID, 1.0)
     assert figure.y.ticks == {2.5: "A0", 1.5: "A1", 0.5: "thrust\nscale"}
 
 
@@ -175,10 +175,10 @@ def test_bars_of_the_methods_are_their_intervals(results: Results) -> None:
     assert bars.y_ends is not None
     (method,) = [m for m in results.methods if m.power_required]
     V, P, lo, hi = np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in method.power_required]).T
-    at = np.asarray(bars.x, dtype=float)
-    assert np.diff(at) == pytest.approx([3.0] * 3) and V[0] < at[0] and at[-1] < V[-1]
-    assert bars.y_ends[1] - bars.y == pytest.approx(np.interp(at, V, hi - P), abs=0.01)
-    assert bars.y - bars.y_ends[0] == pytest.approx(np.interp(at, V, P - lo), abs=0.01)
+    bar_speeds = np.asarray(bars.x, dtype=float)
+    assert np.diff(bar_speeds) == pytest.approx([3.0] * 3) and V[0] < bar_speeds[0] and bar_speeds[-1] < V[-1]
+    assert bars.y_ends[1] - bars.y == pytest.approx(np.interp(bar_speeds, V, hi - P), abs=0.01)
+    assert bars.y - bars.y_ends[0] == pytest.approx(np.interp(bar_speeds, V, P - lo), abs=0.01)
     highest = max(p.power_hi_W for p in results.power_required)
     assert figure.y.limits == pytest.approx((0, 1.3 * highest))
 

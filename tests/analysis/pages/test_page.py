@@ -155,8 +155,8 @@ def test_a_flight_of_steady_points_alone_shows_their_methods_alone(results: Resu
 def test_a_speed_whose_interval_has_no_lower_end_says_so() -> None:
     """A curve may have its minimum anywhere below: no speed of 0 m/s is claimed."""
     polar = Polar(np.array([0.03, 0.0, 0.004]), np.diag([0.004, 0.01, 0.004]) ** 2)
-    at = Condition(37.7, 1.2, 0.46)
-    lowest = polar_curve(polar, at, (0.2, 10.0)).best(Cost.POWER)
+    condition = Condition(37.7, 1.2, 0.46)
+    lowest = polar_curve(polar, condition, (0.2, 10.0)).best(Cost.POWER)
     assert lowest.lo_mps is None and lowest.speed_mps and lowest.hi_mps
     assert optimum_speed_text(lowest) == f"{lowest.speed_mps:.1f} m/s (up to {lowest.hi_mps:.1f})"
 

@@ -124,18 +124,18 @@ def test_drag_below_the_least_induced_drag_of_the_span_is_refused(tmp_path: Path
 
 def test_the_power_of_a_parabola_is_that_of_the_measured_polar(tmp_path: Path, results: Results) -> None:
     """Predicted from the measured polar, power lies on the curve; with a tenth more drag, 10 % above it."""
-    at, CL = flown_at(results), np.linspace(0.05, 1.5, 400)
+    condition, CL = flown_at(results), np.linspace(0.05, 1.5, 400)
     A = np.array([0.045, 0.0, 0.065])
     for more in (1.0, 1.1):
         rows = "".join(f"{item:.6f} {more * (A[0] + A[2] * item**2):.8f}\n" for item in CL)
         polar = read_predicted_polar(written(tmp_path, "CL CD\n" + rows))
         V = np.linspace(13.0, 24.0, 9)
-        expected, _ = power_required(V, Polar(A, np.zeros((3, 3))), at)
-        assert polar.power_W(V, at) == pytest.approx(more * expected, rel=1e-4)
+        expected, _ = power_required(V, Polar(A, np.zeros((3, 3))), condition)
+        assert polar.power_W(V, condition) == pytest.approx(more * expected, rel=1e-4)
         (line,) = [mark for mark in power.power_required(results, polar).marks if "plane.txt" in mark.name]
         inside = np.isfinite(line.y)
-        drawn, _ = power_required(line.x[inside], Polar(A, np.zeros((3, 3))), at)
-        assert line.y[inside] == pytest.approx(more * drawn, rel=1e-3)
+        power_W, _ = power_required(line.x[inside], Polar(A, np.zeros((3, 3))), condition)
+        assert line.y[inside] == pytest.approx(more * power_W, rel=1e-3)
 
 
 def test_no_report_is_written_with_the_polar_of_an_airfoil(tmp_path: Path, results: Results) -> None:
@@ -148,9 +148,12 @@ def test_no_report_is_written_with_the_polar_of_an_airfoil(tmp_path: Path, resul
 
 
 def test_the_report_says_how_far_off_the_prediction_is_and_where_it_ends(tmp_path: Path, results: Results) -> None:
-    at = flown_at(results)
+    condition = flown_at(results)
     V, P = np.array([(item.speed_mps, item.power_W) for item in results.power_required]).T
-    CL, CD = 2 * at.weight_N / (at.rho * V**2 * at.wing_area_m2), P / (at.rho / 2 * V**3 * at.wing_area_m2)
+    CL, CD = (
+        2 * condition.weight_N / (condition.rho * V**2 * condition.wing_area_m2),
+        P / (condition.rho / 2 * V**3 * condition.wing_area_m2),
+    )
 
     def sentence_for(rows: slice) -> str:
         table = "".join(f"{float(x)!r} {1.2 * float(y)!r}\n" for x, y in zip(CL[rows], CD[rows], strict=True))

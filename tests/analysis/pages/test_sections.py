@@ -42,8 +42,8 @@ def facts_of(**facts: object) -> SimpleNamespace:
 
 
 def test_the_head_of_the_page_is_in_kilograms_and_degrees_celsius(results: Results) -> None:
-    at = ConditionResult(weight_N=4.0 * 9.80665, air_density_kgpm3=1.2)
-    condition = summary_section(replace(results, test=at, air=AirFound(temperature_K=290.15))).condition
+    flight_condition = ConditionResult(weight_N=4.0 * 9.80665, air_density_kgpm3=1.2)
+    condition = summary_section(replace(results, test=flight_condition, air=AirFound(temperature_K=290.15))).condition
     assert condition.startswith("4.00 kg, air 1.200 kg/m³ (17 °C)")
 
 
@@ -74,9 +74,9 @@ def test_the_battery_s_share_and_the_ceilings_are_told(with_battery: Results) ->
 
 
 def test_wind_and_air_are_told_with_95_per_cent_and_in_everyday_units(results: Results) -> None:
-    whole = replace(results, air=AIR)
-    assert _wind(whole) == "5.0 ± 1.0 m/s from 310°"
-    facts = dict(_air(whole))
+    with_air = replace(results, air=AIR)
+    assert _wind(with_air) == "5.0 ± 1.0 m/s from 310°"
+    facts = dict(_air(with_air))
     assert facts["Air"] == "16.9 °C, 1000 hPa, 1.200 kg/m³: density altitude 250 m"
     assert facts["Height of the runs"] == "40 to 60 m above the start"
     assert facts["Turbulence"] == "0.25 m/s vertical gusts (1 standard deviation)"

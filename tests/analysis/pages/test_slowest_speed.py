@@ -30,33 +30,33 @@ LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, mete
 REST = exact(thrust_scale=0.0, thrust_slope=0.0, alpha_0=0.0, alpha_CL=0.0)
 
 
-def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = True) -> Results:
+def results_of(seed: int, template: Results, nexstar, propeller, performs: bool = True) -> Results:
     """The results of a polar, its covariance, weight, density and range of lift coefficients, all drawn."""
     rng = np.random.default_rng(seed)
     A = np.array([rng.uniform(0.02, 0.06), rng.uniform(-0.03, 0.01), rng.uniform(0.03, 0.09)])
     root = rng.uniform(0.02, 0.2) * np.diag(np.abs(A)) @ rng.standard_normal((3, 3))
     polar = Polar(A, root @ root.T)
-    at = Condition(nexstar.mass.weight_N * rng.uniform(0.6, 1.2), rng.uniform(0.95, 1.25), 0.46)
+    condition = Condition(nexstar.mass.weight_N * rng.uniform(0.6, 1.2), rng.uniform(0.95, 1.25), 0.46)
     flown_CL = (rng.uniform(0.2, 0.35), rng.uniform(0.6, 1.8))
     parameters = combine_independent(ParameterVector(("A0", "A1", "A2"), *polar), REST, LOSSLESS.parameters)
     model = PerformanceModel(parameters, LOSSLESS, FullThrottle(None, reason="not flown"), propeller, flown_CL)
-    heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N, rho=0.9 * at.rho))
-    performance = flight_performance(model, at, [heavier], BATTERY) if performs else None
-    result = power_curve(polar, at, flown_CL)
+    heavier = TitledCondition("heavier", condition._replace(weight_N=1.1 * condition.weight_N, rho=0.9 * condition.rho))
+    performance = flight_performance(model, condition, [heavier], BATTERY) if performs else None
+    result = power_curve(polar, condition, flown_CL)
     curve = result.points()
     method = MethodResult(name="direct", title="direct", drag_polar=A.tolist(), power_required=curve)
-    standard = at._replace(rho=1.225)
+    standard = condition._replace(rho=1.225)
     return replace(
         template,
-        test=ConditionResult(weight_N=at.weight_N, air_density_kgpm3=at.rho),
-        standard=ConditionResult(weight_N=at.weight_N, air_density_kgpm3=1.225),
-        aircraft=replace(template.aircraft, wing_area_m2=at.wing_area_m2),
+        test=ConditionResult(weight_N=condition.weight_N, air_density_kgpm3=condition.rho),
+        standard=ConditionResult(weight_N=condition.weight_N, air_density_kgpm3=1.225),
+        aircraft=replace(template.aircraft, wing_area_m2=condition.wing_area_m2),
         drag_polar=drag_polar(polar, nexstar),
         curves={Kind.POWER_REQUIRED: curve_result(result, standard, parts=[])},
         battery=BATTERY,
         cross_check=curve,
         slowest_flown=SlowestFlown(
-            speed_mps=float(speed_at(flown_CL[1], at)),
+            speed_mps=float(speed_at(flown_CL[1], condition)),
             lift_coefficient=flown_CL[1],
             largest_lift_coefficient=1.1 * flown_CL[1],
         ),
@@ -69,7 +69,7 @@ def drawn(seed: int, template: Results, nexstar, propeller, performs: bool = Tru
 
 def test_nothing_names_a_speed_below_the_slowest_flown(results: Results, nexstar, propeller) -> None:
     """Performance, and the figures, which take longest, for some of them."""
-    reports = [drawn(seed, results, nexstar, propeller, performs=seed % 5 == 0) for seed in SEEDS]
+    reports = [results_of(seed, results, nexstar, propeller, performs=seed % 5 == 0) for seed in SEEDS]
     assert [result for i, report in enumerate(reports) for result in below_slowest(report, figures=i % 10 == 0)] == []
     assert sum(report.minimum_power_speed.reason is SpeedReason.BELOW_SLOWEST for report in reports) > 10
     assert sum(report.minimum_power_speed.speed_mps is not None for report in reports) > 10
@@ -80,7 +80,7 @@ def test_a_best_speed_that_was_not_flown_is_replaced_by_the_slowest_with_its_mar
     results: Results, nexstar, propeller
 ) -> None:
     """The largest lift coefficient is 10 % above that of the slowest speed, which are 4.9 % of speed: at least 4 %."""
-    drawings = (drawn(seed, results, nexstar, propeller) for seed in SEEDS)
+    drawings = (results_of(seed, results, nexstar, propeller) for seed in SEEDS)
     results = next(
         drawing
         for drawing in drawings

@@ -47,17 +47,17 @@ def test_kinds_of_runs_are_told_apart_by_every_eye(eye: str, dark: bool) -> None
 
 def test_every_color_is_seen_on_its_page() -> None:
     for color in {*PALETTE, *RUN_COLOR.values(), GRAY, INK}:
-        for drawn, page in ((color, PAPER), (ON_DARK[color], ON_DARK[PAPER])):
-            light, dark = sorted((luminance(drawn), luminance(page)), reverse=True)
-            assert (light + 0.05) / (dark + 0.05) > LEAST_CONTRAST, (color, drawn)
+        for shade, page in ((color, PAPER), (ON_DARK[color], ON_DARK[PAPER])):
+            light, dark = sorted((luminance(shade), luminance(page)), reverse=True)
+            assert (light + 0.05) / (dark + 0.05) > LEAST_CONTRAST, (color, shade)
 
 
 def test_thinning_keeps_peaks_order_and_gaps() -> None:
     x = np.arange(30_000.0)
     y = np.sin(x / 500)
     y[12_345], y[23_456], y[5000:7000] = 9.0, -9.0, np.nan
-    t, kept = thinned(x, y, 1000)
+    t, thin_y = thinned(x, y, 1000)
     assert len(t) <= 1000 and (np.diff(t) > 0).all()
-    assert np.nanmax(kept) == 9.0 and np.nanmin(kept) == -9.0
-    assert np.isnan(kept[(t > 5100) & (t < 6900)]).all()
+    assert np.nanmax(thin_y) == 9.0 and np.nanmin(thin_y) == -9.0
+    assert np.isnan(thin_y[(t > 5100) & (t < 6900)]).all()
     assert len(thinned(x[:10], y[:10], 1000)[0]) == 10

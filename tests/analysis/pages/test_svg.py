@@ -36,13 +36,13 @@ def corners(d: str) -> list[list[tuple[int, int]]]:
     return pieces
 
 
-def drawn(tree: ET.Element, width: str = "5") -> list[str]:
+def coordinates(tree: ET.Element, width: str = "5") -> list[str]:
     return [item.get("d") or "" for item in tree.iter("path") if item.get("stroke-width") == width]
 
 
 def test_a_line_lies_where_the_axes_say_with_its_gaps() -> None:
     tree = parts(line_figure([0.0, 5.0, 7.0, 10.0], [0.0, 50.0, np.nan, 100.0]))
-    (line,) = drawn(tree)
+    (line,) = coordinates(tree)
     assert corners(line) == [[(0, UNITS), (UNITS // 2, UNITS // 2)], [(UNITS, 0)]], "up is less"
     ticks = {
         text.text: item.get("x")
@@ -58,10 +58,10 @@ def test_the_points_of_a_path_are_its_values() -> None:
     rng = np.random.default_rng(3)
     x, y = np.sort(rng.uniform(0, UNITS, 60)).round(), rng.uniform(-UNITS, 2 * UNITS, 60).round()
     y[[0, 20, 21, 59]] = np.nan
-    kept = [(round(a), round(b)) for a, b in zip(x, y, strict=True) if np.isfinite(b)]
+    finite_points = [(round(a), round(b)) for a, b in zip(x, y, strict=True) if np.isfinite(b)]
     pieces = corners(path(x, y))
-    assert [point for piece in pieces for point in piece] == kept and len(pieces) == 2
-    assert corners(path(x, y, dots=True)) == [kept], "dots have no line between them"
+    assert [point for piece in pieces for point in piece] == finite_points and len(pieces) == 2
+    assert corners(path(x, y, dots=True)) == [finite_points], "dots have no line between them"
 
 
 def test_panels_stand_above_one_another_each_with_its_axis() -> None:
@@ -70,7 +70,7 @@ def test_panels_stand_above_one_another_each_with_its_axis() -> None:
         figure.ys[panel - 1] = Axis("y", limits=ends)
         figure.add(Line(x=np.array([0.0, 10.0]), y=np.array(ends), panel=panel, color=BLUE, width=5))
     tree = parts(figure)
-    assert [corners(d) for d in drawn(tree)] == [[[(0, UNITS), (UNITS, 0)]]] * 2, "each fills its panel"
+    assert [corners(d) for d in coordinates(tree)] == [[[(0, UNITS), (UNITS, 0)]]] * 2, "each fills its panel"
     tops = [
         (float((item.get("y") or "")[:-1]), float((item.get("height") or "")[:-1]))
         for item in tree.iter("svg")
@@ -85,7 +85,7 @@ def test_equal_scales_draw_a_circle_round() -> None:
     angle = np.linspace(0, 2 * np.pi, 73)
     figure = Figure(equal=True)
     figure.add(Line(x=300 * np.cos(angle), y=300 * np.sin(angle), color=BLUE, width=5))
-    (piece,) = corners(drawn(parts(figure))[0])
+    (piece,) = corners(coordinates(parts(figure))[0])
     ratio = int(re.search(r"equal r(\d+)", svg(figure))[1]) / 10  # type: ignore[index]
     wide, high = np.ptp(np.array(piece), axis=0)
     assert wide * ratio == pytest.approx(high, rel=1e-3)
@@ -94,10 +94,10 @@ def test_equal_scales_draw_a_circle_round() -> None:
 def test_a_bar_begins_at_its_base_and_a_lying_one_goes_to_the_right() -> None:
     figure = Figure(x=Axis(limits=(0, 10)))
     figure.y = Axis(limits=(0, 10))
-    at = np.array([5.0])
+    place = np.array([5.0])
     figure.add(
-        Bars(x=at, y=np.array([2.0]), base=np.array([3.0]), width=2, color=BLUE, name="noise", value="{y:.1f} %"),
-        Bars(x=np.array([4.0]), y=at, width=2, lying=True, color=RED),
+        Bars(x=place, y=np.array([2.0]), base=np.array([3.0]), width=2, color=BLUE, name="noise", value="{y:.1f} %"),
+        Bars(x=np.array([4.0]), y=place, width=2, lying=True, color=RED),
     )
     bars = [item for item in parts(figure).iter("rect") if item.get("class") != "frame"]
     up, lying = ([int(bar.get(key) or 0) for key in ("x", "y", "width", "height")] for bar in bars)
@@ -167,7 +167,7 @@ def test_an_axis_shows_what_is_drawn_zero_where_asked_and_powers_of_ten_by_their
     figure = Figure()
     figure.y = Axis("y", logarithmic=True)
     figure.add(Line(x=np.arange(3), y=np.array([1e-4, 1e-2, 1.0]), color=BLUE, width=5))
-    ((_, lower), (_, middle), (_, upper)) = corners(drawn(parts(figure))[0])[0]
+    ((_, lower), (_, middle), (_, upper)) = corners(coordinates(parts(figure))[0])[0]
     assert middle == pytest.approx((lower + upper) / 2, abs=1), "equal factors are equal distances"
 
 

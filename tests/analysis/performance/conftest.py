@@ -7,5 +7,5 @@ from flightpower.analysis.curve import Condition
 
 
 @pytest.fixture(scope="module")
-def at(nexstar) -> Condition:
+def condition(nexstar) -> Condition:
     return Condition(nexstar.mass.weight_N, RHO, nexstar.geometry.wing_area_m2)

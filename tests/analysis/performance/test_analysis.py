@@ -39,17 +39,17 @@ BATTERY = BatteryResult(energy_Wh=50.0, usable=0.8)
 UNKNOWN = FullThrottle(None, reason="not flown")
 
 
-def test_range_goes_with_energy_and_its_speed_with_the_root_of_density(propeller, at) -> None:
+def test_range_goes_with_energy_and_its_speed_with_the_root_of_density(propeller, condition) -> None:
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
 
-    def performance_for(energy_J: float, at: Condition) -> ConditionPerformance:
+    def performance_for(energy_J: float, condition: Condition) -> ConditionPerformance:
         model = PerformanceModel(parameters, LOSSLESS, UNKNOWN, propeller, FLOWN_CL)
-        return performance_at(model, TitledCondition("", at), energy_J)
+        return performance_at(model, TitledCondition("", condition), energy_J)
 
     once, twice, high = (
-        performance_for(1e5, at),
-        performance_for(2e5, at),
-        performance_for(1e5, at._replace(rho=0.8 * at.rho)),
+        performance_for(1e5, condition),
+        performance_for(2e5, condition),
+        performance_for(1e5, condition._replace(rho=0.8 * condition.rho)),
     )
     assert twice.case.range_m.value == pytest.approx(2 * once.case.range_m.value, rel=1e-12)
     assert twice.case.range_speed_mps.value == pytest.approx(once.case.range_speed_mps.value, rel=1e-12)
@@ -58,7 +58,7 @@ def test_range_goes_with_energy_and_its_speed_with_the_root_of_density(propeller
     assert once.full_throttle is None
 
 
-def test_the_interval_of_range_covers_at_its_nominal_rate(propeller, at) -> None:
+def test_the_interval_of_range_covers_at_its_nominal_rate(propeller, condition) -> None:
     """120 polars and thrusts about a truth; 95 % within 3 standard errors of a binomial share."""
     truth = np.array([*POLAR.values(), 0.0, 0.0])
     sigma = np.array([0.0010, 0.0020, 0.0020, 0.01, 0.02])
@@ -68,7 +68,7 @@ def test_the_interval_of_range_covers_at_its_nominal_rate(propeller, at) -> None
         polar = ParameterVector(names, values, np.diag(sigma**2))
         parameters = combine_independent(polar, exact(**ALONG_PATH), LOSSLESS.parameters)
         model = PerformanceModel(parameters, LOSSLESS, UNKNOWN, propeller, FLOWN_CL)
-        return performance_at(model, TitledCondition("", at), energy_J, speeds=81).case.range_m
+        return performance_at(model, TitledCondition("", condition), energy_J, speeds=81).case.range_m
 
     true_range = float(range_m(truth).value)
     rng = np.random.default_rng(2)
@@ -77,7 +77,7 @@ def test_the_interval_of_range_covers_at_its_nominal_rate(propeller, at) -> None
     assert hits == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 120))
 
 
-def test_a_weight_that_full_throttle_cannot_hold_level_is_marked(nexstar, propeller, at) -> None:
+def test_a_weight_that_full_throttle_cannot_hold_level_is_marked(nexstar, propeller, condition) -> None:
     """Four times the weight needs eight times the power at the same lift coefficient (2.3), 4^1.5."""
     aero = plant_of(nexstar).aero
     polar = {"A0": aero.CD0 + aero.K * aero.CL_minD**2, "A1": -2 * aero.K * aero.CL_minD, "A2": aero.K}
@@ -87,7 +87,8 @@ def test_a_weight_that_full_throttle_cannot_hold_level_is_marked(nexstar, propel
     parameters = combine_independent(exactly, LOSSLESS.parameters, motor.parameters)
     model = PerformanceModel(parameters, LOSSLESS, motor, propeller, FLOWN_CL)
     light, heavy = (
-        performance_at(model, TitledCondition("", at._replace(weight_N=W)), 1e5) for W in (at.weight_N, 4 * at.weight_N)
+        performance_at(model, TitledCondition("", condition._replace(weight_N=W)), 1e5)
+        for W in (condition.weight_N, 4 * condition.weight_N)
     )
     assert light.sustained and light.full_throttle is not None and light.full_throttle.best_climb.value > 0
     assert not heavy.sustained and heavy.full_throttle is not None and heavy.full_throttle.best_climb.value < 0
@@ -136,35 +137,35 @@ def test_the_model_holds_polar_thrust_incidence_losses_and_full_throttle(model, 
     assert point.propeller == pytest.approx(scale * thrust_N * point.speed_mps / (shaft_scale * shaft_W), rel=1e-6)
 
 
-def test_performance_of_a_flight_covers_the_flown_speeds(model, at) -> None:
-    heavier = TitledCondition("heavier", at._replace(weight_N=1.1 * at.weight_N))
-    performance = flight_performance(model, at, [heavier], BATTERY)
+def test_performance_of_a_flight_covers_the_flown_speeds(model, condition) -> None:
+    heavier = TitledCondition("heavier", condition._replace(weight_N=1.1 * condition.weight_N))
+    performance = flight_performance(model, condition, [heavier], BATTERY)
     assert performance is not None and BATTERY.usable_J == pytest.approx(50 * 3600 * 0.8)
-    slowest, fastest = speed_at(FLOWN_CL[1], at), speed_at(FLOWN_CL[0], at)
+    slowest, fastest = speed_at(FLOWN_CL[1], condition), speed_at(FLOWN_CL[0], condition)
     speeds = [point.speed_mps for point in performance.power_train.efficiency]
     assert len(speeds) == 31 and (speeds[0], speeds[-1]) == pytest.approx((slowest, fastest))
-    whole = [row.speed_mps for row in performance.field_table]
-    assert len(whole) <= 10 and whole == np.round(whole).tolist()
-    assert whole[0] == np.ceil(slowest) and fastest - 2 < whole[-1] <= fastest
+    speeds_mps = [row.speed_mps for row in performance.field_table]
+    assert len(speeds_mps) <= 10 and speeds_mps == np.round(speeds_mps).tolist()
+    assert speeds_mps[0] == np.ceil(slowest) and fastest - 2 < speeds_mps[-1] <= fastest
     flown, other = performance.loadings
     assert (flown.title, other.title) == ("as flown", "heavier")
     assert other.endurance_s.value < flown.endurance_s.value
 
 
-def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, at) -> None:
+def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, condition) -> None:
     """At a weight at which both lie in the troposphere."""
-    performance = flight_performance(model, at._replace(weight_N=2.2 * at.weight_N), [], BATTERY)
+    performance = flight_performance(model, condition._replace(weight_N=2.2 * condition.weight_N), [], BATTERY)
     assert performance is not None
     service, absolute = performance.available.service_ceiling_m, performance.available.absolute_ceiling_m
     assert service is not None and absolute is not None and 0 < service.value < absolute.value < 11_000
 
 
 @pytest.mark.filterwarnings("ignore:invalid value")
-def test_no_performance_where_the_propeller_cannot_give_the_thrust(model, at) -> None:
+def test_no_performance_where_the_propeller_cannot_give_the_thrust(model, condition) -> None:
     """A drag coefficient of 10^4 needs more thrust than the propeller gives at any speed of rotation sought."""
     values = np.concatenate([[1e4], model.parameters.values[1:]])
     model = replace(model, parameters=replace(model.parameters, values=values))
-    assert flight_performance(model, at, [], BATTERY) is None
+    assert flight_performance(model, condition, [], BATTERY) is None
 
 
 def test_battery_power_is_voltage_times_current_and_the_ground_is_not_covered(propeller) -> None:

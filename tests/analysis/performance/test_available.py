@@ -37,8 +37,8 @@ def parameters(nexstar, motor) -> ParameterVector:
 
 
 @pytest.fixture(scope="module")
-def flown_CL(at) -> tuple[float, float]:
-    slow, fast = lift_coefficient(np.array([11.6, 24.0]), at)
+def flown_CL(condition) -> tuple[float, float]:
+    slow, fast = lift_coefficient(np.array([11.6, 24.0]), condition)
     return float(fast), float(slow)
 
 
@@ -47,9 +47,9 @@ def model(parameters, propeller, flown_CL) -> PerformanceModel:
     return model_of(parameters, propeller, flown_CL=flown_CL)
 
 
-def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, model, at) -> None:
+def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, model, condition) -> None:
     """Thrust carries some of the weight and points up by alpha in both; motor and lift of the sideslip leave 0.1 %."""
-    performance = full_throttle_performance(model, at)
+    performance = full_throttle_performance(model, condition)
     plant = plant_of(nexstar)
     trimmer = Trimmer(plant, height_of(plant.air, RHO))
     assert float(performance.maximum_speed.value) == pytest.approx(trimmer.V_max, rel=0.001)
@@ -64,8 +64,12 @@ def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, model, at)
     assert float(performance.best_climb.value) == pytest.approx(low, rel=0.002)
 
 
-def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, parameters, model, at, flown_CL) -> None:
-    heavy = at._replace(weight_N=2.2 * at.weight_N)  # so that the ceiling lies well inside the troposphere
+def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(
+    propeller, parameters, model, condition, flown_CL
+) -> None:
+    heavy = condition._replace(
+        weight_N=2.2 * condition.weight_N
+    )  # so that the ceiling lies well inside the troposphere
     ceiling, absolute = ceilings_m(model, heavy, (0.508, 0.0))
     h = float(ceiling.value)
     assert 1000 < h < 10_000
@@ -75,52 +79,56 @@ def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(propeller, para
     assert absolute.value > h
 
 
-def test_a_weight_far_too_large_has_no_climb_and_gives_no_warning(propeller, parameters, model, at, flown_CL) -> None:
+def test_a_weight_far_too_large_has_no_climb_and_gives_no_warning(
+    propeller, parameters, model, condition, flown_CL
+) -> None:
     """At 100 times the weight the slowest flight is faster than the propeller at full throttle can follow."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        heavy = at._replace(weight_N=100 * at.weight_N)
+        heavy = condition._replace(weight_N=100 * condition.weight_N)
         performance = full_throttle_performance(model, heavy)
     assert np.isnan(performance.best_climb.value) and np.isnan(performance.maximum_speed.value)
 
 
-def test_power_available_equals_power_required_at_the_highest_speed(propeller, parameters, model, at, flown_CL) -> None:
-    performance = full_throttle_performance(model, at)
+def test_power_available_equals_power_required_at_the_highest_speed(
+    propeller, parameters, model, condition, flown_CL
+) -> None:
+    performance = full_throttle_performance(model, condition)
     V = float(performance.maximum_speed.value)
     A = dict(zip(parameters.names, parameters.values, strict=True))
-    CL = float(lift_coefficient(V, at))
-    required = at.rho * V**3 / 2 * at.wing_area_m2 * (A["A0"] + A["A1"] * CL + A["A2"] * CL**2)
+    CL = float(lift_coefficient(V, condition))
+    required = condition.rho * V**3 / 2 * condition.wing_area_m2 * (A["A0"] + A["A1"] * CL + A["A2"] * CL**2)
     assert np.interp(V, performance.V, performance.power.value) == pytest.approx(required, rel=0.002)
 
 
 def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(
-    propeller, parameters, model, at, flown_CL
+    propeller, parameters, model, condition, flown_CL
 ) -> None:
     """Drag known to 3 %: speed to 1 %. Where that reaches beyond the search it is taken to first order, to a tenth."""
     variance = parameters.covariance.copy()
     variance[0, 0] = (0.03 * parameters.values[0]) ** 2
     unsure = replace(parameters, covariance=variance)
-    whole = full_throttle_performance(model_of(unsure, propeller, flown_CL=flown_CL), at).maximum_speed
-    V, error = float(whole.value), float(whole.standard_error)
+    full_range = full_throttle_performance(model_of(unsure, propeller, flown_CL=flown_CL), condition).maximum_speed
+    V, error = float(full_range.value), float(full_range.standard_error)
     assert 0.1 < error < 0.4
-    fastest = float(lift_coefficient((V + 0.5 * error) / PERFORMANCE.fastest_sought, at))
+    fastest = float(lift_coefficient((V + 0.5 * error) / PERFORMANCE.fastest_sought, condition))
     at_end = model_of(unsure, propeller, flown_CL=(fastest, flown_CL[1]))
-    near = full_throttle_performance(at_end, at).maximum_speed
+    near = full_throttle_performance(at_end, condition).maximum_speed
     assert float(near.value) == pytest.approx(V, abs=0.02)
     assert float(near.standard_error) == pytest.approx(error, rel=0.1)
 
 
-def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, model, at, flown_CL) -> None:
+def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, model, condition, flown_CL) -> None:
     """T V cos(alpha) (3.47): at the slowest speed alpha is above 0.1 rad, which makes power 0.5 % smaller or more."""
-    performance = full_throttle_performance(model, at)
+    performance = full_throttle_performance(model, condition)
     p = dict(zip(parameters.names, parameters.values, strict=True))
     V, sine = performance.V[0], performance.climb.value[0] / performance.V[0]
     n = full_throttle_revps(propeller, V, RHO, unloaded_revps=p["unloaded_revps"], revps_per_Nm=p["revps_per_Nm"])
     thrust_N, _ = propeller.thrust_and_power(V, n, RHO)
     alpha = 0.0
     for _ in range(30):
-        lift_N = at.weight_N * np.sqrt(1 - sine**2) - thrust_N * np.sin(alpha)
-        alpha = p["alpha_0"] + p["alpha_CL"] * lift_N / (RHO * V**2 / 2 * at.wing_area_m2)
+        lift_N = condition.weight_N * np.sqrt(1 - sine**2) - thrust_N * np.sin(alpha)
+        alpha = p["alpha_0"] + p["alpha_CL"] * lift_N / (RHO * V**2 / 2 * condition.wing_area_m2)
     assert alpha > 0.1 and performance.covered[0]
     assert performance.power.value[0] == pytest.approx(thrust_N * V * np.cos(alpha), rel=1e-4)
 

@@ -30,5 +30,5 @@ def test_a_request_gives_every_weight_in_every_air() -> None:
     request = Request(weights_N=(30.0, 40.0), density_altitudes_m=(0.0, 2000.0))
     cases = requested_conditions(request, FLIGHT)
     assert len(cases) == 4
-    assert {round(at.rho, 3) for _, at in cases} == {1.225, 1.006}
-    assert {at.weight_N for _, at in cases} == {30.0, 40.0}
+    assert {round(condition.rho, 3) for _, condition in cases} == {1.225, 1.006}
+    assert {condition.weight_N for _, condition in cases} == {30.0, 40.0}

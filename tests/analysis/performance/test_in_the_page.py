@@ -61,9 +61,10 @@ def answers_of(
 ) -> list[Any]:
     """What the page answers at each condition."""
     grid = to_json(embedded_grid(by_python, flown, DENSITIES))
-    at = json.dumps([condition._asdict() for condition in conditions])
+    conditions_json = json.dumps([condition._asdict() for condition in conditions])
     return browser.value_of(
-        f"(grid => {at}.map(at => performanceAt(grid, {json.dumps(flown._asdict())}, at, {ENERGY_J})))({grid})"
+        f"(grid => {conditions_json}.map(at => performanceAt(grid, {json.dumps(flown._asdict())}, at, {ENERGY_J})))"
+        f"({grid})"
     )
 
 
@@ -76,13 +77,13 @@ def random_conditions(flown: Condition, count: int, seed: int) -> list[Condition
 @pytest.mark.parametrize("beyond_zero_thrust", [WINDMILL, FOLD])
 @pytest.mark.parametrize("full_throttle", [True, False], ids=["full throttle known", "no throttle in the log"])
 def test_power_is_interpolated_to_three_parts_in_a_thousand(
-    browser: Browser, at: Condition, propeller: Propeller, beyond_zero_thrust: str, full_throttle: bool
+    browser: Browser, flight_condition: Condition, propeller: Propeller, beyond_zero_thrust: str, full_throttle: bool
 ) -> None:
     """Over all weights and densities that the controls reach."""
     by_python = model(propeller.with_beyond_zero_thrust(beyond_zero_thrust), full_throttle=full_throttle)
-    conditions = random_conditions(at, 12, seed=5)
+    conditions = random_conditions(flight_condition, 12, seed=5)
     compared = 0
-    for condition, result in zip(conditions, answers_of(browser, by_python, at, conditions), strict=True):
+    for condition, result in zip(conditions, answers_of(browser, by_python, flight_condition, conditions), strict=True):
         expected = performance_at(by_python, TitledCondition("", condition), ENERGY_J)
         flight = expected.level_flight
         V = np.array(result["flight"]["V"])
@@ -91,10 +92,10 @@ def test_power_is_interpolated_to_three_parts_in_a_thousand(
         assert required == pytest.approx(flight.required.value, rel=WITHIN)
         errors = np.interp(flight.V, V, [item["error"] for item in result["flight"]["required"]])
         assert errors == pytest.approx(flight.required.standard_error, rel=0.02)
-        known = [k for k, power in enumerate(result["flight"]["battery"]) if power is not None]
-        battery = np.interp(V[known], flight.V, flight.battery.value)
-        assert np.array(result["flight"]["battery"], dtype=float)[known] == pytest.approx(battery, rel=WITHIN)
-        compared += len(known)
+        finite = [k for k, power in enumerate(result["flight"]["battery"]) if power is not None]
+        battery = np.interp(V[finite], flight.V, flight.battery.value)
+        assert np.array(result["flight"]["battery"], dtype=float)[finite] == pytest.approx(battery, rel=WITHIN)
+        compared += len(finite)
         assert result["possible"] == expected.sustained
         agrees_at_its_best(result, expected)
     assert compared > 250, "of 12 curves of 31 points"
@@ -110,8 +111,8 @@ def agrees_at_its_best(result: Any, expected: ConditionPerformance) -> None:
         assert result["full"] is None
         return
     full = expected.full_throttle
-    known = [k for k, power in enumerate(result["full"]["power"]) if power is not None]
-    V, power = (np.array(result["full"][name], dtype=float)[known] for name in ("V", "power"))
+    finite = [k for k, power in enumerate(result["full"]["power"]) if power is not None]
+    V, power = (np.array(result["full"][name], dtype=float)[finite] for name in ("V", "power"))
     highest = float(np.nanmax(full.power.value))
     expected_W = np.interp(V, full.V, full.power.value)
     pulling = expected_W > 0.1 * highest  # where a propeller begins to brake, or folds, is far beyond level flight
@@ -132,10 +133,10 @@ def agrees(result: dict[str, float | None], expected: Interval | None, within: f
         assert NORMAL_95 * result["error"] == pytest.approx(half, rel=0.05, abs=1e-3 * expected.value)
 
 
-def test_what_was_flown_is_a_node(browser: Browser, at: Condition, propeller: Propeller) -> None:
+def test_what_was_flown_is_a_node(browser: Browser, condition: Condition, propeller: Propeller) -> None:
     by_python = model(propeller)
-    (result,) = answers_of(browser, by_python, at, [at])
-    case = performance_at(by_python, TitledCondition("", at), ENERGY_J).case
+    (result,) = answers_of(browser, by_python, condition, [condition])
+    case = performance_at(by_python, TitledCondition("", condition), ENERGY_J).case
     assert result["endurance"]["best"]["value"] == pytest.approx(case.endurance_s.value, rel=2e-4)
     assert result["range"]["best"]["value"] == pytest.approx(case.range_m.value, rel=2e-4)
     assert result["endurance"]["atSlowest"] == case.endurance_at_slowest
@@ -143,10 +144,12 @@ def test_what_was_flown_is_a_node(browser: Browser, at: Condition, propeller: Pr
 
 
 def test_twice_the_weight_needs_two_to_the_power_of_three_halves(
-    browser: Browser, at: Condition, propeller: Propeller
+    browser: Browser, condition: Condition, propeller: Propeller
 ) -> None:
     """At equal lift coefficient, by (W/W_s)^1.5: speeds by the square root."""
-    light, heavy = answers_of(browser, model(propeller), at, [at, at._replace(weight_N=2 * at.weight_N)])
+    light, heavy = answers_of(
+        browser, model(propeller), condition, [condition, condition._replace(weight_N=2 * condition.weight_N)]
+    )
     ratio = [
         b["value"] / a["value"] for a, b in zip(*(item["flight"]["required"] for item in (light, heavy)), strict=True)
     ]

@@ -14,12 +14,12 @@ from flightpower.sim.propulsion import power_train as true_train
 from flightpower.sim.trim import Trimmer
 
 
-def test_one_speed_by_hand(propeller, at) -> None:
+def test_one_speed_by_hand(propeller, condition) -> None:
     """Drag from the polar; motor speed where the table's thrust is that; its power is the battery's, without losses."""
     V = 16.0
     q = RHO * V**2 / 2
-    CL = at.weight_N / (q * at.wing_area_m2)
-    drag = q * at.wing_area_m2 * (0.0465 - 0.0195 * CL + 0.065 * CL**2)
+    CL = condition.weight_N / (q * condition.wing_area_m2)
+    drag = q * condition.wing_area_m2 * (0.0465 - 0.0195 * CL + 0.065 * CL**2)
 
     def excess(n: float) -> float:
         cT, _ = propeller.coefficients(V / (n * propeller.diameter_m), 60 * n)
@@ -29,7 +29,7 @@ def test_one_speed_by_hand(propeller, at) -> None:
     _, cP = propeller.coefficients(V / (n * propeller.diameter_m), 60 * n)
     shaft = float(cP) * RHO * n**3 * propeller.diameter_m**5
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
-    flight = level_flight(model_of(parameters, propeller), at, np.array([V]))
+    flight = level_flight(model_of(parameters, propeller), condition, np.array([V]))
     assert flight.required.value == pytest.approx([drag * V], rel=1e-12)
     assert flight.battery.value == pytest.approx([shaft], rel=1e-8)
     assert flight.propeller.value == pytest.approx([drag * V / shaft], rel=1e-8)
@@ -37,7 +37,7 @@ def test_one_speed_by_hand(propeller, at) -> None:
     assert flight.inside.all()
 
 
-def test_the_battery_gives_what_the_simulator_s_gives_in_trimmed_flight(nexstar, propeller, at) -> None:
+def test_the_battery_gives_what_the_simulator_s_gives_in_trimmed_flight(nexstar, propeller, condition) -> None:
     """To 0.3 %, of the losses' fit. At 12 m/s thrust points up by 8.6 deg: left out, that alone is 0.5 %."""
     plant = plant_of(nexstar)
     trimmer = Trimmer(plant, height_of(plant.air, RHO))
@@ -51,43 +51,43 @@ def test_the_battery_gives_what_the_simulator_s_gives_in_trimmed_flight(nexstar,
         truth.append(float(now.battery_voltage_V * now.battery_current_A))
     train = fit_power_train(steady_points(nexstar, propeller), nexstar.propulsion, propeller, **NO_CORRECTION)
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION), incidence_of(nexstar), train.parameters)
-    flight = level_flight(model_of(parameters, propeller, train), at, V)
+    flight = level_flight(model_of(parameters, propeller, train), condition, V)
     assert flight.battery.value == pytest.approx(truth, rel=0.003)
 
 
-def test_speeds_outside_the_flown_lift_coefficients_are_marked(propeller, at) -> None:
+def test_speeds_outside_the_flown_lift_coefficients_are_marked(propeller, condition) -> None:
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
     CL = (0.3, 0.9)
-    V = np.array([speed_at(0.95, at), speed_at(0.6, at), speed_at(0.25, at)])
-    flight = level_flight(model_of(parameters, propeller, flown_CL=CL), at, V)
+    V = np.array([speed_at(0.95, condition), speed_at(0.6, condition), speed_at(0.25, condition)])
+    flight = level_flight(model_of(parameters, propeller, flown_CL=CL), condition, V)
     assert flight.inside.tolist() == [False, True, False]
-    assert lift_coefficient(V, at) == pytest.approx([0.95, 0.6, 0.25])
+    assert lift_coefficient(V, condition) == pytest.approx([0.95, 0.6, 0.25])
 
 
-def test_the_ends_of_the_flown_range_count_as_inside_in_spite_of_rounding(propeller, at) -> None:
+def test_the_ends_of_the_flown_range_count_as_inside_in_spite_of_rounding(propeller, condition) -> None:
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
     for rounded in (1 - 1e-12, 1.0, 1 + 1e-12):
-        V = rounded * np.array([speed_at(0.9, at), speed_at(0.3, at)])
-        assert level_flight(model_of(parameters, propeller, flown_CL=(0.3, 0.9)), at, V).inside.all()
+        V = rounded * np.array([speed_at(0.9, condition), speed_at(0.3, condition)])
+        assert level_flight(model_of(parameters, propeller, flown_CL=(0.3, 0.9)), condition, V).inside.all()
 
 
-def test_speeds_outside_the_propeller_table_are_marked(propeller, at) -> None:
+def test_speeds_outside_the_propeller_table_are_marked(propeller, condition) -> None:
     """At 30 times the weight the propeller turns faster than its table at any lift coefficient."""
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
-    heavy = at._replace(weight_N=30 * at.weight_N)
+    heavy = condition._replace(weight_N=30 * condition.weight_N)
     flight = level_flight(model_of(parameters, propeller), heavy, speed_at([0.5, 0.8], heavy))
     assert np.isfinite(flight.battery.value).all() and not flight.inside.any()
 
 
-def test_the_overall_efficiency_is_the_product_of_both(propeller, at) -> None:
+def test_the_overall_efficiency_is_the_product_of_both(propeller, condition) -> None:
     """With losses; power required is drag times speed at lift = weight, whatever weight thrust carries."""
     losses = exact(shaft_scale=1.05, friction=0.1, copper=300.0, meter_scale=0.0)
     train = PowerTrainModel(losses, 0.01, True, "", ())
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, alpha_0=0.0, alpha_CL=0.3), losses)
     V = np.array([13.0, 20.0])
-    flight = level_flight(model_of(parameters, propeller, train), at, V)
+    flight = level_flight(model_of(parameters, propeller, train), condition, V)
     assert flight.overall.value == pytest.approx(flight.propeller.value * flight.motor.value)
     assert np.all(flight.motor.value < 0.99)
-    CL = lift_coefficient(V, at)
-    drag_N = at.weight_N * (0.0465 - 0.0195 * CL + 0.065 * CL**2) / CL
+    CL = lift_coefficient(V, condition)
+    drag_N = condition.weight_N * (0.0465 - 0.0195 * CL + 0.065 * CL**2) / CL
     assert flight.required.value == pytest.approx(drag_N * V)

@@ -52,9 +52,9 @@ EVERYWHERE = np.ones(len(V), dtype=bool)
 
 def case(title: str, minutes: float, km: float, speed: float, condition: Condition = TEST) -> PerformanceCase:
     """What `_cost` reads of a case, over that of a level flight of hand-made numbers."""
-    whole = performance_case(TitledCondition(title, condition), level(BATTERY_W), full_throttle(), (1e5, EVERYWHERE))
+    complete = performance_case(TitledCondition(title, condition), level(BATTERY_W), full_throttle(), (1e5, EVERYWHERE))
     return msgspec.structs.replace(
-        whole,
+        complete,
         endurance_s=uncertain(60 * minutes, 10.0).interval(),
         range_m=uncertain(1000 * km).interval(),
         range_speed_mps=uncertain(speed).interval(),

@@ -16,9 +16,9 @@ def test_the_speed_of_rotation_found_gives_the_thrust_asked_for(propeller) -> No
     V, thrust = np.meshgrid(np.linspace(8, 28, 9), np.linspace(0.5, 12, 8))
     scale, slope = 0.03, -0.1
     n = revps_for_thrust(propeller, V, thrust, RHO, thrust_scale=scale, thrust_slope=slope)
-    given = corrected_thrust(propeller, V, n, RHO, thrust_scale=scale, thrust_slope=slope)
+    actual = corrected_thrust(propeller, V, n, RHO, thrust_scale=scale, thrust_slope=slope)
     _, shaft = propeller.thrust_and_power(V, n, RHO)
-    assert given == pytest.approx(thrust, rel=1e-8)
+    assert actual == pytest.approx(thrust, rel=1e-8)
     assert np.all(shaft > thrust * V * 0.9), "a propeller cannot give more than it takes, the correction aside"
 
 
@@ -170,5 +170,5 @@ def test_efficiencies_are_means_of_five_seconds_and_a_windmilling_propeller_has_
     late = np.arange(len(data)) >= len(data) - round(10 / STEP_S)
     windmilling = data.assign(V=data["V"] * np.where(late, 2.0, 1.0))  # the last 10 s, at the same motor speed
     assert propeller.thrust_and_power(45.0, data["n"].iloc[-1], RHO)[0] < 0
-    kept = fit_power_train(windmilling, nexstar.propulsion, propeller, **NO_CORRECTION).points
-    assert max(point.time_s for point in kept) < 80.0, "the whole stretch is left out"
+    points = fit_power_train(windmilling, nexstar.propulsion, propeller, **NO_CORRECTION).points
+    assert max(point.time_s for point in points) < 80.0, "the whole stretch is left out"

@@ -15,7 +15,9 @@ from flightpower.analysis.records.flight import ComputationModel
 
 
 @pytest.mark.parametrize("with_full_throttle", [False, True])
-def test_power_and_climb_are_the_same_after_writing_and_reading(nexstar, propeller, at, with_full_throttle) -> None:
+def test_power_and_climb_are_the_same_after_writing_and_reading(
+    nexstar, propeller, condition, with_full_throttle
+) -> None:
     train = fit_power_train(steady_points(nexstar, propeller), nexstar.propulsion, propeller, **NO_CORRECTION)
     motor = fit_full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller).parameters
     parts = [exact(**POLAR, **NO_CORRECTION), incidence_of(nexstar), train.parameters]
@@ -24,10 +26,10 @@ def test_power_and_climb_are_the_same_after_writing_and_reading(nexstar, propell
     written = msgspec.json.encode(stored_model.model_result(model))
     read = stored_model.model_of(msgspec.json.decode(written, type=ComputationModel))
     V = np.linspace(12.0, 22.0, 11)
-    before, after = level_flight(model, at, V).battery, level_flight(read, at, V).battery
+    before, after = level_flight(model, condition, V).battery, level_flight(read, condition, V).battery
     np.testing.assert_allclose(after.value, before.value, rtol=1e-12)
     np.testing.assert_allclose(after.standard_error, before.standard_error, rtol=1e-9)
     assert (read.full_throttle.parameters is not None) is with_full_throttle
     if with_full_throttle:
-        climbs = [full_throttle_performance(this_model, at).climb.value for this_model in (model, read)]
+        climbs = [full_throttle_performance(this_model, condition).climb.value for this_model in (model, read)]
         np.testing.assert_allclose(climbs[1], climbs[0], rtol=1e-9)

@@ -15,9 +15,9 @@ from flightpower.analysis.performance.autopilot_parameters import (
 from flightpower.flight.atmosphere import SEA_LEVEL_DENSITY
 
 
-def values(**given: object) -> FlightValues:
+def values(**values_by_name: object) -> FlightValues:
     speeds = {"cruise": around(15.0, 1.0), "slowest": around(12.0, 0.2), "fastest": around(20.0, 0.3)}
-    return FlightValues(**speeds, wing_loading=wing_loading_of(37.7, 0.46), **given)  # type: ignore[arg-type]
+    return FlightValues(**speeds, wing_loading=wing_loading_of(37.7, 0.46), **values_by_name)  # type: ignore[arg-type]
 
 
 def by_name(flight: FlightValues) -> dict[str, tuple[float, float, float]]:

@@ -290,12 +290,12 @@ def test_two_answers_for_the_battery_are_said_where_errors_hardly_explain_them(
     condition = ConditionResult(weight_N=40.0, air_density_kgpm3=1.2)
     row = FieldRow(speed_mps=14.0, power_required_W=60.0, battery_W=100.0, endurance_s=1.0, range_m=1.0, climb_mps=None,
                    extrapolated=False)  # fmt: skip
-    whole = CurveResult(condition=condition, points=points(electrical_W))
-    table = against_field_table(whole, points(60.0), [row])
+    by_flight = CurveResult(condition=condition, points=points(electrical_W))
+    table = against_field_table(by_flight, points(60.0), [row])
     assert bool(table) == is_reported
     assert all(f"at 14 m/s the energy of the whole flight gives {electrical_W:.0f} W (" in item for item in table)
     assert all("field table, 100 W (90 to 110)" in item for item in table)
-    assert not against_field_table(whole, points(60.0), [msgspec.structs.replace(row, speed_mps=25.0)])
+    assert not against_field_table(by_flight, points(60.0), [msgspec.structs.replace(row, speed_mps=25.0)])
 
 
 def test_a_difference_that_rounds_to_zero_has_no_sign() -> None:

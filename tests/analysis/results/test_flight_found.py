@@ -56,8 +56,8 @@ def test_residuals_are_measured_less_modeled_and_their_correlation_reaches_four_
     assert (run_residual.points, run_residual.step_s) == (199, pytest.approx(0.2))
     assert run_residual.rms_mps2 == pytest.approx(0.3 / np.sqrt(2), rel=0.01)
     assert len(run_residual.autocorrelation) == 21  # 0 to 4 s
-    half, whole = run_residual.autocorrelation[10], run_residual.autocorrelation[20]
-    assert half == pytest.approx(-0.95, abs=0.02) and whole == pytest.approx(0.9, abs=0.02)  # of n - k products
+    half, full_period = run_residual.autocorrelation[10], run_residual.autocorrelation[20]
+    assert half == pytest.approx(-0.95, abs=0.02) and full_period == pytest.approx(0.9, abs=0.02)  # of n - k products
 
 
 def test_the_autocorrelation_is_about_zero_and_not_about_the_mean() -> None:

@@ -64,9 +64,9 @@ def test_the_largest_part_is_named_and_half_its_error_leaves_a_quarter_of_it(
     qSV = AT.rho * fastest**3 / 2 * AT.wing_area_m2
 
     def sources(V: np.ndarray) -> dict[Share, np.ndarray]:
-        whole = (AT.rho * V**3 / 2 * AT.wing_area_m2 * 0.002) ** 2
+        total = (AT.rho * V**3 / 2 * AT.wing_area_m2 * 0.002) ** 2
         others = [share for share in Share if share is not largest]
-        return {largest: 0.4 * whole} | {share: 0.6 / len(others) * whole for share in others}
+        return {largest: 0.4 * total} | {share: 0.6 / len(others) * total for share in others}
 
     result = missing_information(flown({"alpha_bias": 0.01}), polar, AT, CL, sources)  # type: ignore[arg-type]
     assert result is not None and result.cause is cause

@@ -50,14 +50,14 @@ def results(largest_CL: float | None = None, logged: dict[str, float] | None = N
         sink=around(1.2, 0.05), CD0=around(0.0405, 0.001), B=around(0.0510, 0.001), logged=logged or {},
     )  # fmt: skip
     result, withheld = typed_in(values)
-    at = ConditionResult(weight_N=37.66, air_density_kgpm3=1.19)
+    condition = ConditionResult(weight_N=37.66, air_density_kgpm3=1.19)
     slowest = largest_CL and SlowestFlown(speed_mps=11.0, lift_coefficient=1.1, largest_lift_coefficient=largest_CL)
     return Results(
         **{
             "software_version": "0", "log": "log.ulg", "aircraft": AircraftResult(
                 name="a", title="A", wing_area_m2=0.4636, span_m=1.75, propeller=""
-            ), "test": at, "kind": Kind.POWER_REQUIRED,
-            "curves": {Kind.POWER_REQUIRED: CurveResult(condition=at, points=changed.pop("points", []))},
+            ), "test": condition, "kind": Kind.POWER_REQUIRED,
+            "curves": {Kind.POWER_REQUIRED: CurveResult(condition=condition, points=changed.pop("points", []))},
             "slowest_flown": slowest or None, "autopilot_parameters": result, "autopilot_parameters_withheld": withheld,
         }
         | changed
@@ -180,10 +180,10 @@ def test_what_does_not_follow_is_named_in_the_names_of_the_firmware_alone(firmwa
     assert {name for name in others if name in comments} == set()
     assert not any(word in text for word in FIRMWARE.values() if word != FIRMWARE[firmware])
     assert f"# {THROTTLE[FIRMWARE[firmware]]} does not follow: it requires a throttle" in comments
-    given = {parameter.name for parameter in results().autopilot_parameters}
+    written = {parameter.name for parameter in results().autopilot_parameters}
     own = {entry.name for entry in ENTRIES if entry.firmware == FIRMWARE[firmware]}
-    assert all(f"{name} is withheld" in text for name in own - given)
-    assert own - given == {For.PX4: {"ASPD_SCALE_1"}, For.ARDUPILOT: {"ARSPD_RATIO"}, For.INAV: set()}[firmware]
+    assert all(f"{name} is withheld" in text for name in own - written)
+    assert own - written == {For.PX4: {"ASPD_SCALE_1"}, For.ARDUPILOT: {"ARSPD_RATIO"}, For.INAV: set()}[firmware]
 
 
 @pytest.mark.parametrize(

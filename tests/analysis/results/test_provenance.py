@@ -38,18 +38,23 @@ def log(tmp_path: Path) -> Log:
     path = tmp_path / "log.mcap"
     path.write_bytes(b"recorded")
 
-    def at(seconds: float, message: object) -> LogEntry:
+    def entry(seconds: float, message: object) -> LogEntry:
         return LogEntry(START_NS + round(seconds * 1e9), 0, message)
 
-    imu = [at(0, Imu(status=Status.STARTING)), at(1, Imu()), at(2, Imu(status=Status.CORRUPT)), at(60, Imu())]
-    gps = [at(1, Gps(status=Status.STARTING)), at(10, Gps(utc_ns=1_463_218_200_000_000_000, latitude_deg=-35.5,
+    imu = [
+        entry(0, Imu(status=Status.STARTING)),
+        entry(1, Imu()),
+        entry(2, Imu(status=Status.CORRUPT)),
+        entry(60, Imu()),
+    ]
+    gps = [entry(1, Gps(status=Status.STARTING)), entry(10, Gps(utc_ns=1_463_218_200_000_000_000, latitude_deg=-35.5,
                                                          longitude_deg=78.25, height_msl_m=100.0))]  # fmt: skip
     return Log(
         path,
         {"/imu": entries_of(imu), "/gps": entries_of(gps),
-         "/daq/tick": entries_of([at(0, Tick()), at(1, Tick(missed=3))]),
+         "/daq/tick": entries_of([entry(0, Tick()), entry(1, Tick(missed=3))]),
          "/daq/event": entries_of(
-             [at(0, Event(text="starts")), at(30, Event(severity="error", sensor="gps", text="gps lost"))])},
+             [entry(0, Event(text="starts")), entry(30, Event(severity="error", sensor="gps", text="gps lost"))])},
         attachments={name: name.encode() for name in ("aircraft.toml", "propeller.csv", "probe.json")},
         metadata={"flightpower": {"version": "0.1.0"}},
     )  # fmt: skip
@@ -100,13 +105,13 @@ def test_a_log_of_an_autopilot_has_its_name(tmp_path: Path) -> None:
 
 def written_with(provenance: Provenance) -> bytes:
     """A results.json of a flight that had this origin."""
-    at = ConditionResult(weight_N=37.0, air_density_kgpm3=1.2)
+    condition = ConditionResult(weight_N=37.0, air_density_kgpm3=1.2)
     aircraft = AircraftResult(name="a", title="A", wing_area_m2=0.46, span_m=1.75, propeller="")
     kind = Kind.POWER_REQUIRED
-    curves = {kind: CurveResult(condition=at, points=[])}
+    curves = {kind: CurveResult(condition=condition, points=[])}
     return to_json(
         Results(
-            software_version="0", log="log.mcap", aircraft=aircraft, test=at, kind=kind, curves=curves,
+            software_version="0", log="log.mcap", aircraft=aircraft, test=condition, kind=kind, curves=curves,
             provenance=provenance,
         )
     )  # fmt: skip

@@ -53,8 +53,8 @@ def test_means_are_of_stretches_that_count_as_a_whole() -> None:
     table = pd.DataFrame({"V_mps": t_s}, index=pd.Index(t_s, name="t_s"))
     means = axes._means(table, pd.Series(t_s < 5.0, index=table.index), 1.0)["V_mps"]
     assert np.diff(means.index) == pytest.approx(1.0)
-    known = means.dropna()
-    assert np.allclose(known, known.index, atol=0.03) and known.index.max() < 5.0
+    finite = means.dropna()
+    assert np.allclose(finite, finite.index, atol=0.03) and finite.index.max() < 5.0
 
 
 def swinging(**change: float) -> pd.DataFrame:

@@ -12,18 +12,18 @@ def test_value_and_derivative_are_those_of_scipy_also_beyond_the_ends(n):
     rng = np.random.default_rng(n)
     x = np.cumsum(rng.uniform(0.1, 1.0, n))
     values = rng.standard_normal((n, 3))
-    at = np.r_[x[0] - 0.5, x, rng.uniform(x[0], x[-1], 50), x[-1] + 0.5]
+    points = np.r_[x[0] - 0.5, x, rng.uniform(x[0], x[-1], 50), x[-1] + 0.5]
     expected = interpolate.CubicSpline(x, values)
     ours = CubicSpline(x, values)
-    assert ours(at) == pytest.approx(expected(at), rel=1e-11, abs=1e-11)
-    assert ours(at, 1) == pytest.approx(expected(at, 1), rel=1e-11, abs=1e-10)
+    assert ours(points) == pytest.approx(expected(points), rel=1e-11, abs=1e-11)
+    assert ours(points, 1) == pytest.approx(expected(points, 1), rel=1e-11, abs=1e-10)
 
 
 def test_a_cubic_is_reproduced_and_one_column_needs_no_second_axis():
     x = np.array([0.0, 0.3, 1.0, 1.2, 2.0])
-    spline, at = CubicSpline(x, x**3 - 2 * x), np.linspace(-1, 3, 9)
-    assert spline(at) == pytest.approx(at**3 - 2 * at)
-    assert spline(at, 1) == pytest.approx(3 * at**2 - 2)
+    spline, points = CubicSpline(x, x**3 - 2 * x), np.linspace(-1, 3, 9)
+    assert spline(points) == pytest.approx(points**3 - 2 * points)
+    assert spline(points, 1) == pytest.approx(3 * points**2 - 2)
 
 
 @pytest.mark.parametrize("x", [[0.0, 1.0, 2.0], [0.0, 1.0, 1.0, 2.0], [0.0, 1.0, np.nan, 2.0]])
@@ -49,17 +49,17 @@ def test_a_channel_sampled_late_and_unevenly_lands_on_the_grid() -> None:
 
 
 def test_a_gap_stays_a_gap() -> None:
-    kept = (GRID < 4) | (GRID > 5)
-    out = on_grid(GRID, GRID[kept], signal(GRID[kept]))
+    outside_gap = (GRID < 4) | (GRID > 5)
+    out = on_grid(GRID, GRID[outside_gap], signal(GRID[outside_gap]))
     assert np.isnan(out[(GRID > 4.01) & (GRID < 4.99)]).all()
-    assert np.isfinite(out[kept]).all()
+    assert np.isfinite(out[outside_gap]).all()
 
 
 def test_two_lost_samples_are_bridged_and_three_are_not() -> None:
     for lost, bridged in ((2, True), (3, False)):
-        kept = np.ones(len(GRID), dtype=bool)
-        kept[100 : 100 + lost] = False
-        out = on_grid(GRID, GRID[kept], signal(GRID[kept]))
+        present = np.ones(len(GRID), dtype=bool)
+        present[100 : 100 + lost] = False
+        out = on_grid(GRID, GRID[present], signal(GRID[present]))
         assert np.isfinite(out[100 : 100 + lost]).all() == bridged
 
 

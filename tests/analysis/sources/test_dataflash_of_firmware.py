@@ -16,8 +16,8 @@ CELSIUS = 273.15
 
 
 def messages(name: str, codes: str, **columns: np.ndarray | float) -> DataflashMessages:
-    whole = {field: np.broadcast_to(np.asarray(values, dtype=float), len(T_US)) for field, values in columns.items()}
-    return DataflashMessages(name, codes, {"TimeUS": T_US, **whole})  # type: ignore[dict-item]
+    arrays = {field: np.broadcast_to(np.asarray(values, dtype=float), len(T_US)) for field, values in columns.items()}
+    return DataflashMessages(name, codes, {"TimeUS": T_US, **arrays})  # type: ignore[dict-item]
 
 
 def airspeed(instance: int, speed: np.ndarray | float, **marks: np.ndarray | float) -> DataflashMessages:

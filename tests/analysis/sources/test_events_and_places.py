@@ -128,10 +128,13 @@ def test_the_clock_of_telemetry_is_the_autopilot_s_or_else_the_computer_s(tmp_pa
             mavlink.MAVLink_scaled_pressure_message(0, 950.0, 1.0, 2000, 2000),
         ]
 
-    def written(kept: list[object]) -> recording.Fix:
+    def written(frames_left: list[object]) -> recording.Fix:
         plane = mavlink.MAVLink(None, 1, 1)
-        times_us = [BOOTED_US + 1_000_000 * (k // 5) for k, frame in enumerate(frames) if frame in kept]
-        content = [at.to_bytes(8, "big") + bytes(item.pack(plane)) for at, item in zip(times_us, kept, strict=True)]
+        times_us = [BOOTED_US + 1_000_000 * (k // 5) for k, frame in enumerate(frames) if frame in frames_left]
+        content = [
+            time_us.to_bytes(8, "big") + bytes(item.pack(plane))
+            for time_us, item in zip(times_us, frames_left, strict=True)
+        ]
         path.write_bytes(b"".join(content))
         return read(path).fix
 

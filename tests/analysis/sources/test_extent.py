@@ -65,8 +65,8 @@ def test_telemetry_of_paparazzi_also_compressed(tmp_path: Path) -> None:
     for path in (tmp_path / "flight.data", tmp_path / "flight.data.gz"):
         path.write_bytes(gzip.compress(lines) if path.suffix == ".gz" else lines)
         assert extent(path) == Extent("Paparazzi", None, pytest.approx(9989.5))
-    whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
     assert extent(path).length_s is None
 
 

@@ -118,11 +118,11 @@ def test_a_damaged_frame_costs_one_message(tmp_path: Path) -> None:
     path = tmp_path / "flight.tlog"
     write_telemetry(path, flight())
     data = bytearray(path.read_bytes())
-    whole = len(TelemetryLog(bytes(data)).columns("IMU")["TimeUS"])
-    at = data.index(b"\xfd", len(data) // 2)
-    data[at + 12] ^= 0xFF
+    complete = len(TelemetryLog(bytes(data)).columns("IMU")["TimeUS"])
+    offset = data.index(b"\xfd", len(data) // 2)
+    data[offset + 12] ^= 0xFF
     log = TelemetryLog(bytes(data))
-    assert whole == 600 and whole - len(log.columns("IMU")["TimeUS"]) in (0, 1)
+    assert complete == 600 and complete - len(log.columns("IMU")["TimeUS"]) in (0, 1)
 
 
 @pytest.mark.parametrize("cells_V", [None, 3.7])
@@ -180,9 +180,11 @@ def test_a_damaged_multiplier_is_left_out(tmp_path: Path) -> None:
     """A factor of 1e300 on the voltage, a whole number, overflowed with a warning of NumPy."""
     kinds = [item for item in flight() if item.name != "BAT"]
     time_us = kinds[2].columns["TimeUS"]
-    whole = {"Volt": np.full(600, 1200.0), "Curr": np.full(600, 500.0)}
+    complete = {"Volt": np.full(600, 1200.0), "Curr": np.full(600, 500.0)}
     path = tmp_path / "flight.BIN"
-    write_dataflash(path, [*kinds, DataflashMessages("BAT", "QBHH", {"TimeUS": time_us, "Inst": 0 * time_us, **whole})])
+    write_dataflash(
+        path, [*kinds, DataflashMessages("BAT", "QBHH", {"TimeUS": time_us, "Inst": 0 * time_us, **complete})]
+    )
     log = path.read_bytes().replace(b"F---\0", b"F-BB\0")  # in FMTU: both are hundredths
     path.write_bytes(log)
     assert np.median(read_ardupilot(path).channels[recording.VOLTAGE].value) == pytest.approx(12.0)

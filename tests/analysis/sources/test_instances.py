@@ -143,8 +143,8 @@ def test_static_pressure_of_old_firmware_is_in_hectopascal(in_unit: float) -> No
 
 def left_of(name: str, value: np.ndarray, t_s: np.ndarray = T) -> np.ndarray:
     """The values of a channel that are kept, none where it is left out."""
-    kept, _ = without_clock_jumps(Channel(t_s, value), {name: Channel(t_s, value)})
-    return kept[name].value if name in kept else np.array([])
+    regular, _ = without_clock_jumps(Channel(t_s, value), {name: Channel(t_s, value)})
+    return regular[name].value if name in regular else np.array([])
 
 
 @pytest.mark.parametrize(
@@ -176,10 +176,10 @@ def test_what_no_small_aircraft_can_measure_is_left_out(name: str, least: float,
 def test_a_single_value_far_from_its_neighbors_is_left_out(name: str, usual: float, spike: float) -> None:
     """What lasts for three samples is no spike. The first and the last sample can be one."""
     for i in (0, 1, 50, 98, 99):
-        for height, kept in ((0.95, True), (1.05, False)):
+        for height, is_plausible in ((0.95, True), (1.05, False)):
             value = np.full(100, usual)
             value[i] += height * spike
-            assert len(left_of(name, value)) == (100 if kept else 99)
+            assert len(left_of(name, value)) == (100 if is_plausible else 99)
     lasting = np.full(100, usual)
     lasting[50:53] += 1.05 * spike
     assert len(left_of(name, lasting)) == 100
@@ -191,11 +191,11 @@ def test_the_longest_part_without_a_jump_of_the_clock_is_used() -> None:
     gap, ahead = T + 55.0 * (T > 30), T + 65.0 * (T > 30)
     back, late = T - 30.0 * (T > 60), 0.4 * T - 1.1 * (T > 60)
     assert len(left_of(CURRENT, value, gap)) == 100
-    kept, (note,) = without_clock_jumps(Channel(ahead, value), {CURRENT: Channel(ahead, value)})
-    assert kept[CURRENT].value.tolist() == value[31:].tolist()
+    regular, (note,) = without_clock_jumps(Channel(ahead, value), {CURRENT: Channel(ahead, value)})
+    assert regular[CURRENT].value.tolist() == value[31:].tolist()
     assert note == "The log's clock jumped; the longest part without a jump, 68 s, is used."
-    kept, _ = without_clock_jumps(Channel(back, value), {CURRENT: Channel(back, value)})
-    assert kept[CURRENT].value.tolist() == value[:61].tolist()
+    regular, _ = without_clock_jumps(Channel(back, value), {CURRENT: Channel(back, value)})
+    assert regular[CURRENT].value.tolist() == value[:61].tolist()
     # Less than a second back, the times that come again are left out.
     assert left_of(CURRENT, value, late).tolist() == value[(T < 61) | (T > 62)].tolist()
 

@@ -27,8 +27,8 @@ def turning_rates() -> np.ndarray:
 
 def laws_of(*rates: Quantity) -> dict[Quantity, tuple[np.ndarray, np.ndarray]]:
     """Both sides of the laws of a table with attitude and these rates, away from its ends."""
-    known = dict(zip(RATES, turning_rates(), strict=True))
-    columns = ATTITUDE | {rate: known[rate] for rate in rates}
+    all_rates = dict(zip(RATES, turning_rates(), strict=True))
+    columns = ATTITUDE | {rate: all_rates[rate] for rate in rates}
     grid = Grid({quantity: Channel(T_S, values) for quantity, values in columns.items()})
     inside = slice(20, -20)
     return {law.quantities[0]: (law.first[inside], law.second[inside]) for law in _attitude_laws(grid)}

@@ -73,8 +73,8 @@ def test_more_rows_than_characters_are_damage() -> None:
     stream = io.BytesIO()
     savemat(stream, {"rows": np.array(["ab", "cde"])}, do_compression=False)
     data = bytearray(stream.getvalue())
-    at = data.index(np.array([2, 3], dtype="<i4").tobytes())
-    data[at : at + 4] = np.array([10**9], dtype="<i4").tobytes()
+    offset = data.index(np.array([2, 3], dtype="<i4").tobytes())
+    data[offset : offset + 4] = np.array([10**9], dtype="<i4").tobytes()
     with pytest.raises(ValueError, match="1000000000 rows of 6 characters"):
         read_mat(bytes(data))
 

@@ -69,8 +69,8 @@ def test_fields_have_their_units(tmp_path: Path) -> None:
 def test_a_damaged_number_spoils_no_other(tmp_path: Path, damaged: str) -> None:
     """A damaged position, course and pressure are left out without a warning of a library; the others stay."""
     text = lines()
-    at = next(i for i, line in enumerate(text) if " GPS " in line)
-    for field, row in ((4, at), (6, at + 6)):  # north of the first position, course of the second
+    number = next(i for i, line in enumerate(text) if " GPS " in line)
+    for field, row in ((4, number), (6, number + 6)):  # north of the first position, course of the second
         words = text[row].split(" ")
         words[field] = damaged
         text[row] = " ".join(words)
@@ -108,9 +108,9 @@ def test_refused_in_one_line(tmp_path: Path, text: list[str], message: str) -> N
 
 
 def test_a_log_of_gaps_is_refused_for_its_gaps(tmp_path: Path) -> None:
-    kept = [line for line in lines(seconds=600) if float(line.split()[0]) % 30 < 15]
+    half_of_lines = [line for line in lines(seconds=600) if float(line.split()[0]) % 30 < 15]
     with pytest.raises(InputError, match=r"broken up by gaps, for 1\d s at most"):
-        flight_table(read_paparazzi(written(tmp_path / "log.data", kept)), WEIGHT_N, WING_AREA_M2)
+        flight_table(read_paparazzi(written(tmp_path / "log.data", half_of_lines)), WEIGHT_N, WING_AREA_M2)
 
 
 @pytest.mark.slow

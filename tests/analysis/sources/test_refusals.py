@@ -99,14 +99,14 @@ def test_what_the_aircraft_is_must_be_given(tmp_path: Path) -> None:
 
 
 def test_options_of_the_daemons_logs_are_refused(tmp_path: Path, log: Path) -> None:
-    given = ["--mass", "9.4", "--wing-area", "1.5", "--span", "4", "-o", str(tmp_path / "report")]
-    done = CliRunner().invoke(app, [str(log), *given, "--probe", "probe.json"])
+    options = ["--mass", "9.4", "--wing-area", "1.5", "--span", "4", "-o", str(tmp_path / "report")]
+    done = CliRunner().invoke(app, [str(log), *options, "--probe", "probe.json"])
     assert isinstance(done.exception, InputError) and "--probe: has no effect" in str(done.exception)
-    done = CliRunner().invoke(app, [str(log), *given, "--weight", "9 kg"])
+    done = CliRunner().invoke(app, [str(log), *options, "--weight", "9 kg"])
     assert isinstance(done.exception, InputError) and "--mass and --weight" in str(done.exception)
-    done = CliRunner().invoke(app, [str(log), *given, "--columns", "map.toml"])
+    done = CliRunner().invoke(app, [str(log), *options, "--columns", "map.toml"])
     assert isinstance(done.exception, InputError) and "--columns: only for tables" in str(done.exception)
-    done = CliRunner().invoke(app, [str(log), *given[:-3], "4 kg"])
+    done = CliRunner().invoke(app, [str(log), *options[:-3], "4 kg"])
     assert isinstance(done.exception, InputError) and "--span 4 kg" in str(done.exception)
 
 
@@ -122,8 +122,8 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path, log: Path) -> None:
     data, rng, path = log.read_bytes(), np.random.default_rng(0), tmp_path / "damaged.ulg"
     for _ in range(12):
         damaged = bytearray(data[: int(rng.integers(1000, 60_000))])
-        for at in rng.integers(0, len(damaged), rng.integers(0, 20)):
-            damaged[at] = rng.integers(256)
+        for offset in rng.integers(0, len(damaged), rng.integers(0, 20)):
+            damaged[offset] = rng.integers(256)
         path.write_bytes(damaged)
         try:
             flight_table(read_px4(path), WEIGHT_N, WING_AREA_M2)

@@ -145,14 +145,14 @@ def zero_file(**readings: float) -> bytes:
     for name, mean in readings.items():
         topic, field = of[name]
         result.setdefault(topic, {})[field] = {"mean": mean, "standard_deviation": 0.1, "samples": 250}
-    whole = {
+    content = {
         "format": "flightpower-zero-1",
         "taken_unix_ns": 1,
         "seconds": 10.0,
         "temperature_K": {},
         "readings": result,
     }
-    return json.dumps(whole).encode()
+    return json.dumps(content).encode()
 
 
 def test_what_the_daemon_saves_is_what_the_analysis_reads() -> None:

@@ -88,12 +88,12 @@ def test_cells_without_a_name_are_no_column(text: str, message: str, tmp_path: P
 @pytest.mark.parametrize(
     "times",
     [
-        lambda at: at.strftime("%H:%M:%S.%f"),
-        lambda at: at.strftime("%Y-%m-%d %H:%M:%S.%f"),
-        lambda at: at.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
-        lambda at: at.strftime("%d.%m.%Y %H:%M:%S.%f"),
-        lambda at: at.strftime("%m/%d/%Y %I:%M:%S.%f %p"),
-        lambda at: at.strftime("%H:%M:%S,%f"),
+        lambda moment: moment.strftime("%H:%M:%S.%f"),
+        lambda moment: moment.strftime("%Y-%m-%d %H:%M:%S.%f"),
+        lambda moment: moment.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
+        lambda moment: moment.strftime("%d.%m.%Y %H:%M:%S.%f"),
+        lambda moment: moment.strftime("%m/%d/%Y %I:%M:%S.%f %p"),
+        lambda moment: moment.strftime("%H:%M:%S,%f"),
     ],
     ids=["time of day", "ISO", "ISO with T and Z", "European", "American, 12 hours", "decimal comma"],
 )
@@ -123,8 +123,8 @@ def test_times_of_day_are_seconds_also_past_midnight(times: Callable[[pd.Timesta
 def test_a_known_name_is_known_with_its_unit_in_brackets(named: str, quantity: str, unit: str, tmp_path: Path) -> None:
     scale = {"knot": 1 / 0.514444, "km/h": 3.6, "mV": 1000.0, "ft": 1 / 0.3048}.get(unit, 1.0)
     column = "tas_mps" if quantity == "indicated_airspeed" else MAP[quantity][0]
-    kept = [MAP[name][0] for name in ("time", "true_airspeed", "height", "battery_voltage", "battery_current")]
-    table = TRUE[kept].assign(**{column: scale * TRUE[column]}).rename(columns={column: named})
+    needed = [MAP[name][0] for name in ("time", "true_airspeed", "height", "battery_voltage", "battery_current")]
+    table = TRUE[needed].assign(**{column: scale * TRUE[column]}).rename(columns={column: named})
     table.to_csv(tmp_path / "flight.csv", index=False)
     (tmp_path / "map.toml").write_text(draft(tmp_path / "flight.csv"))
     columns = load_map(tmp_path / "map.toml").columns
@@ -134,18 +134,18 @@ def test_a_known_name_is_known_with_its_unit_in_brackets(named: str, quantity: s
 
 @pytest.mark.parametrize("named", ["Curr used (mAh)", "servo current (A)", "current time", "TxBat(V)", "Climb (ft)"])
 def test_what_only_resembles_a_name_is_not_taken(named: str, tmp_path: Path) -> None:
-    kept = TRUE[["t_s", "tas_mps", "height_m"]].assign(**{named: 7.0 + np.arange(len(TRUE)) % 2})
-    kept.to_csv(tmp_path / "flight.csv", index=False)
+    columns = TRUE[["t_s", "tas_mps", "height_m"]].assign(**{named: 7.0 + np.arange(len(TRUE)) % 2})
+    columns.to_csv(tmp_path / "flight.csv", index=False)
     text = draft(tmp_path / "flight.csv")
     assert f"# Not used: {named}" in text
 
 
 def radio(crossfire: bool) -> pd.DataFrame:
     """The log of a radio with EdgeTX: a date, times of day, position in one cell, a receiver's supply of 5 V."""
-    at = pd.Timestamp("2024-05-01 12:34:56") + pd.to_timedelta(TRUE["t_s"], unit="s")
+    moment = pd.Timestamp("2024-05-01 12:34:56") + pd.to_timedelta(TRUE["t_s"], unit="s")
     course_deg = np.degrees(np.arctan2(TRUE["ve_mps"], TRUE["vn_mps"])) % 360
     table = pd.DataFrame({
-        "Date": at.dt.strftime("%Y-%m-%d"), "Time": at.dt.strftime("%H:%M:%S.%f").str[:-3],
+        "Date": moment.dt.strftime("%Y-%m-%d"), "Time": moment.dt.strftime("%H:%M:%S.%f").str[:-3],
         **({"RQly(%)": 100, "RxBt(V)": TRUE["voltage_V"].round(2)} if crossfire else {"RSSI(dB)": 80, "RxBt(V)": 5.1}),
         "GPS": [f"{48 + n:.6f} {11 + e:.6f}" for n, e in zip(NORTH_DEG, EAST_DEG, strict=True)],
         "GSpd(kmh)": (3.6 * np.hypot(TRUE["vn_mps"], TRUE["ve_mps"])).round(1), "Hdg(°)": course_deg.round(1),
@@ -169,13 +169,13 @@ def blackbox() -> pd.DataFrame:
 
 def printed_telemetry() -> pd.DataFrame:
     """mavlogdump.py --format csv: a row for each message, with empty cells for those of other messages."""
-    at = 1.7e9 + TRUE["t_s"]
+    unix_s = 1.7e9 + TRUE["t_s"]
     kinds = [
-        pd.DataFrame({"timestamp": at, "VFR_HUD.airspeed": INDICATED_MPS, "VFR_HUD.alt": 0.0}),
-        pd.DataFrame({"timestamp": at + 0.01, "SCALED_PRESSURE.press_abs": TRUE["ps_Pa"] / 100}),
-        pd.DataFrame({"timestamp": at + 0.02, "SYS_STATUS.voltage_battery": (1000 * TRUE["voltage_V"]).round(),
+        pd.DataFrame({"timestamp": unix_s, "VFR_HUD.airspeed": INDICATED_MPS, "VFR_HUD.alt": 0.0}),
+        pd.DataFrame({"timestamp": unix_s + 0.01, "SCALED_PRESSURE.press_abs": TRUE["ps_Pa"] / 100}),
+        pd.DataFrame({"timestamp": unix_s + 0.02, "SYS_STATUS.voltage_battery": (1000 * TRUE["voltage_V"]).round(),
                       "SYS_STATUS.current_battery": (100 * TRUE["current_A"]).round()}),
-        pd.DataFrame({"timestamp": at + 0.03, "GLOBAL_POSITION_INT.vx": (100 * TRUE["vn_mps"]).round(),
+        pd.DataFrame({"timestamp": unix_s + 0.03, "GLOBAL_POSITION_INT.vx": (100 * TRUE["vn_mps"]).round(),
                       "GLOBAL_POSITION_INT.vy": (100 * TRUE["ve_mps"]).round(),
                       "GLOBAL_POSITION_INT.vz": (100 * TRUE["vd_mps"]).round()}),
     ]  # fmt: skip
@@ -184,14 +184,14 @@ def printed_telemetry() -> pd.DataFrame:
 
 def station() -> pd.DataFrame:
     """The CSV file of QGroundControl, in SI units."""
-    at = pd.Timestamp("2024-05-01 12:34:56") + pd.to_timedelta(TRUE["t_s"], unit="s")
+    moment = pd.Timestamp("2024-05-01 12:34:56") + pd.to_timedelta(TRUE["t_s"], unit="s")
     return pd.DataFrame({
-        "Timestamp": at.dt.strftime("%Y-%m-%d %H:%M:%S.%f").str[:-3], "roll": TRUE["roll_deg"],
+        "Timestamp": moment.dt.strftime("%Y-%m-%d %H:%M:%S.%f").str[:-3], "roll": TRUE["roll_deg"],
         "groundSpeed": np.hypot(TRUE["vn_mps"], TRUE["ve_mps"]), "airSpeed": INDICATED_MPS,
         "climbRate": -TRUE["vd_mps"], "altitudeRelative": TRUE["height_m"], "throttlePct": TRUE["throttle_percent"],
         "gps.lat": 48 + NORTH_DEG, "gps.lon": 11 + EAST_DEG, "battery0.voltage": TRUE["voltage_V"],
         "battery0.current": TRUE["current_A"], "battery0.mahConsumed": TRUE["current_A"].cumsum() / 36,
-        "clock.currentTime": at.dt.strftime("%H:%M:%S"),
+        "clock.currentTime": moment.dt.strftime("%H:%M:%S"),
     })  # fmt: skip
 
 
@@ -246,9 +246,9 @@ def test_a_receiver_s_supply_is_no_battery(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("missing", [("battery_voltage",), ("height", "static_pressure", "velocity_down")])
 def test_a_map_that_lacks_what_a_curve_needs_is_told_so(missing: tuple[str, ...], tmp_path: Path) -> None:
-    kept = ("time", "true_airspeed", "height", "static_pressure", "velocity_north", "velocity_east", "velocity_down",
-            "battery_voltage", "battery_current")  # fmt: skip
-    path = written(tmp_path, TRUE, map_text({name: MAP[name] for name in kept if name not in missing}))
+    quantities = ("time", "true_airspeed", "height", "static_pressure", "velocity_north", "velocity_east",
+                  "velocity_down", "battery_voltage", "battery_current")  # fmt: skip
+    path = written(tmp_path, TRUE, map_text({name: MAP[name] for name in quantities if name not in missing}))
     refused = CliRunner().invoke(app, [str(path), *AIRCRAFT])
     assert isinstance(refused.exception, InputError) and f"[{missing[0]}]" in str(refused.exception)
     assert "--mass" not in str(refused.exception)
@@ -340,7 +340,7 @@ def jeti_log(table: pd.DataFrame) -> str:
             if i % every == 0:
                 lines.append(f"{ms};{device};{number};{kind};{decimals};{round(10**decimals * values.iloc[i])}")
         if i % 10 == 0:
-            north, west = (divmod(abs(x.iloc[i] + at), 1) for x, at in ((NORTH_DEG, 48.0), (EAST_DEG, -11.5)))
+            north, west = (divmod(abs(x.iloc[i] + origin), 1) for x, origin in ((NORTH_DEG, 48.0), (EAST_DEG, -11.5)))
             places = [(int(degrees) << 16) + round(60_000 * part) for degrees, part in (north, west)]
             lines.append(f"{ms};4290004;2;9;0;{places[0]};3;9;3;{places[1]}")
     return "\n".join([*head, *lines, "000099999;4290001;1;1", "000100000;4290003;2;1;x;12"])
@@ -356,8 +356,8 @@ def test_a_log_of_a_jeti_radio_needs_no_map(tmp_path: Path) -> None:
         ("MUI-75 Current [A]", TRUE["current_A"], 0.1), ("MVario2 Altitude [m]", TRUE["height_m"], 0.1),
         ("MGPS Latitude [°]", 48.0 + NORTH_DEG, 1 / 60_000), ("MGPS Longitude [°]", EAST_DEG - 11.5, 1 / 60_000),
     ):  # fmt: skip
-        known = np.isfinite(columns[name])
-        assert np.abs(columns[name][known] - np.interp(t_s[known], TRUE["t_s"], truth)).max() < 0.51 * step
+        finite = np.isfinite(columns[name])
+        assert np.abs(columns[name][finite] - np.interp(t_s[finite], TRUE["t_s"], truth)).max() < 0.51 * step
     assert np.isfinite(columns["MUI-75 Voltage [V]"]).sum() == len(TRUE) // 5
     log = open_source(path)
     assert isinstance(log, Log) and log.entries["/battery"] and "a Jeti radio" in log.metadata["table"]["note"]
@@ -387,9 +387,9 @@ def test_matlab_structures_keep_their_own_times(tmp_path: Path) -> None:
     table = read_table(tmp_path / "log.mat")
     for name, of in arrays.items():
         for field in of.keys() - {"t"}:
-            known = np.isfinite(table.columns[f"log.{name}.{field}"])
-            np.testing.assert_allclose(table.columns["t"][known], of["t"], atol=1e-5)
-            np.testing.assert_array_equal(table.columns[f"log.{name}.{field}"][known], of[field])
+            finite = np.isfinite(table.columns[f"log.{name}.{field}"])
+            np.testing.assert_allclose(table.columns["t"][finite], of["t"], atol=1e-5)
+            np.testing.assert_array_equal(table.columns[f"log.{name}.{field}"][finite], of[field])
     assert table.left_out == ("Left out, since they have no clock of their own: notes (33 values)",)
     path = tmp_path / "columns.toml"
     path.write_text(draft(tmp_path / "log.mat"))

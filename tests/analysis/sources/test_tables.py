@@ -160,13 +160,15 @@ def test_thrust_and_vane_become_motor_speed_and_probe(tmp_path: Path) -> None:
         '[probe]\nposition = ["0 m", "0 m", "0 m"]\nupwash_per_CL = "0 deg"\n',
         "a.toml",
     )
-    known = contents(log, Replacements(aircraft=aircraft))
-    table = flight_data(log, known.aircraft, known.propeller, known.calibrations).table.iloc[100:-100]
+    flight_contents = contents(log, Replacements(aircraft=aircraft))
+    table = flight_data(
+        log, flight_contents.aircraft, flight_contents.propeller, flight_contents.calibrations
+    ).table.iloc[100:-100]
     rows = np.searchsorted(TRUE["t_s"], table.index)
     assert np.degrees(table["alpha_rad"].to_numpy()) == pytest.approx(TRUE["alpha_deg"].to_numpy()[rows], abs=0.5)
     assert table["V_mps"].to_numpy() == pytest.approx(TRUE["tas_mps"].to_numpy()[rows], abs=1.0)
     V, n, rho = (table[name].to_numpy() for name in ("V_mps", "n_revps", "rho"))
-    T, _ = known.propeller.thrust_and_power(V, n, rho)
+    T, _ = flight_contents.propeller.thrust_and_power(V, n, rho)
     assert np.asarray(T) == pytest.approx(thrust.to_numpy()[rows], rel=0.02)
 
 
@@ -302,9 +304,9 @@ def test_a_tailsitter_from_its_file_as_it_is(tmp_path: Path) -> None:
     electrical = estimate(flight, 1.0 * g, 0.18, 0.9)
     table = flight.table[flight.flown]
     level = table[np.abs(np.gradient(table["height_m"], table.index)) < 0.5]
-    at = np.interp(16.5, electrical.V_mps, electrical.power_W)
+    level_W = np.interp(16.5, electrical.V_mps, electrical.power_W)
     half = 1.96 * np.interp(16.5, electrical.V_mps, electrical.standard_error_W)
-    assert abs(at - level["power_W"].median()) < half < 0.3 * at
+    assert abs(level_W - level["power_W"].median()) < half < 0.3 * level_W
 
 
 @needs(CITATION)
@@ -366,8 +368,8 @@ def test_a_heading_without_its_sign_costs_the_heading_alone(tmp_path: Path) -> N
     write_csv(path, TRUE.assign(heading_deg=degrees.abs()))
     drafted = tmp_path / "drafted.toml"
     drafted.write_text(draft(path))
-    known = load_map(drafted).columns
-    assert {"roll", "pitch", "roll_rate", "yaw_rate"} <= known.keys() and "heading" not in known
+    columns = load_map(drafted).columns
+    assert {"roll", "pitch", "roll_rate", "yaw_rate"} <= columns.keys() and "heading" not in columns
 
 
 def large_slow_aircraft() -> pd.DataFrame:

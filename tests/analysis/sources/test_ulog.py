@@ -72,13 +72,13 @@ def test_a_damaged_log_gives_what_pyulog_gives(log: bytes, monkeypatch: pytest.M
     corrupt = 0
     for number in range(40):
         data = bytearray(log)
-        for at in rng.integers(16, len(data), rng.integers(1, 6)):
-            data[at] = rng.integers(256)
+        for offset in rng.integers(16, len(data), rng.integers(1, 6)):
+            data[offset] = rng.integers(256)
         if number % 3 == 0:
             del data[rng.integers(400, len(data)) :]
         if number % 5 == 0:
-            at = int(rng.integers(400, max(401, len(data) - 300)))
-            del data[at : at + int(rng.integers(1, 300))]
+            offset = int(rng.integers(400, max(401, len(data) - 300)))
+            del data[offset : offset + int(rng.integers(1, 300))]
         mine, reference = both(bytes(data))
         assert mine == reference, number
         corrupt += isinstance(mine, str) or mine[1]
@@ -117,14 +117,14 @@ def test_a_dataflash_log_is_read_from_block_to_block(
     data = bytearray(dataflash_log.read_bytes())
     if damaged:
         rng = np.random.default_rng(3)
-        for at in rng.integers(400, len(data) - 300, 200):
-            data[at : at + 3] = (b"\xa3\x95\x80", b"\xa3\x95\xff", b"\xa3\xa3\x95")[at % 3]
+        for offset in rng.integers(400, len(data) - 300, 200):
+            data[offset : offset + 3] = (b"\xa3\x95\x80", b"\xa3\x95\xff", b"\xa3\xa3\x95")[offset % 3]
         del data[-7:]
         dataflash_log.write_bytes(data)
-    whole = columns_of(DataflashLog(bytes(data)))
+    complete = columns_of(DataflashLog(bytes(data)))
     monkeypatch.setattr(DataflashLog, "BLOCK_BYTES", block_bytes)
-    assert columns_of(DataflashLog(dataflash_log)) == whole
-    assert len(whole["IMU"]["AccX"]) > 8 * (1500 if damaged else 1999)
+    assert columns_of(DataflashLog(dataflash_log)) == complete
+    assert len(complete["IMU"]["AccX"]) > 8 * (1500 if damaged else 1999)
 
 
 def test_a_dataflash_log_that_is_cut_off_or_taken_away_meanwhile_ends_in_one_line(dataflash_log: Path) -> None:

@@ -20,8 +20,8 @@ OF_FIELD = {"Pa": "Pa", "s": "s", "rad": "rad", "V": "V", "A": "A", "T": "T"}
 
 
 def _quantity_text(unit: str) -> str:
-    known = NAMES.get(unit, unit)
-    return known if known[0].isdigit() else f"1 {known}"
+    unit_name = NAMES.get(unit, unit)
+    return unit_name if unit_name[0].isdigit() else f"1 {unit_name}"
 
 
 def test_a_unit_s_factor_is_that_of_the_unit() -> None:

@@ -101,7 +101,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Written:
     folder = tmp_path_factory.mktemp("log")
     (folder / "plan.toml").write_text(PLAN, "utf-8")
     craft = load_complete_aircraft("nexstar")
-    flown = flights.flown(craft, flights.drawn(load_budget("bench"), 0), folder / "plan.toml", 0, 6.0)
+    flown = flights.flown(craft, flights.draw_errors(load_budget("bench"), 0), folder / "plan.toml", 0, 6.0)
     table = flown.table.assign(gps_fix_type=flown.table["gps_north_mps"] * 0 + 3)
     table.reset_index(names="time_s").to_csv(folder / "flight.csv", index=False, float_format="%.7g")
     (folder / "aircraft.toml").write_text(craft.text, "utf-8")
@@ -209,10 +209,10 @@ class Reached(Exception):
 def test_the_trajectory_begins_with_what_the_aircraft_file_states(flown: Written, monkeypatch) -> None:
     """Each key changes the prior of its errors."""
 
-    def stated(_table: object, _rest: object, priors: SensorPriors, **_: object) -> None:
-        raise Reached(priors.stated)
+    def record_priors(_table: object, _rest: object, priors: SensorPriors, **_: object) -> None:
+        raise Reached(priors.file_sigma)
 
-    monkeypatch.setattr(flight, "reconstruct", stated)
+    monkeypatch.setattr(flight, "reconstruct", record_priors)
     text = (
         load_complete_aircraft("nexstar").text
         + """

@@ -15,7 +15,7 @@ def calm(probe):
 
     @cache
     def of(seed: int) -> tuple[Any, ...]:
-        truth, drawn, air, still = flown(seed, probe, "full-test-flight")
-        return truth, drawn, air, reconstruct(air, still)
+        truth, errors, air, still = flown(seed, probe, "full-test-flight")
+        return truth, errors, air, reconstruct(air, still)
 
     return of

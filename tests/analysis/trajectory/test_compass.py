@@ -31,13 +31,13 @@ WITHIN = 3.0  # standard errors
 GUSTY_KT = 6.0
 
 
-def calibration_by_hand(drawn):
+def calibration_by_hand(errors):
     """The magnetometer's calibration, from a minute of turning the aircraft about on the ground."""
     t = np.linspace(0, 60, 1500)
     attitude = np.pi * np.sin(t / 3.7), 1.3 * np.sin(t / 2.7 + 1), t / 1.75
     body = np.column_stack(body_from_earth((FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD)), attitude))
-    noise = drawn.noise.magnetic_T * np.random.default_rng(0).normal(size=body.shape)
-    return calibrate(body @ drawn.soft_iron.T + drawn.hard_iron + noise, "turned by hand")
+    noise = errors.noise.magnetic_T * np.random.default_rng(0).normal(size=body.shape)
+    return calibrate(body @ errors.soft_iron.T + errors.hard_iron + noise, "turned by hand")
 
 
 def heading_error(trajectory, truth):
@@ -58,15 +58,15 @@ def iron(air, field_T):
 def with_gps(probe):
     """A short flight in gusts with GPS: calibration of the magnetometer, air data, where it stood, the path without a
     compass, and the truth."""
-    truth, drawn, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT)
-    return calibration_by_hand(drawn), air, still, reconstruct(air, still), truth
+    truth, errors, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT)
+    return calibration_by_hand(errors), air, still, reconstruct(air, still), truth
 
 
 @pytest.fixture(scope="module")
 def without_gps(probe):
     """This flight without GPS."""
-    truth, drawn, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT, without=GPS)
-    return calibration_by_hand(drawn), air, still, reconstruct(air, still), truth
+    truth, errors, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT, without=GPS)
+    return calibration_by_hand(errors), air, still, reconstruct(air, still), truth
 
 
 def test_the_field_across_north_is_zero_and_depends_on_heading_only() -> None:
@@ -78,21 +78,21 @@ def test_the_field_across_north_is_zero_and_depends_on_heading_only() -> None:
     x[:, :3] = rng.uniform(-1, 1, (n, 3)) * (1.0, 0.5, np.pi)
     north = level_T * np.cos(declination), level_T * np.sin(declination), FIELD_T * np.sin(DIP_RAD)
     body = body_from_earth(north, x[:, :3].T)
-    given = np.ones((n, len(MEASUREMENT_INPUTS)))
+    ones = np.ones((n, len(MEASUREMENT_INPUTS)))
     for name, part in zip(
         ("field_forward", "field_right"), earth_from_body(body, (x[:, 0], x[:, 1], 0.0)), strict=False
     ):
-        given[:, MEASUREMENT_INPUTS.index(name)] = part
+        ones[:, MEASUREMENT_INPUTS.index(name)] = part
     shared = np.zeros(len(SENSOR_ERRORS))
     shared[
         SENSOR_ERRORS.index("heading_bias")
     ] = -declination  # magnetic north lies to the east: the compass reads less
     nothing = np.zeros((n, len(MEASUREMENTS)))
     process = np.zeros((n - 1, len(PROCESS_INPUTS))), np.ones((n - 1, len(STATES)))
-    at = Equations(n).linearize(x, shared, EquationInputs(*process, nothing, nothing + 1.0, given, x, given))
+    linearization = Equations(n).linearize(x, shared, EquationInputs(*process, nothing, nothing + 1.0, ones, x, ones))
     row = MEASUREMENTS.index("compass")
-    assert np.abs(at.measurement_residual[:, row]).max() < 1e-12 * FIELD_T
-    slope = at.measurement_jacobian.dense()[:, row] / level_T
+    assert np.abs(linearization.measurement_residual[:, row]).max() < 1e-12 * FIELD_T
+    slope = linearization.measurement_jacobian.dense()[:, row] / level_T
     assert slope[:, STATES.index("psi")] == pytest.approx(np.ones(n))
     assert slope[:, len(STATES) + SENSOR_ERRORS.index("heading_bias")] == pytest.approx(np.ones(n))
     assert np.count_nonzero(slope) == 2 * n
@@ -209,8 +209,8 @@ def test_the_offset_of_the_compass_is_determined_with_gps_only(with_gps, without
 @pytest.mark.slow
 @pytest.mark.parametrize("turbulence_kt", [0.0, GUSTY_KT])
 def test_twenty_minutes_without_gps_stay_on_their_heading(probe, turbulence_kt: float) -> None:
-    truth, drawn, air, still = fly(0, probe, "full-test-flight", without=GPS, turbulence_kt=turbulence_kt)
-    field, _ = compass(iron(air, (1e-6, -1e-6, 1e-6)), calibration_by_hand(drawn))
+    truth, errors, air, still = fly(0, probe, "full-test-flight", without=GPS, turbulence_kt=turbulence_kt)
+    field, _ = compass(iron(air, (1e-6, -1e-6, 1e-6)), calibration_by_hand(errors))
     trajectory = reconstruct(air, still, compass=field)
     assert trajectory.converged
     off, error = heading_error(trajectory, truth)

@@ -81,12 +81,12 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
     for gust in ("gust_u", "gust_v", "gust_w"):
         states[:, STATES.index(gust)] = np.convolve(rng.normal(0, 0.5, len(states) + 20), np.ones(21) / 21, "valid")
     perfect = trajectory_of(exact.table, exact.states, {})
-    known = trajectory_of(exact.table, states, ERRORS)
+    corrected = trajectory_of(exact.table, states, ERRORS)
     inputs = np.zeros((len(states), len(MEASUREMENT_INPUTS)))
-    for name, column in zip(PREDICTED_FLOW, known.predicted_flow.T, strict=True):
+    for name, column in zip(PREDICTED_FLOW, corrected.predicted_flow.T, strict=True):
         inputs[:, MEASUREMENT_INPUTS.index(name)] = column
-    inputs[:, MEASUREMENT_INPUTS.index("V_mean")] = known.predicted_flow[:, PREDICTED_FLOW.index("V_predicted")]
-    alpha = known.predicted_flow[:, PREDICTED_FLOW.index("alpha_predicted")]  # no upwash, no rotation
+    inputs[:, MEASUREMENT_INPUTS.index("V_mean")] = corrected.predicted_flow[:, PREDICTED_FLOW.index("V_predicted")]
+    alpha = corrected.predicted_flow[:, PREDICTED_FLOW.index("alpha_predicted")]  # no upwash, no rotation
     inputs[:, MEASUREMENT_INPUTS.index("alpha_by_slope")] = alpha
     inputs[:, MEASUREMENT_INPUTS.index("alpha_by_V_scale")] = -2 * alpha
     without_lags = ERRORS | {"air_data_lag": 0.0, "gps_latency": 0.0}
@@ -100,8 +100,8 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
     columns = {"V": ("V_mps", 0.1), "alpha": ("alpha_rad", 0.1), "beta": ("beta_rad", 0.1),
                "gps_north": ("gps_north_mps", 0.3), "gps_east": ("gps_east_mps", 0.3)}  # fmt: skip
     for name, (column, lag) in columns.items():
-        known.block_means.means[column] = np.interp(t - lag, t, measured[name])
-    calm, (before, after) = consistency(perfect).before, consistency(known)
+        corrected.block_means.means[column] = np.interp(t - lag, t, measured[name])
+    calm, (before, after) = consistency(perfect).before, consistency(corrected)
     inside = slice(30, -30)
     off = (after - calm).iloc[inside].dropna()
     assert len(off) > 30, "wings are level for some of the time"
@@ -277,8 +277,8 @@ def test_gusts_are_said_to_limit_the_angle_of_attack_from_0_3_deg_in_0_3_mps(
     exact, error_deg, gust_mps, expected
 ) -> None:
     """For a single run that is an error: a degree is 20 % of power near the stall."""
-    known = np.radians(error_deg) / PRIOR_SIGMA["alpha_bias"]
-    trajectory = trajectory_of(exact.table, exact.states, {}, known, gust_mps=gust_mps)
+    prior_share = np.radians(error_deg) / PRIOR_SIGMA["alpha_bias"]
+    trajectory = trajectory_of(exact.table, exact.states, {}, prior_share, gust_mps=gust_mps)
     assert bool(gust_notes(trajectory, 4, "log")) == expected
     if expected:
         with pytest.raises(InputError, match=f"gusts of {gust_mps:.1f} m/s .* uncertain by {error_deg:.1f} deg"):

@@ -40,11 +40,13 @@ def process_residuals(motion, sensor_errors, table=None) -> dict[str, np.ndarray
     model = ProcessModel(inertial, blocks, GustConditions(blocks, V), 1e-6, V)
     inputs = model.with_corrections(inertial.coning_and_sculling(x[:, :3], sensor_errors))
     inputs[:, PROCESS_INPUTS.index("wind_ratio")] = 1.0  # the wind of this motion is the same at all heights
-    nothing, given = np.zeros((blocks.n, len(MEASUREMENTS))), np.ones((blocks.n, len(MEASUREMENT_INPUTS)))
+    nothing, ones = np.zeros((blocks.n, len(MEASUREMENTS))), np.ones((blocks.n, len(MEASUREMENT_INPUTS)))
     weight = np.ones((blocks.n - 1, len(STATES)))
-    equation_inputs = EquationInputs(inputs, weight, nothing, nothing, given, x, given)
-    at = Equations(blocks.n).linearize(x, sensor_errors, equation_inputs)
-    return dict(zip((*STATES[:10], "v_once", "w_once", "v_twice", "w_twice"), at.process_residual.T, strict=True))
+    equation_inputs = EquationInputs(inputs, weight, nothing, nothing, ones, x, ones)
+    linearization = Equations(blocks.n).linearize(x, sensor_errors, equation_inputs)
+    return dict(
+        zip((*STATES[:10], "v_once", "w_once", "v_twice", "w_twice"), linearization.process_residual.T, strict=True)
+    )
 
 
 def test_coning_and_sculling_leave_no_tilt(exact) -> None:
@@ -141,10 +143,10 @@ def test_the_increments_of_a_gust_are_those_of_drydens_filters(axis: str) -> Non
 
     inputs = NamedArrays(PROCESS_INPUTS, [decay if name == f"decay_{axis}" else 0.0 for name in PROCESS_INPUTS])
     residuals = list(equations.process_residuals(state(once[0], twice), state(once[1], end), errors_of(), inputs))
-    at = STATES.index(f"gust_{axis}"), STATES.index(f"gust_{axis}_filtered_twice")
-    assert residuals[at[0]] == pytest.approx(once[1] - decay * once[0])
-    assert residuals[at[1]] == pytest.approx(0.0, abs=1e-6)
-    assert not np.any(np.delete(residuals, at))
+    index = STATES.index(f"gust_{axis}"), STATES.index(f"gust_{axis}_filtered_twice")
+    assert residuals[index[0]] == pytest.approx(once[1] - decay * once[0])
+    assert residuals[index[1]] == pytest.approx(0.0, abs=1e-6)
+    assert not np.any(np.delete(residuals, index))
 
 
 def test_sensor_errors_act_on_pressures() -> None:

@@ -172,21 +172,21 @@ def test_the_initial_state_is_known_only_where_it_defines_north_or_the_aircraft_
     heading_measured: bool, at_rest: bool, heading_rad: float, velocity_mps: float
 ) -> None:
     """Any attitude; height to 3 m, wind to 8 m/s, gusts to their standard deviation but at least to 1 cm/s."""
-    for gust_mps, known in ((0.4, 0.4), (0.001, 0.01)):
+    for gust_mps, expected_sigma in ((0.4, 0.4), (0.001, 0.01)):
         sigma = initial_state_sigma(gust_mps, heading_measured=heading_measured, at_rest=at_rest)
         result = dict(zip(STATES, sigma, strict=True))
         assert (result.pop("phi"), result.pop("theta"), result.pop("psi")) == (1.0, 0.5, heading_rad)
         assert [result.pop(f"v_{axis}") for axis in ("north", "east", "down")] == [velocity_mps] * 3
         assert result.pop("height") == 3.0 and [result.pop(f"wind_{axis}") for axis in ("north", "east")] == [8.0] * 2
-        assert list(result.values()) == [known] * 5
+        assert list(result.values()) == [expected_sigma] * 5
 
 
 def test_sensor_errors_that_no_file_states_have_their_priors() -> None:
     """Gyros about their zeros at rest, sideslip and compass as they are mounted, the receiver's latency."""
-    stated = stated_sigma(Uncertainty())
-    assert [stated[f"{axis}_bias"] for axis in "pqr"] == [0.002] * 3
-    assert (stated["beta_bias"], stated["heading_bias"]) == pytest.approx((np.radians(1), np.radians(10)))
-    assert stated["gps_latency"] == 0.2
+    sigma = stated_sigma(Uncertainty())
+    assert [sigma[f"{axis}_bias"] for axis in "pqr"] == [0.002] * 3
+    assert (sigma["beta_bias"], sigma["heading_bias"]) == pytest.approx((np.radians(1), np.radians(10)))
+    assert sigma["gps_latency"] == 0.2
 
 
 def test_hysteresis_that_is_stated_may_look_like_a_lag_as_long_as_it_does_in_runs() -> None:

@@ -90,15 +90,15 @@ def test_the_error_of_a_zero_falls_with_the_time_at_rest_and_contains_slow_noise
     slow = np.repeat(rng.standard_normal((logs, seconds)), 25, axis=1)
     zeros = 6.0 * rng.standard_normal((logs, seconds * 25)) + slow
     t = 0.04 * np.arange(seconds * 25)
-    stated = np.empty(100)
+    estimated = np.empty(100)
     for i, channel in enumerate(zeros[:100]):
         table = pd.DataFrame(dict.fromkeys(BENCH_SIGMA, channel), index=t)
         rest = [slice(0, len(t))]
         result = zeros_at_rest(table, rest, noise_at_rest(table, rest))
         assert set(result) == set(ZEROS)
-        stated[i] = result["q_c_zero"]
+        estimated[i] = result["q_c_zero"]
     actual = float(np.sqrt(np.mean(zeros.mean(axis=1) ** 2)))
-    assert stated.mean() == pytest.approx(actual, rel=0.08)  # 0.25 Pa; an rms of 1,000 is known to 2.2 %
+    assert estimated.mean() == pytest.approx(actual, rel=0.08)  # 0.25 Pa; an rms of 1,000 is known to 2.2 %
     assert zeros_at_rest(table, [], BENCH_SIGMA) == {}
 
 
@@ -144,12 +144,12 @@ def test_a_gap_raises_the_noise_of_its_own_steps_only(exact) -> None:
     """Over a step without a gyro the attitude may change as in a usual maneuver, 0.5 rad/s."""
     table = exact.table.copy()
     table.loc[20.0:21.0, "p_radps"] = np.nan
-    whole, holed = (InertialInputs(t, BlockMeans(t), BENCH_SIGMA) for t in (exact.table, table))
-    more = (holed.angle_sigma - whole.angle_sigma)[:, 0]
+    complete, holed = (InertialInputs(t, BlockMeans(t), BENCH_SIGMA) for t in (exact.table, table))
+    more = (holed.angle_sigma - complete.angle_sigma)[:, 0]
     steps = BlockMeans(table).t_s[:-1]
     inside = (steps > 19.9) & (steps < 20.9)
     assert np.all(more[inside] > 0.09) and np.all(np.abs(more[(steps < 19.7) | (steps > 21.1)]) < 1e-4)
-    gap = (holed.velocity_sigma - whole.velocity_sigma)[inside]
+    gap = (holed.velocity_sigma - complete.velocity_sigma)[inside]
     assert np.all(gap > 0.9), "velocity is propagated along the attitude"
 
 
@@ -283,17 +283,21 @@ STATED = Uncertainty(
 
 def test_priors_are_those_that_the_aircraft_file_states(exact) -> None:
     """The transducers' calibration replaces its own, and only those."""
-    error_sigma = TrajectoryProblem(exact.table, [slice(0, 0)], SensorPriors(stated=stated_sigma(STATED))).error_sigma
+    error_sigma = TrajectoryProblem(
+        exact.table, [slice(0, 0)], SensorPriors(file_sigma=stated_sigma(STATED))
+    ).error_sigma
     sigma = dict(zip(SENSOR_ERRORS, error_sigma, strict=True))
     assert (sigma["alpha_bias"], sigma["alpha_scale"], sigma["V_scale"]) == (0.03, 0.05, 0.02)
     assert (sigma["air_data_lag"], sigma["ax_bias"], sigma["ay_bias"], sigma["az_bias"]) == (0.04, 0.4, 0.4, 0.4)
     assert {name for name in sigma if sigma[name] == PRIOR_SIGMA[name]} >= {"p_bias", "beta_bias", "gps_latency"}
-    known = sensor_error_prior(
+    with_file = sensor_error_prior(
         SensorPriors(0.0, stated_sigma(STATED), {"V_scale": 0.004, "alpha_scale": 0.012}), gps=True
     )[1]
-    changed = {name for name, before, after in zip(SENSOR_ERRORS, error_sigma, known, strict=True) if before != after}
+    changed = {
+        name for name, before, after in zip(SENSOR_ERRORS, error_sigma, with_file, strict=True) if before != after
+    }
     assert {"V_scale", "alpha_scale"} == changed - {"heading_bias"}
-    assert known[SENSOR_ERRORS.index("V_scale")] == pytest.approx(0.005)
+    assert with_file[SENSOR_ERRORS.index("V_scale")] == pytest.approx(0.005)
 
 
 def test_the_initial_state_is_known_only_at_rest() -> None:
@@ -411,11 +415,17 @@ def test_a_latency_of_gps_up_to_half_a_second_is_within_two_standard_deviations(
 def test_the_prior_of_a_zero_contains_its_change_between_rest_and_flight() -> None:
     at_rest = {"dp_alpha_zero": 0.1, "q_c_zero": 0.2}
     for change in (0.0, 2.5):
-        stated = stated_sigma(Uncertainty(transducer_zero_Pa=change))
+        file_sigma = stated_sigma(Uncertainty(transducer_zero_Pa=change))
         with_rest = dict(
-            zip(SENSOR_ERRORS, sensor_error_prior(SensorPriors(stated=stated), at_rest, gps=True)[1], strict=True)
+            zip(
+                SENSOR_ERRORS,
+                sensor_error_prior(SensorPriors(file_sigma=file_sigma), at_rest, gps=True)[1],
+                strict=True,
+            )
         )
-        without = dict(zip(SENSOR_ERRORS, sensor_error_prior(SensorPriors(stated=stated), gps=True)[1], strict=True))
+        without = dict(
+            zip(SENSOR_ERRORS, sensor_error_prior(SensorPriors(file_sigma=file_sigma), gps=True)[1], strict=True)
+        )
         for name, error in at_rest.items():
             assert with_rest[name] == pytest.approx(np.hypot(error, change))
             assert without[name] == pytest.approx(np.hypot(1.0, change)), "a zero of another day is known to 1 Pa"

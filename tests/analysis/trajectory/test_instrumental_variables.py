@@ -49,11 +49,11 @@ def test_a_predicted_regressor_gives_an_unbiased_slope_and_its_true_standard_err
         predicted = projected_on_past(measured[:, None], past, np.full(N - 1, DECAY), flying)[:, 0]
         errors.append(np.array(estimated_slope(measured, angle, predicted)) - [slope, 0])
         naive.append(estimated_slope(measured, angle, angle)[0] - slope)
-    off, stated = np.array(errors).T
-    assert abs(off.mean()) < 3 * stated.mean() / np.sqrt(40)
-    assert off.std() < stated.mean() * (1 + 3 / np.sqrt(80))
-    assert off.std() > stated.mean() * (1 - 3 / np.sqrt(80))
-    assert abs(np.mean(naive)) > 10 * stated.mean()
+    off, estimated = np.array(errors).T
+    assert abs(off.mean()) < 3 * estimated.mean() / np.sqrt(40)
+    assert off.std() < estimated.mean() * (1 + 3 / np.sqrt(80))
+    assert off.std() > estimated.mean() * (1 - 3 / np.sqrt(80))
+    assert abs(np.mean(naive)) > 10 * estimated.mean()
 
 
 def test_on_the_ground_predictions_and_lagged_values_are_zero() -> None:

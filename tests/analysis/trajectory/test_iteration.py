@@ -92,8 +92,8 @@ def test_a_converged_solution_does_not_move(noisy, solution) -> None:
     assert solution.converged
     inputs = noisy.equation_inputs(solution.x, solution.sensor_errors, 0.05)
     remaining, prior = noisy.remaining_errors(solution.sensor_errors, 0.05)
-    at = noisy.equations.linearize(solution.x, remaining, inputs)
-    step = gauss_newton_step(at, prior, solution.x[0], remaining)
+    linearization = noisy.equations.linearize(solution.x, remaining, inputs)
+    step = gauss_newton_step(linearization, prior, solution.x[0], remaining)
     assert np.abs(step.sensor_errors / np.sqrt(np.diag(step.covariance))).max() < 0.02
 
 
@@ -134,8 +134,8 @@ def test_the_intensity_of_simulated_gusts_is_found() -> None:
     motion, sigma_w, dt = exact_motion(), 0.8, 0.04
     table, rng = motion.table.copy(), np.random.default_rng(1)
     n, past = len(table), 1000
-    at = sigma_w, float(table["height_m"].iloc[0]), float(table["V_mps"].mean())
-    decay, increment = dryden.longitudinal(*at).discretize(dt)
+    gust_arguments = sigma_w, float(table["height_m"].iloc[0]), float(table["V_mps"].mean())
+    decay, increment = dryden.longitudinal(*gust_arguments).discretize(dt)
     u = lfilter([increment], [1, -decay], rng.normal(size=n + past))[past:]
 
     def second_order(gust: dryden.SecondOrderGust) -> np.ndarray:
@@ -144,7 +144,7 @@ def test_the_intensity_of_simulated_gusts_is_found() -> None:
         second = lfilter([(1 - decay) / 2] * 2, [1, -decay], first)
         return (second + np.sqrt(3) * (first - second))[past:]
 
-    v, w = second_order(dryden.lateral(*at)), second_order(dryden.vertical(*at))
+    v, w = second_order(dryden.lateral(*gust_arguments)), second_order(dryden.vertical(*gust_arguments))
     V, alpha = table["V_mps"], table["alpha_rad"]
     table["V_mps"] = V - u * np.cos(alpha) - w * np.sin(alpha)
     table["alpha_rad"] = alpha + (u * np.sin(alpha) - w * np.cos(alpha)) / V
@@ -164,19 +164,19 @@ def test_an_oscillating_iteration_is_damped(monkeypatch, overshoot: float) -> No
     """
     m, n, nx = len(SENSOR_ERRORS), 3, len(STATES)
 
-    def overshooting_step(_at, _prior, _initial, sensor_errors):
+    def overshooting_step(_linearization, _prior, _initial, sensor_errors):
         return SimpleNamespace(
             states=np.zeros((n, nx)), sensor_errors=-overshoot * sensor_errors, covariance=np.eye(m),
             cost_decrease=0.0, log_determinant=0.0,
         )  # fmt: skip
 
     weights = SimpleNamespace(process_weight=np.ones((n, nx)), measurement_weight=np.ones((n, 11)))
-    at = SimpleNamespace(process_residual=np.zeros((n, nx)), measurement_residual=np.zeros((n, 11)))
+    linearization = SimpleNamespace(process_residual=np.zeros((n, nx)), measurement_residual=np.zeros((n, 11)))
     problem = SimpleNamespace(
         equation_inputs=lambda *_: weights,
         remaining_errors=lambda errors, _gust: (errors, None),
         leave_out_lost_steps=lambda _: None,
-        equations=SimpleNamespace(linearize=lambda *_: at),
+        equations=SimpleNamespace(linearize=lambda *_: linearization),
     )
     monkeypatch.setattr(reconstruction, "gauss_newton_step", overshooting_step)
     monkeypatch.setattr(reconstruction, "cost", lambda *_: 0.0)
@@ -203,9 +203,9 @@ def test_a_change_of_the_wind_is_a_gust_along_and_across_the_heading() -> None:
 
 
 def test_errors_of_the_wind_count_in_the_same_axes() -> None:
-    at, errors = np.zeros((3, len(STATES))), np.zeros((2, 3, len(STATES)))
-    at[:, STATES.index("height")], at[:, STATES.index("psi")] = 40.0, np.pi / 2
+    states, errors = np.zeros((3, len(STATES))), np.zeros((2, 3, len(STATES)))
+    states[:, STATES.index("height")], states[:, STATES.index("psi")] = 40.0, np.pi / 2
     errors[1, :, STATES.index("wind_east")] = 0.2
-    along, across, _ = reconstruction.gusts_and_wind(errors, at)
+    along, across, _ = reconstruction.gusts_and_wind(errors, states)
     assert along == pytest.approx(np.array([[0.0] * 3, [0.2] * 3]))
     assert across == pytest.approx(0.0, abs=1e-12)

@@ -59,12 +59,12 @@ def test_turns_show_how_far_ahead_the_probe_sits_where_the_file_does_not_say() -
         alpha_rad=table["alpha_rad"] - ahead_m * table["q_radps"] / table["V_mps"],
         beta_rad=table["beta_rad"] + ahead_m * table["r_radps"] / table["V_mps"],
     )
-    unknown, known = (reconstruct(wrong, [slice(0, 0)], SensorPriors(probe_ahead_m=m)) for m in (1.0, 1e-6))
+    unknown, fixed = (reconstruct(wrong, [slice(0, 0)], SensorPriors(probe_ahead_m=m)) for m in (1.0, 1e-6))
     error_m = unknown.standard_error("probe_ahead")
     assert error_m < 0.2
     assert unknown.value("probe_ahead") == pytest.approx(ahead_m, abs=max(2 * error_m, 0.1))
-    assert abs(known.value("probe_ahead")) < 1e-5
-    assert unknown.residuals["alpha"] < known.residuals["alpha"]
+    assert abs(fixed.value("probe_ahead")) < 1e-5
+    assert unknown.residuals["alpha"] < fixed.residuals["alpha"]
 
 
 def test_vibration_is_the_square_of_motor_speed_and_nothing_without_it() -> None:
@@ -108,7 +108,7 @@ def test_a_narrow_prior_hides_no_conflict() -> None:
     revps = 70 + 40 * np.sin(0.6 * table.index.to_numpy())
     wrong = table.assign(n_revps=revps, ax_mps2=table["ax_mps2"] + VIBRATION_MPS2 * (revps / 100) ** 2)
     narrow = Uncertainty(accelerometer_vibration_mps2=NARROW_MPS2)
-    trajectory = reconstruct(wrong, [slice(0, 0)], SensorPriors(stated=stated_sigma(narrow)))
+    trajectory = reconstruct(wrong, [slice(0, 0)], SensorPriors(file_sigma=stated_sigma(narrow)))
     conflict, i = prior_conflict(trajectory), SENSOR_ERRORS.index("ax_vibration")
     assert abs(conflict.z["ax_vibration"]) > 3
     assert conflict.factor[i] * NARROW_MPS2 == pytest.approx(VIBRATION_MPS2, rel=0.5)

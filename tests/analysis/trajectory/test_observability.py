@@ -58,12 +58,12 @@ kind = "turn"
 
 
 @pytest.fixture(scope="module")
-def whole(calm):
+def corrected_flight(calm):
     """A full test flight in calm air: the truth at the path's instants, the IMU's tilt, air data and path."""
-    truth, drawn, air, trajectory = calm(0)
+    truth, errors, air, trajectory = calm(0)
     t = trajectory.states.index.to_numpy()
     true = {name: np.interp(t, truth["time_s"], truth[name]) for name in ("V_mps", "alpha_rad")}
-    return true, drawn.imu_rotation[0, 2], air, trajectory
+    return true, errors.imu_rotation[0, 2], air, trajectory
 
 
 @pytest.fixture(scope="module")
@@ -74,13 +74,13 @@ def without_gps(probe):
 
 
 @pytest.mark.slow
-def test_the_angles_agree_after_correction_and_before_differ_by_the_error_of_alpha(whole) -> None:
+def test_the_angles_agree_after_correction_and_before_differ_by_the_error_of_alpha(corrected_flight) -> None:
     """theta - alpha - gamma before is minus what alpha is off by, within the 0.1 deg a calm flight is good for.
 
     Off by on average, in truth: the injected offset and slope, and the IMU's tilt, which is an offset too
     (test_reconstruct).
     """
-    true, tilt, air, trajectory = whole
+    true, tilt, air, trajectory = corrected_flight
     agreement = consistency(trajectory)
     before, after = (difference_check(differences[ANGLES]) for differences in agreement)
     flew = agreement.before[ANGLES].notna().to_numpy()
@@ -92,9 +92,9 @@ def test_the_angles_agree_after_correction_and_before_differ_by_the_error_of_alp
 
 
 @pytest.mark.slow
-def test_airspeed_agrees_with_gps_after_correction_and_before_differs_by_its_scale(whole) -> None:
+def test_airspeed_agrees_with_gps_after_correction_and_before_differs_by_its_scale(corrected_flight) -> None:
     """Before, airspeed is off by what it is off in truth, within the 0.3 % a calm flight is good for."""
-    true, _, air, trajectory = whole
+    true, _, air, trajectory = corrected_flight
     agreement = consistency(trajectory)
     before, after = (difference_check(differences[SPEED]) for differences in agreement)
     flew = agreement.before[SPEED].notna().to_numpy()
@@ -107,8 +107,8 @@ def test_airspeed_agrees_with_gps_after_correction_and_before_differs_by_its_sca
 
 
 @pytest.mark.slow
-def test_a_full_test_flight_determines_every_error_but_two(whole) -> None:
-    *_, trajectory = whole
+def test_a_full_test_flight_determines_every_error_but_two(corrected_flight) -> None:
+    *_, trajectory = corrected_flight
     errors = sensor_error_estimates(trajectory)
     assert {error.name for error in errors} == set(SENSOR_ERRORS) - {"heading_bias", "probe_ahead", *ZEROS}, (
         "it had no compass, and the aircraft file says where its probe is"

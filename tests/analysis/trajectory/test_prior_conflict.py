@@ -97,13 +97,13 @@ def test_what_the_solver_s_last_step_moves_is_no_conflict() -> None:
 def test_an_error_that_took_a_part_of_the_worst_one_s_is_no_conflict() -> None:
     """Data show the sum of two errors, and one of them by itself, too. The other is wrong, by 30 prior standard
     deviations, and the first is drawn away from zero with it; but data of that one alone, which are right, say zero."""
-    wrong, drawn = SENSOR_ERRORS.index("alpha_per_g"), SENSOR_ERRORS.index("alpha_scale")
+    wrong, attributed = SENSOR_ERRORS.index("alpha_per_g"), SENSOR_ERRORS.index("alpha_scale")
     design = np.zeros((2, len(PRIOR)))
-    design[0, [wrong, drawn]], design[1, drawn] = 0.3, 0.2
+    design[0, [wrong, attributed]], design[1, attributed] = 0.3, 0.2
     P = np.linalg.inv(np.eye(len(PRIOR)) + design.T @ design)
     y = P @ design.T @ (design[:, wrong] * 30.0)
     alone = y / np.sqrt(np.maximum(1 - np.diag(P), 1e-9))
-    assert alone[wrong] > alone[drawn] > 5, "by themselves both contradict"
+    assert alone[wrong] > alone[attributed] > 5, "by themselves both contradict"
     trajectory = replace(estimated(y), covariance=P * np.outer(PRIOR, PRIOR))
     conflict = prior_conflict(trajectory)
     assert set(conflict.z) == {"alpha_per_g"}

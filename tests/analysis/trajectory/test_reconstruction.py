@@ -33,12 +33,12 @@ SEEDS = (0, 1, 2)
 
 def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbulence_kt: float = 0.0):
     """Truth, drawn errors, air data and where it stood, of one flight with the study's budget."""
-    aircraft, drawn = load_aircraft("nexstar"), flights.drawn(load_budget("study"), seed)
-    flight, _, table = flights.flown(aircraft, drawn, plan, seed, turbulence_kt)
+    aircraft, errors = load_aircraft("nexstar"), flights.draw_errors(load_budget("study"), seed)
+    flight, _, table = flights.flown(aircraft, errors, plan, seed, turbulence_kt)
     for name in without:
         table[name] = np.nan
     air, still, _ = flights.air_of(table, aircraft, probe)
-    return flight.truth, drawn, air, still
+    return flight.truth, errors, air, still
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +50,8 @@ def hop(probe):
 
 def test_a_wind_as_fast_as_the_aircraft_is_found(probe) -> None:
     """11 m/s at an airspeed of 10. Begun without a wind, iterations ended at gusts that stop the aircraft."""
-    aircraft, drawn = load_aircraft("light-1kg"), flights.drawn(load_budget("study"), 2)
-    flight, _, table = flights.flown(aircraft, drawn, "steady-points", 2, 14.0, wind_too=True)
+    aircraft, errors = load_aircraft("light-1kg"), flights.draw_errors(load_budget("study"), 2)
+    flight, _, table = flights.flown(aircraft, errors, "steady-points", 2, 14.0, wind_too=True)
     air, still, _ = flights.air_of(table, aircraft, probe)
     trajectory, truth = reconstruct(air, still), flight.truth
     assert trajectory.converged and trajectory.gust_mps == pytest.approx(0.1 * 14 * 0.514444, rel=0.25)
@@ -66,14 +66,14 @@ def test_a_wind_as_fast_as_the_aircraft_is_found(probe) -> None:
 def test_short_gusts_are_reconstructed_with_their_own_length(probe) -> None:
     """With the standard's length the airspeed scale of this flight in 15 kt is 0.7 % off, with its own 0.2 %."""
     world, plan, aircraft = load_world("short-gusts"), load_plan("full-test-flight"), load_aircraft("nexstar")
-    drawn = flights.drawn(world.errors, 203)
+    errors = flights.draw_errors(world.errors, 203)
     plan = world.plan(dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=15 * 0.514444)), 203)
-    flight = fly(aircraft, plan, seed=203, deviations=drawn.deviations)
-    air, still, _ = flights.air_of(flights.sensor_table(FlightSensorTruth(flight, drawn), aircraft), aircraft, probe)
+    flight = fly(aircraft, plan, seed=203, deviations=errors.deviations)
+    air, still, _ = flights.air_of(flights.sensor_table(FlightSensorTruth(flight, errors), aircraft), aircraft, probe)
     trajectory = reconstruct(air, still)
     assert trajectory.gust_length == pytest.approx(0.4, rel=0.25)
     assert trajectory.gust_mps == pytest.approx(0.1 * 15 * 0.514444, rel=0.25)
-    assert abs(trajectory.value("V_scale") - drawn.values.V_scale) < 2 * trajectory.standard_error("V_scale")
+    assert abs(trajectory.value("V_scale") - errors.values.V_scale) < 2 * trajectory.standard_error("V_scale")
 
 
 @pytest.mark.parametrize(
@@ -81,8 +81,8 @@ def test_short_gusts_are_reconstructed_with_their_own_length(probe) -> None:
 )
 def test_turns_and_runs_show_the_scales_of_the_imu(probe, world: str, scale: float) -> None:
     """GPS shows how far the aircraft turned, and how much it was accelerated; twice the prior stands out of it."""
-    aircraft, drawn = load_aircraft("nexstar"), flights.drawn(load_world(world).errors, 2)
-    _, _, table = flights.flown(aircraft, drawn, "two-pairs", 2, 3.0)
+    aircraft, errors = load_aircraft("nexstar"), flights.draw_errors(load_world(world).errors, 2)
+    _, _, table = flights.flown(aircraft, errors, "two-pairs", 2, 3.0)
     air, still, _ = flights.air_of(table, aircraft, probe)
     trajectory = reconstruct(air, still)
     for name in ("p_scale", "q_scale", "r_scale", "ax_scale", "az_scale"):
@@ -106,11 +106,11 @@ def test_priors_are_those_of_the_study():
 @pytest.mark.slow
 def test_a_long_flight_without_gps_converges_with_an_unmeasured_heading(probe) -> None:
     gps = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
-    _, drawn, air, still = flown(0, probe, "full-test-flight", without=gps)
+    _, errors, air, still = flown(0, probe, "full-test-flight", without=gps)
     trajectory = reconstruct(air, still)
     assert trajectory.converged
-    slope = 1 + drawn.values.alpha_scale - 2 * drawn.values.V_scale
-    offset = (drawn.values.alpha_offset_rad + drawn.imu_rotation[0, 2]) * slope
+    slope = 1 + errors.values.alpha_scale - 2 * errors.values.V_scale
+    offset = (errors.values.alpha_offset_rad + errors.imu_rotation[0, 2]) * slope
     assert trajectory.value("alpha_bias") == pytest.approx(offset, abs=np.radians(0.1))
 
 
@@ -123,19 +123,19 @@ def test_a_whole_calm_flight_is_found_again(calm, seed: int) -> None:
     The IMU is misaligned with the body by a fixed rotation that nothing on board can tell from an offset of angle of
     attack; forces are taken in the IMU's axes, so these are the angles that count.
     """
-    truth, drawn, _, trajectory = calm(seed)
+    truth, errors, _, trajectory = calm(seed)
     assert trajectory.converged
     t = trajectory.states.index.to_numpy()
     flight = np.interp(t, truth["time_s"], truth["height_m"]) > 30
-    tilt = drawn.imu_rotation[0, 2]  # of the sensor's axes from the body's, about y: sin of minus the pitch
+    tilt = errors.imu_rotation[0, 2]  # of the sensor's axes from the body's, about y: sin of minus the pitch
     pitch = np.interp(t, truth["time_s"], truth["pitch_rad"]) - tilt
     assert abs(np.degrees((trajectory.states["theta"] - pitch)[flight].mean())) < 0.1
     assert np.degrees((trajectory.states["theta"] - pitch)[flight].std()) < 0.15
-    slope = 1 + drawn.values.alpha_scale - 2 * drawn.values.V_scale  # the offset is in front of the pressures' errors
-    offset = (drawn.values.alpha_offset_rad + tilt) * slope
+    slope = 1 + errors.values.alpha_scale - 2 * errors.values.V_scale  # the offset is in front of the pressures' errors
+    offset = (errors.values.alpha_offset_rad + tilt) * slope
     assert trajectory.value("alpha_bias") == pytest.approx(offset, abs=np.radians(0.1))
-    assert trajectory.value("V_scale") == pytest.approx(drawn.values.V_scale, abs=0.005)
-    assert trajectory.value("gps_latency") == pytest.approx(drawn.values.gps_latency_s, abs=0.02)
+    assert trajectory.value("V_scale") == pytest.approx(errors.values.V_scale, abs=0.005)
+    assert trajectory.value("gps_latency") == pytest.approx(errors.values.gps_latency_s, abs=0.02)
     assert trajectory.gust_mps <= 0.05
     high = np.interp(t, truth["time_s"], truth["height_m"]) > AIRCRAFT_SIZE.least_height_m
     for axis in ("north", "east"):
@@ -154,16 +154,16 @@ def test_gusts_are_not_attributed_to_sensor_errors(probe, flights: int) -> None:
     """
     z = []
     for seed in range(flights):
-        _, drawn, air, still = flown(seed, probe, "full-test-flight", turbulence_kt=15.0)
+        _, errors, air, still = flown(seed, probe, "full-test-flight", turbulence_kt=15.0)
         trajectory = reconstruct(air, still)
         assert trajectory.converged
         assert 0.4 < trajectory.gust_mps / (0.1 * 15 * 0.514444) < 1.6
         assert trajectory.gust_length == 1, "gusts as assumed are not denied"
-        slope = 1 + drawn.values.alpha_scale - 2 * drawn.values.V_scale
+        slope = 1 + errors.values.alpha_scale - 2 * errors.values.V_scale
         truth = {
-            "alpha_bias": (drawn.values.alpha_offset_rad + drawn.imu_rotation[0, 2]) * slope,
-            "alpha_scale": drawn.values.alpha_scale,
-            "V_scale": drawn.values.V_scale,
+            "alpha_bias": (errors.values.alpha_offset_rad + errors.imu_rotation[0, 2]) * slope,
+            "alpha_scale": errors.values.alpha_scale,
+            "V_scale": errors.values.V_scale,
         }
         assert trajectory.standard_error("alpha_bias") < np.radians(0.3)
         assert trajectory.standard_error("V_scale") < 0.01 < PRIOR_SIGMA["V_scale"]
@@ -185,36 +185,36 @@ def test_without_gps_the_reconstruction_converges_with_larger_errors(probe, hop)
 
 def test_a_channel_without_data_at_rest_gets_the_noise_of_the_bench(hop) -> None:
     """Sideslip answers late: its noise cannot be seen at rest, so what is usual is taken; the path hardly moves."""
-    air, still, whole = hop
+    air, still, undamaged = hop
     late = air.copy()
     late.iloc[: still[0].stop, late.columns.get_loc("dp_beta_Pa")] = np.nan
     trajectory = reconstruct(late, still)
     assert trajectory.converged
-    moved = (trajectory.sensor_errors - whole.sensor_errors) / np.sqrt(np.diag(whole.covariance))
+    moved = (trajectory.sensor_errors - undamaged.sensor_errors) / np.sqrt(np.diag(undamaged.covariance))
     assert np.abs(moved).max() < 0.5
 
 
 def test_a_gap_of_the_imu_has_only_a_local_effect(hop) -> None:
-    air, still, whole = hop
+    air, still, undamaged = hop
     holed = air.copy()
     holed.loc[40.0:42.0, ["p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2"]] = np.nan
     trajectory = reconstruct(holed, still)
     assert trajectory.converged
     elsewhere = (trajectory.states.index < 35) | (trajectory.states.index > 47)
-    difference = np.degrees(trajectory.states["theta"] - whole.states["theta"])[elsewhere]
+    difference = np.degrees(trajectory.states["theta"] - undamaged.states["theta"])[elsewhere]
     assert np.abs(difference).max() < 0.5
 
 
 def test_a_saturated_airspeed_transducer_raises_standard_errors_without_bias(hop) -> None:
     """Above 19 m/s it is clipped, so that neither speed nor angles are measured there; slow flight is as before."""
-    air, still, whole = hop
+    air, still, undamaged = hop
     clipped = air.copy()
     clipped.loc[air["V_mps"] > 19.0, ["V_mps", "alpha_rad", "beta_rad", "dlnV_dlndp_alpha"]] = np.nan
     trajectory = reconstruct(clipped, still)
     assert trajectory.converged and np.isfinite(trajectory.states.to_numpy()).all()
     for name in ("V_scale", "alpha_scale", "alpha_bias"):
-        assert trajectory.standard_error(name) > whole.standard_error(name)
-        assert abs(trajectory.value(name) - whole.value(name)) < 3 * trajectory.standard_error(name)
+        assert trajectory.standard_error(name) > undamaged.standard_error(name)
+        assert abs(trajectory.value(name) - undamaged.value(name)) < 3 * trajectory.standard_error(name)
 
 
 def test_the_uncertainty_of_the_probes_slope_widens_prior_and_posterior(hop) -> None:
@@ -252,37 +252,37 @@ def test_derivatives_are_those_of_the_equations() -> None:
     equations = Equations(n)
     x, shared = rng.normal(0, 0.1, (n, nx)), rng.normal(0, 0.01, m)
     x[:, 3] += 15.0
-    move, given = rng.normal(0, 0.3, (n - 1, len(PROCESS_INPUTS))), rng.normal(size=(n, len(MEASUREMENT_INPUTS)))
-    given[:, MEASUREMENT_INPUTS.index("V_predicted")] += 15.0
+    move, inputs = rng.normal(0, 0.3, (n - 1, len(PROCESS_INPUTS))), rng.normal(size=(n, len(MEASUREMENT_INPUTS)))
+    inputs[:, MEASUREMENT_INPUTS.index("V_predicted")] += 15.0
     shown = rng.normal(size=(n, len(MEASUREMENTS))), np.ones((n, len(MEASUREMENTS)))
-    data = EquationInputs(move, np.ones((n - 1, nx)), *shown, given, predicted_states=x, predicted_inputs=given)
-    at = equations.linearize(x, shared, data)
+    data = EquationInputs(move, np.ones((n - 1, nx)), *shown, inputs, predicted_states=x, predicted_inputs=inputs)
+    linearization = equations.linearize(x, shared, data)
     h = 4e-6
     for j in range(nx):
         more, less = x.copy(), x.copy()
         more[1, j] += h
         less[1, j] -= h
         up, down = equations.linearize(more, shared, data), equations.linearize(less, shared, data)
-        assert at.measurement_jacobian.dense()[1, :, j] == pytest.approx(
+        assert linearization.measurement_jacobian.dense()[1, :, j] == pytest.approx(
             (up.measurement_residual - down.measurement_residual)[1] / (2 * h), abs=1e-7
         )
-        assert at.process_jacobian.dense()[1, :, j] == pytest.approx(
+        assert linearization.process_jacobian.dense()[1, :, j] == pytest.approx(
             (up.process_residual - down.process_residual)[1] / (2 * h), abs=1e-7
         )
-        assert at.process_jacobian.dense()[0, :, nx + j] == pytest.approx(
+        assert linearization.process_jacobian.dense()[0, :, nx + j] == pytest.approx(
             (up.process_residual - down.process_residual)[0] / (2 * h), abs=1e-7
         )
     for j in range(m):
         up, down = (equations.linearize(x, shared + sign * h * np.eye(m)[j], data) for sign in (1, -1))
-        assert at.measurement_jacobian.dense()[:, :, nx + j] == pytest.approx(
+        assert linearization.measurement_jacobian.dense()[:, :, nx + j] == pytest.approx(
             (up.measurement_residual - down.measurement_residual) / (2 * h), abs=1e-7
         )
-        assert at.process_jacobian.dense()[:, :, 2 * nx + j] == pytest.approx(
+        assert linearization.process_jacobian.dense()[:, :, 2 * nx + j] == pytest.approx(
             (up.process_residual - down.process_residual) / (2 * h), abs=1e-7
         )
 
     # Predicted states and inputs change the derivatives only.
-    elsewhere, other = x + rng.normal(0, 0.1, x.shape), given + rng.normal(0, 0.1, given.shape)
+    elsewhere, other = x + rng.normal(0, 0.1, x.shape), inputs + rng.normal(0, 0.1, inputs.shape)
     foretold = equations.linearize(
         x, shared, dataclasses.replace(data, predicted_states=elsewhere, predicted_inputs=other)
     )
@@ -291,5 +291,5 @@ def test_derivatives_are_those_of_the_equations() -> None:
         shared,
         dataclasses.replace(data, measurement_inputs=other, predicted_inputs=other, predicted_states=elsewhere),
     )
-    assert foretold.measurement_residual == pytest.approx(at.measurement_residual, abs=0)
+    assert foretold.measurement_residual == pytest.approx(linearization.measurement_residual, abs=0)
     assert foretold.measurement_jacobian.values == pytest.approx(there.measurement_jacobian.values, abs=0)

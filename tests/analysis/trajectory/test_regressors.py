@@ -93,9 +93,9 @@ def test_a_short_ground_track_gives_the_heading_its_offset(exact, fast_blocks: i
     gps = {"gps_north_mps": speed * np.cos(heading), "gps_east_mps": speed * np.sin(heading)}
     blocks = BlockMeans(exact.table.assign(r_radps=0.1, **gps))
     psi = initial_states(blocks, np.zeros(blocks.n), speed[BLOCK // 2 :: BLOCK], None)[:, STATES.index("psi")]
-    at = slice(start // BLOCK + 1, start // BLOCK + fast_blocks - 1) if fast_blocks > 10 else slice(None)
+    fast = slice(start // BLOCK + 1, start // BLOCK + fast_blocks - 1) if fast_blocks > 10 else slice(None)
     off = psi - heading[BLOCK // 2 :: BLOCK]
-    assert (off[at] + np.pi) % (2 * np.pi) - np.pi == pytest.approx(0.0, abs=0.05)
+    assert (off[fast] + np.pi) % (2 * np.pi) - np.pi == pytest.approx(0.0, abs=0.05)
 
 
 @pytest.mark.parametrize(("curvature", "within"), [(0.0, 0.03), (0.9, 0.05)])
@@ -113,8 +113,8 @@ def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, valu
     for _ in range(20):
         C = at_probe + curvature * C**3
     more = (1 + slope) * C
-    at = CubicSpline(t, at_probe)  # a first-order lag, to its second order
-    late = value * at(t, 1) - value**2 * at(t, 2) if name == "air_data_lag" else 0.0
+    spline = CubicSpline(t, at_probe)  # a first-order lag, to its second order
+    late = value * spline(t, 1) - value**2 * spline(t, 2) if name == "air_data_lag" else 0.0
     upwash, rotation = upwash * (1 - 2 * V_scale), rotation * (1 - V_scale)
     measured = more - curvature * more**3 - late - upwash - rotation
     table = true.assign(

@@ -112,11 +112,11 @@ def test_each_axis_has_an_intensity_of_its_own() -> None:
 def test_what_the_reconstruction_smooths_away_is_counted_by_its_random_errors() -> None:
     """Errors with a quarter of the gusts' power and their spectra: a quarter more."""
     lost = np.stack([_gusts(1.0, 1200, seed, 0.5) for seed in range(10, 26)], axis=1)
-    whole, with_lost = (
+    complete, with_lost = (
         np.mean([_ratios(_gusts(1.0, 1200, seed), errors) for seed in range(30, 42)], axis=0)
         for errors in (0 * lost, lost)
     )
-    assert with_lost / whole - 1 == pytest.approx(0.25, rel=0.3)
+    assert with_lost / complete - 1 == pytest.approx(0.25, rel=0.3)
 
 
 def test_a_short_flight_keeps_the_users_length_and_a_long_one_its_own() -> None:
@@ -130,15 +130,15 @@ def test_a_short_flight_keeps_the_users_length_and_a_long_one_its_own() -> None:
 
 
 def test_a_length_that_the_user_states_denies_nothing_in_a_flight_too_short_to_show_it() -> None:
-    for stated in (0.1, 1.0, 10.0):
-        assert not _scale_length(1.0, 10.0, 0, stated).assumed_length_rejected
+    for assumed in (0.1, 1.0, 10.0):
+        assert not _scale_length(1.0, 10.0, 0, assumed).assumed_length_rejected
 
 
-def _scale_length(length: float, seconds: float, seed: int, stated: float = 1.0) -> ScaleLength:
+def _scale_length(length: float, seconds: float, seed: int, assumed: float = 1.0) -> ScaleLength:
     """The scale length found of such gusts with the standard's fast part."""
     gusts = _gusts(length, seconds, seed, np.sqrt(length))
     errors = np.zeros((3, 1, gusts.shape[1]))
-    return scale_length(gust_spectra(gusts, errors, STEP_S, STANDARD, GUSTS.around_corner), stated)
+    return scale_length(gust_spectra(gusts, errors, STEP_S, STANDARD, GUSTS.around_corner), assumed)
 
 
 @pytest.mark.parametrize(("length", "rejected"), [(1.0, False), (0.4, True), (2.5, False)])

@@ -95,8 +95,8 @@ def test_derivatives_that_are_always_zero_can_be_left_out() -> None:
     """A step with every third derivative zero, and without them; more instants than are summed at once."""
     rng = np.random.default_rng(0)
     n = SparseJacobian.chunk + 3
-    kept = [place for k, place in enumerate(np.ndindex(NX, 2 * NX + M)) if k % 3]
-    sparse = SparseJacobian(rng.normal(size=(len(kept), n - 1)), kept, 2 * NX + M)
+    nonzero = [place for k, place in enumerate(np.ndindex(NX, 2 * NX + M)) if k % 3]
+    sparse = SparseJacobian(rng.normal(size=(len(nonzero), n - 1)), nonzero, 2 * NX + M)
     measured = SparseJacobian.of(rng.normal(size=(n, NY, NX + M)))
     residuals = rng.normal(size=(n - 1, NX)), rng.normal(size=(n, NY))
     _, prior, first, errors = problem(0)

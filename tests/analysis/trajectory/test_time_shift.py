@@ -16,7 +16,7 @@ LATE_S = 0.060
 @pytest.fixture(scope="module")
 def flight(probe):
     """Drawn errors, plan, table and probe of a whole calm test flight; the budget has no extra lag."""
-    errors = flights.drawn(load_budget("bench"), 2)
+    errors = flights.draw_errors(load_budget("bench"), 2)
     flown, _, table = flights.flown(NEXSTAR, errors, "full-test-flight", 2)
     return errors, flown, table, probe
 
@@ -27,7 +27,7 @@ def reconstructed(table, probe):
 
 
 @pytest.fixture(scope="module")
-def whole(flight):
+def as_flown(flight):
     """Air data and path of the flight as it is."""
     _, _, table, probe = flight
     return reconstructed(table, probe)
@@ -45,20 +45,20 @@ def delayed(flight):
 
 
 @pytest.mark.slow
-def test_a_delay_of_the_probe_is_found_to_a_twentieth(whole, delayed) -> None:
+def test_a_delay_of_the_probe_is_found_to_a_twentieth(as_flown, delayed) -> None:
     """Beside the same flight as it is, so that noise cancels: 5 %, what a calibration of the tubes is asked for. It
     comes out 4 % small, which is more than its standard error: estimators.md, what is known to be missing."""
     as_it_is, late = (
-        {s.error: s for s in time_shifts(trajectory)}["air_data_lag"] for trajectory in (whole[1], delayed)
+        {s.error: s for s in time_shifts(trajectory)}["air_data_lag"] for trajectory in (as_flown[1], delayed)
     )
     assert abs(as_it_is.delay_s) < 4 * as_it_is.standard_error_s
     assert late.delay_s - as_it_is.delay_s == pytest.approx(LATE_S, rel=0.05)
 
 
 @pytest.mark.slow
-def test_a_late_probe_is_reported_and_a_punctual_one_is_not(flight, whole, delayed) -> None:
+def test_a_late_probe_is_reported_and_a_punctual_one_is_not(flight, as_flown, delayed) -> None:
     errors, flown, _, _ = flight
-    air, as_it_is = whole
+    air, as_it_is = as_flown
     assert time_shift_notes(as_it_is) == []
     assert any("The probe is" in note and "late against the IMU" in note for note in time_shift_notes(delayed))
     results = {s.error: s for s in time_shifts(delayed)}
@@ -89,9 +89,9 @@ def test_one_heading_and_a_missing_gps_are_noted(flight) -> None:
 
 
 @pytest.mark.slow
-def test_without_sideslip_the_reconstruction_converges_with_larger_errors(flight, whole) -> None:
+def test_without_sideslip_the_reconstruction_converges_with_larger_errors(flight, as_flown) -> None:
     _, _, table, probe = flight
-    _, as_it_is = whole
+    _, as_it_is = as_flown
     _, without = reconstructed(table.assign(dp_beta_Pa=np.nan), probe)
     assert without.converged and np.isfinite(without.states.to_numpy()).all()
     assert without.standard_error("beta_bias") > 2 * as_it_is.standard_error("beta_bias")

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from flights import AirOf, air_of, drawn, flown, tunnel_probe
+from flights import AirOf, air_of, draw_errors, flown, tunnel_probe
 
 from flightpower.analysis.sources.recording import Fix, Position
 from flightpower.analysis.trajectory import updraft
@@ -41,8 +41,8 @@ def sigma(runs: int, sun_rad: float | None, wind_mps: float = 4.0) -> float:
 
 def test_elevation_of_the_sun_is_that_of_a_published_example():
     """Reda & Andreas 2008, Solar Position Algorithm (NREL/TP-560-34302), table A5.1, without refraction."""
-    at = datetime(2003, 10, 17, 19, 30, 30, tzinfo=UTC).timestamp()
-    elevation = updraft.sun_elevation(at, math.radians(39.742476), math.radians(-105.1786))
+    moment = datetime(2003, 10, 17, 19, 30, 30, tzinfo=UTC).timestamp()
+    elevation = updraft.sun_elevation(moment, math.radians(39.742476), math.radians(-105.1786))
     assert math.degrees(elevation) == pytest.approx(39.872, abs=0.02)
 
 
@@ -127,12 +127,12 @@ def in_rising_air() -> AirOf:
     """A flight of four minutes in air that rises by RISING_MPS, and all errors of the study."""
     budget, aircraft = load_world("updraft").errors, load_complete_aircraft("nexstar")
     defects = replace(budget.defects, updraft_mps=RISING_MPS)
-    flight = flown(aircraft, drawn(replace(budget, defects=defects), 3), "two-pairs", 3)
+    flight = flown(aircraft, draw_errors(replace(budget, defects=defects), 3), "two-pairs", 3)
     return air_of(flight.table, aircraft, tunnel_probe())
 
 
 def reconstructed(air: AirOf, sigma_mps: float) -> Trajectory:
-    return reconstruct(air.table, air.still, SensorPriors(stated=stated_sigma(Uncertainty(updraft_mps=sigma_mps))))
+    return reconstruct(air.table, air.still, SensorPriors(file_sigma=stated_sigma(Uncertainty(updraft_mps=sigma_mps))))
 
 
 def test_a_flight_at_several_speeds_shows_a_steady_updraft(in_rising_air):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flights import AirOf, Flown, air_of, drawn, flown, tunnel_probe
+from flights import AirOf, Flown, air_of, draw_errors, flown, tunnel_probe
 
 from flightpower.analysis.trajectory.observability import lost_notes
 from flightpower.analysis.trajectory.reconstruction import reconstruct
@@ -27,7 +27,7 @@ IN_TURBULENCE_S = (162.0, 174.0)  # when it stalls, pitches through the vertical
 def upset() -> tuple[Flown, AirOf]:
     model = load_complete_aircraft("nexstar")
     aircraft = replace(scaled_from(SLOW, "slow.toml", model), aerodynamics=model.aerodynamics)  # more induced drag
-    flight = flown(aircraft, drawn(load_budget("study"), SEED), "two-pairs", SEED, KNOTS)
+    flight = flown(aircraft, draw_errors(load_budget("study"), SEED), "two-pairs", SEED, KNOTS)
     return flight, air_of(flight.table, aircraft, tunnel_probe())
 
 
@@ -39,7 +39,7 @@ def test_after_an_upset_through_the_vertical_attitude_and_sensor_errors_are_foun
     trajectory = reconstruct(air.table, air.still)
     assert trajectory.converged
     assert 0 < len(trajectory.lost_s) <= 10  # two seconds
-    assert all(IN_TURBULENCE_S[0] < at < IN_TURBULENCE_S[1] for at in trajectory.lost_s)
+    assert all(IN_TURBULENCE_S[0] < lost_s < IN_TURBULENCE_S[1] for lost_s in trajectory.lost_s)
     errors = flight.sensor_truth._errors.values
     for name, true in (("alpha_scale", errors.alpha_scale), ("V_scale", errors.V_scale)):
         assert abs(trajectory.value(name) - true) < 3 * trajectory.standard_error(name) < 0.1

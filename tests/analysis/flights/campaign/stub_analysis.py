@@ -37,10 +37,10 @@ class Stub:
             bytearray(2**34)
         if "slow" in words:
             time.sleep(SLOW_S)
-        given = runs.read_text() if runs else ""
+        run_list = runs.read_text() if runs else ""
         aircraft = self.aircraft.read_text() if self.aircraft else ""
-        (folder / "results.json").write_text(f"{log} {words} {given} {aircraft}")
-        (folder / "runs.toml").write_text(given or "found")
+        (folder / "results.json").write_text(f"{log} {words} {run_list} {aircraft}")
+        (folder / "runs.toml").write_text(run_list or "found")
 
     def under(self, root: Path) -> "Stub":
         return Stub(self.calls, self.aircraft and below(root, self.aircraft))

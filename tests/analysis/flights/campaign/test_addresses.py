@@ -47,9 +47,9 @@ def work(tmp_path: Path) -> Work:
     return Work(Stub(tmp_path / "calls"), preload=("s3fs",))
 
 
-def run_in(folder: Path, work: Work, *given: str, scheduler: str | None = None) -> Campaign:
+def run_in(folder: Path, work: Work, *arguments: str, scheduler: str | None = None) -> Campaign:
     with exclusive(folder):
-        return run(find_logs(given), folder, work, Silent(), jobs=2, scheduler=scheduler)
+        return run(find_logs(arguments), folder, work, Silent(), jobs=2, scheduler=scheduler)
 
 
 def analyzed(work: Work) -> list[str]:
@@ -68,9 +68,9 @@ def test_a_bucket_is_listed_once_and_each_log_is_read_once(tmp_path: Path, store
     assert store.requests == {"fleet": 1, "fleet/flights/a.mcap": 1, "fleet/flights/may/b.mcap": 1}
     assert analyzed(work) == ["a.mcap", "b.mcap"] and not list(out.rglob(".log-*"))
     store.requests.clear()
-    assert run_in(out, work, flights).kept == 2 and store.requests == {"fleet": 1}, "by size and ETag"
+    assert run_in(out, work, flights).completed == 2 and store.requests == {"fleet": 1}, "by size and ETag"
     store.objects["fleet/flights/a.mcap"] = b"5"
-    assert run_in(out, work, flights).kept == 1 and analyzed(work) == ["a.mcap"]
+    assert run_in(out, work, flights).completed == 1 and analyzed(work) == ["a.mcap"]
     assert (out / "a" / "results.json").read_text().startswith("s3://fleet/flights/a.mcap ['5']")
 
 
@@ -85,7 +85,7 @@ def test_an_object_is_known_by_its_content_wherever_it_is(tmp_path: Path, store:
     run = run_in(out, work, "s3://fleet/")
     assert [folder.name for folder in run.folders] == ["a", "c"] and len(run.notes) == 1 and analyzed(work) == []
     (tmp_path / "c.mcap").write_bytes(b"22")
-    assert run_in(out, work, str(tmp_path / "c.mcap")).kept == 1 and analyzed(work) == []
+    assert run_in(out, work, str(tmp_path / "c.mcap")).completed == 1 and analyzed(work) == []
 
 
 def test_a_store_that_fails_costs_its_own_logs(tmp_path: Path, store: Store, work: Work) -> None:
@@ -170,7 +170,7 @@ def test_a_page_of_links_is_a_folder_and_signatures_are_not_written(tmp_path: Pa
     assert "secret" not in run.failures[0] + (tmp_path / "out" / "a" / "inputs.json").read_text()
     with_password = website.replace("//", "//user:secret@")
     assert "secret" not in find_logs([with_password]).failures[0]
-    assert run_in(tmp_path / "out", work, f"{website}a.mcap?signature=other").kept == 1, "by time of change"
+    assert run_in(tmp_path / "out", work, f"{website}a.mcap?signature=other").completed == 1, "by time of change"
 
 
 def test_one_log_at_an_address_is_refused_by_its_address(store: Store, tmp_path: Path, monkeypatch) -> None:

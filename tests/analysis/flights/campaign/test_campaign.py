@@ -23,7 +23,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="processes are ended 
 
 
 class Silent:
-    def planned(self, jobs: int, kept: int) -> None: ...
+    def planned(self, jobs: int, completed: int) -> None: ...
 
     def step(self, name: str, step: str) -> None: ...
 
@@ -90,7 +90,7 @@ def test_only_what_changed_is_analyzed_again(tmp_path: Path, work: Work, analyze
     work = replace(work, files=lambda log: [("--aircraft", aircraft)])
     run_in(out, logs(tmp_path / "in", a="1", b="2"), work)
     assert analyzed() == ["a.mcap", "b.mcap"]
-    assert run_in(out, logs(tmp_path / "in"), work).kept == 2 and analyzed() == []
+    assert run_in(out, logs(tmp_path / "in"), work).completed == 2 and analyzed() == []
     assert len(run_in(out, logs(tmp_path / "in", c="3"), work).folders) == 3
     assert analyzed() == ["c.mcap"]
     run_in(out, logs(tmp_path / "in", b="20"), work)
@@ -124,12 +124,12 @@ def test_a_folder_follows_its_log_to_another_name_and_keeps_the_users_files(
     analyzed()
     moved = item.rename(tmp_path / "in" / "c.mcap")
     run = run_in(out, [moved, two], work)
-    assert [folder for folder in run.folders] == [out / "b", out / "c"] and run.kept == 2 and analyzed() == []
+    assert [folder for folder in run.folders] == [out / "b", out / "c"] and run.completed == 2 and analyzed() == []
     assert sorted(path.name for path in out.iterdir()) == [".lock", "b", "c"]
     assert (out / "c" / "remarks.txt").read_text() == "mine"
     two.rename(item), moved.rename(two)
     run = run_in(out, logs(tmp_path / "in"), work)
-    assert run.kept == 2 and analyzed() == [] and not run.notes
+    assert run.completed == 2 and analyzed() == [] and not run.notes
     assert (out / "b" / "remarks.txt").read_text() == "mine" and not (out / "a" / "remarks.txt").exists()
 
 
@@ -235,7 +235,7 @@ def test_a_killed_campaign_goes_on_where_it_stopped(tmp_path: Path, work: Work, 
     assert sorted(path.name for path in out.glob("[!.]*")) == ["a", "b"]
     assert analyzed() == ["a.mcap", "b.mcap", "c.mcap", "d.mcap"]
     run = run_in(out, logs(tmp_path / "in", c="3", d="4"), work)
-    assert analyzed() == ["c.mcap", "d.mcap", "e.mcap"] and run.kept == 2 and len(run.folders) == 5
+    assert analyzed() == ["c.mcap", "d.mcap", "e.mcap"] and run.completed == 2 and len(run.folders) == 5
     assert not list(out.glob(".*.partial"))
 
 
@@ -243,7 +243,7 @@ def test_a_folder_that_was_being_replaced_comes_back(tmp_path: Path, work: Work,
     out, paths = tmp_path / "out", logs(tmp_path / "in", a="1")
     run_in(out, paths, work)
     (out / "a").rename(out / ".a.replaced")  # killed between the two renames
-    assert run_in(out, paths, work).kept == 1 and analyzed() == ["a.mcap"]
+    assert run_in(out, paths, work).completed == 1 and analyzed() == ["a.mcap"]
 
 
 def test_two_at_once_in_one_folder_are_refused(tmp_path: Path) -> None:
@@ -283,8 +283,8 @@ def test_a_worker_without_the_senders_files_gives_the_same(tmp_path: Path, monke
 
 
 def test_folders_have_the_shortest_names_that_tell_logs_apart() -> None:
-    given = [Path("/x/1/log.mcap"), Path("/y/1/log.mcap"), Path("/y/2/log.mcap"), Path("/y/2/other.ulg")]
-    assert names(given) == ["x-1-log", "y-1-log", "2-log", "other"]
+    logs = [Path("/x/1/log.mcap"), Path("/y/1/log.mcap"), Path("/y/2/log.mcap"), Path("/y/2/other.ulg")]
+    assert names(logs) == ["x-1-log", "y-1-log", "2-log", "other"]
     assert names([Path("/x/a.mcap"), Path("/x/a.ulg")]) == ["a.mcap", "a.ulg"]
     many = [Path("/a/b-x.mcap"), Path("/q/b-x.mcap"), Path("/a-b/x.mcap"), Path("/q/x.mcap")]
     assert names(many) == ["a-b-x", "q-b-x", "a-b-x-2", "q-x"]

@@ -138,16 +138,16 @@ def test_the_table_is_what_the_aircraft_did(table: FlightTable, truth: Truth) ->
     t = table.table.index.to_numpy()
     rows = table.flown
 
-    def at(values: Array) -> Array:
+    def on_table(values: Array) -> Array:
         return np.interp(t[rows], truth.t_s, values)
 
     result = table.table[rows]
-    assert result["rho"].to_numpy() == pytest.approx(at(truth.rho), rel=1e-3)
-    assert result["load_factor"].to_numpy() == pytest.approx(at(truth.load_factor), rel=1e-3)
-    assert result["power_W"].to_numpy() == pytest.approx(at(truth.electrical_W), rel=0.02, abs=1.0)
-    pressure = at(truth.rho) / 2 * (at(truth.V_mps) * (1 + SCALE)) ** 2
+    assert result["rho"].to_numpy() == pytest.approx(on_table(truth.rho), rel=1e-3)
+    assert result["load_factor"].to_numpy() == pytest.approx(on_table(truth.load_factor), rel=1e-3)
+    assert result["power_W"].to_numpy() == pytest.approx(on_table(truth.electrical_W), rel=0.02, abs=1.0)
+    pressure = on_table(truth.rho) / 2 * (on_table(truth.V_mps) * (1 + SCALE)) ** 2
     assert result["pressure_Pa"].to_numpy() == pytest.approx(pressure, abs=1.0)
-    assert np.ptp(result["height_m"].to_numpy() - at(truth.height_m)) < 0.5
+    assert np.ptp(result["height_m"].to_numpy() - on_table(truth.height_m)) < 0.5
     assert table.idle_power_W == pytest.approx(IDLE_W, abs=0.01)
     assert table.zero_sigma_Pa == pytest.approx(0.7, abs=0.01)  # what a zero of a minute on the ground is good for
     assert table.air_temperature_K == AIR_K and table.rho_sigma == pytest.approx(3.0 / AIR_K)
@@ -164,27 +164,31 @@ def test_flight_begins_clear_of_the_ground(table: FlightTable, truth: Truth) -> 
 
 
 def test_without_a_thermometer_and_too_short_a_flight_it_is_said(truth: Truth) -> None:
-    whole = flown(truth)
-    blind = FlightRecording(whole.path, whole.channels, {}, zeroed=False)
+    complete = flown(truth)
+    blind = FlightRecording(complete.path, complete.channels, {}, zeroed=False)
     table = flight_table(blind, MASS_KG * g, AREA_M2)
-    standard_K = temperature_at(height_at(float(np.median(whole.channels[recording.STATIC].value))))
+    standard_K = temperature_at(height_at(float(np.median(complete.channels[recording.STATIC].value))))
     assert table.air_temperature_K == pytest.approx(standard_K, abs=1e-6)
     assert table.rho_sigma == pytest.approx(8.0 / standard_K)
     assert "taken as 15 °C" in table.notes[-1]
     short = {
-        name: Channel(*(x[truth.t_s < GROUND_S + 60] for x in channel)) for name, channel in whole.channels.items()
+        name: Channel(*(x[truth.t_s < GROUND_S + 60] for x in channel)) for name, channel in complete.channels.items()
     }
     with pytest.raises(InputError, match=r"for [0-9]+ s in the air; 60 s clear"):
-        flight_table(FlightRecording(whole.path, short, {}, zeroed=False), MASS_KG * g, AREA_M2)
-    late = {name: channel._replace(t_s=channel.t_s + 1e5) for name, channel in whole.channels.items()}  # on for a day
-    assert flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2).flown.any()
+        flight_table(FlightRecording(complete.path, short, {}, zeroed=False), MASS_KG * g, AREA_M2)
+    late = {
+        name: channel._replace(t_s=channel.t_s + 1e5) for name, channel in complete.channels.items()
+    }  # on for a day
+    assert flight_table(FlightRecording(complete.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2).flown.any()
     late = {
         name: Channel(channel.t_s + 1e5 + 4e4 * (channel.t_s > 100.0), channel.value)
-        for name, channel in whole.channels.items()
+        for name, channel in complete.channels.items()
     }
     with pytest.raises(InputError, match=f"its clock spans {4e4 + truth.t_s[-1]:.0f} s; longer than any flight"):
-        flight_table(FlightRecording(whole.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2)
-    hot = FlightRecording(whole.path, whole.channels, {"bay": Channel(truth.t_s, 0 * truth.t_s + 305.0)}, zeroed=False)
+        flight_table(FlightRecording(complete.path, late, {}, zeroed=False), MASS_KG * g, AREA_M2)
+    hot = FlightRecording(
+        complete.path, complete.channels, {"bay": Channel(truth.t_s, 0 * truth.t_s + 305.0)}, zeroed=False
+    )
     assert flight_table(hot, MASS_KG * g, AREA_M2).rho_sigma == pytest.approx(8.0 / 305.0)
 
 
@@ -195,10 +199,10 @@ def test_without_a_thermometer_and_too_short_a_flight_it_is_said(truth: Truth) -
 def test_a_log_too_short_for_any_aircraft_is_refused_before_its_mass_is_asked(
     truth: Truth, end_s: float, refused: str
 ) -> None:
-    whole = flown(truth)
-    until = {name: Channel(*(x[truth.t_s < end_s] for x in channel)) for name, channel in whole.channels.items()}
+    complete = flown(truth)
+    until = {name: Channel(*(x[truth.t_s < end_s] for x in channel)) for name, channel in complete.channels.items()}
     with pytest.raises(InputError, match=refused):
-        analyze_recording(replace(whole, channels=until), Options(), lambda step: None)
+        analyze_recording(replace(complete, channels=until), Options(), lambda step: None)
 
 
 def test_circles_against_gps_show_scale_and_wind(table: FlightTable) -> None:
@@ -324,8 +328,8 @@ def test_the_results_are_those_of_the_estimate(
     result, _ = drag
     aircraft, battery = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M), BatteryResult(energy_Wh=125.0, usable=0.8)
     provenance = cast(Provenance, None)
-    known = EnergyBalanceFindings(table, electrical, result, "apc-12x8e", battery)
-    results = assemble_energy_balance(Path("log"), aircraft, known, provenance)
+    findings = EnergyBalanceFindings(table, electrical, result, "apc-12x8e", battery)
+    results = assemble_energy_balance(Path("log"), aircraft, findings, provenance)
     beside, balance = results.curves[Kind.ELECTRICAL], results.balance
     assert balance is not None and balance.airspeed_scale is not None
     assert beside.endurance_s is not None and beside.range_m is not None and beside.best_range_speed is not None
@@ -364,8 +368,8 @@ def test_efficiency_from_battery_to_thrust_is_as_wrong_as_the_current(
         table = flight_table(wrong, MASS_KG * g, AREA_M2)
         electrical = estimate(table, MASS_KG * g, AREA_M2, SPAN_M, most_windows=100)
     aircraft = FlownAircraft("test", MASS_KG * g, AREA_M2, SPAN_M)
-    known = EnergyBalanceFindings(table, electrical)
-    results = assemble_energy_balance(Path("log"), aircraft, known, cast(Provenance, None))
+    findings = EnergyBalanceFindings(table, electrical)
+    results = assemble_energy_balance(Path("log"), aircraft, findings, cast(Provenance, None))
     V, rho = electrical.V_mps, np.full(len(electrical.V_mps), electrical.conditions.rho)
     required_W = drag_W(V, 1.0, rho)
     true = required_W / (electrical_W(required_W / V, V, rho)[0] - IDLE_W)
@@ -453,8 +457,8 @@ def test_left_out_stretches_cut_the_airborne_ones_and_are_said(table: FlightTabl
     flown_s = seconds[cut.flown]
     assert len(cut.airborne) == 2 and cut.start_s == 0.0
     assert not any(((flown_s >= start) & (flown_s <= end)).any() for start, end in left_out)
-    kept = table.flown & ~((seconds <= 100) | ((seconds >= 200) & (seconds <= 260)))
-    assert np.array_equal(cut.flown, kept), "nothing else is trimmed"
+    expected = table.flown & ~((seconds <= 100) | ((seconds >= 200) & (seconds <= 260)))
+    assert np.array_equal(cut.flown, expected), "nothing else is trimmed"
     assert cut.notes[-1] == table.notes[-1] and "Left out by hand: 0.0 to 100.0 s, 200.0 to 260.0 s." in cut.notes
     with pytest.raises(InputError, match="left out by hand"):
         flight_table(flown(truth), MASS_KG * g, AREA_M2, [(0.0, 500.0)])

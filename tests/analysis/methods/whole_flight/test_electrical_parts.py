@@ -119,8 +119,8 @@ def test_where_gps_determines_the_scale_an_error_of_density_moves_no_airspeed() 
     fit = Fit(PARAMETERS, np.eye(12), np.eye(n), nominal, gust_mps=0.5, gust_s=3.0, minus_2_log_evidence=0.0)
     exact = AirspeedErrors(0.0, 0.0, np.diag([1e-12, 1e-12]), 0.0, 0.0)
     shared = estimate_of(climbing(), balance, fit, exact).shared  # type: ignore[arg-type]
-    by_density, given = shared[Source.DENSITY]
-    assert given.rho == pytest.approx(0.99 * RHO)
+    by_density, conditions = shared[Source.DENSITY]
+    assert conditions.rho == pytest.approx(0.99 * RHO)
     # Drag falls with density; the efficiency at its maximum does not change with its argument.
     assert by_density == pytest.approx(0.01 * DRAG_W, rel=0.02)
 
@@ -203,13 +203,15 @@ def test_the_size_of_an_error_is_that_which_its_residuals_have() -> None:
     windows = EnergyBalance(samples_of(climbing(400.0), 0.0, 0.0), CONDITIONS).windows  # type: ignore[arg-type]
     white, sizes = 30.0 * uncorrelated(windows), (0.1, 0.2, 0.3, 0.5, 1.0)
     gusts = [by_air(windows, 3.0, V_MPS, 1.0, time_s) for time_s in WINDOWS.times_s]
-    drawn = np.random.default_rng(2).multivariate_normal(np.zeros(len(white)), white + 0.3**2 * gusts[2])
+    residuals = np.random.default_rng(2).multivariate_normal(np.zeros(len(white)), white + 0.3**2 * gusts[2])
     unlikely = [0.0, 1.0, 2.0, 3.0, 4.0]
-    size, time_s = _size_and_time(drawn, white, gusts, sizes, unlikely)
+    size, time_s = _size_and_time(residuals, white, gusts, sizes, unlikely)
     costs = np.array(
         [
             [
-                drawn @ np.linalg.solve(white + s**2 * gust, drawn) + np.linalg.slogdet(white + s**2 * gust)[1] + cost
+                residuals @ np.linalg.solve(white + s**2 * gust, residuals)
+                + np.linalg.slogdet(white + s**2 * gust)[1]
+                + cost
                 for s in sizes
             ]
             for gust, cost in zip(gusts, unlikely, strict=True)
@@ -339,8 +341,8 @@ def test_the_idle_power_is_that_with_the_throttle_closed_or_the_least_seen() -> 
 
 
 def test_gaps_are_bridged_up_to_their_length_or_four_intervals() -> None:
-    at = np.array([0.0, 1.0, 3.0, 6.0, 9.0, 11.0])
-    channel = Channel(at, 2 * at)
+    t_s = np.array([0.0, 1.0, 3.0, 6.0, 9.0, 11.0])
+    channel = Channel(t_s, 2 * t_s)
     result = resampled(channel, np.array([-1.0, 0.5, 2.0, 5.0, 7.5, 10.0, 12.0]), 0.0, 2.5)
     assert result == pytest.approx([np.nan, 1.0, 4.0, 10.0, 15.0, 20.0, np.nan], nan_ok=True)
     dense = Channel(np.r_[np.arange(0, 5, 0.1), 8.0], np.zeros(51))

@@ -110,12 +110,12 @@ def test_every_message_and_value_is_that_of_pymavlink(name: str, tmp_path: Path)
     path, data = tmp_path / "log.BIN", (SHARED / name).read_bytes()
     path.write_bytes(gzip.decompress(data) if name.endswith(".gz") else data)
     log, reader = DataflashLog(path.read_bytes()), DFReader.DFReader_binary(str(path))
-    whole = {  # it counts a last message that the file's end cuts off
+    counts = {  # it counts a last message that the file's end cuts off
         kind: sum(offset + reader.formats[i].len <= reader.data_len for offset in reader.offsets[i])
         for i, kind in reader.id_to_name.items()
         if kind != "FMT"
     }
-    counted = {kind: n for kind, n in whole.items() if n}
+    counted = {kind: n for kind, n in counts.items() if n}
     mine = {kind: len(next(iter(columns.values()))) for kind in counted if (columns := log.columns(kind))}
     assert mine == counted
     values = defaultdict(list)

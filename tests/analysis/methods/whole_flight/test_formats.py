@@ -25,7 +25,7 @@ from flightpower.sim.sensors import load_budget
 from tests.analysis.sources.firmware import firmware
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
-from flights import drawn, flown
+from flights import draw_errors, flown
 
 AIRCRAFT = load_complete_aircraft("nexstar")
 WEIGHT_N, WING_AREA_M2, SPAN_M = AIRCRAFT.mass.weight_N, AIRCRAFT.geometry.wing_area_m2, AIRCRAFT.geometry.span_m
@@ -34,7 +34,7 @@ SPEEDS = np.linspace(15.0, 21.0, 8)
 
 @pytest.fixture(scope="module")
 def px4(tmp_path_factory: pytest.TempPathFactory) -> FlightRecording:
-    path, errors = tmp_path_factory.mktemp("px4") / "log.ulg", drawn(load_budget("study"), 3)
+    path, errors = tmp_path_factory.mktemp("px4") / "log.ulg", draw_errors(load_budget("study"), 3)
     flight, sensors, _ = flown(AIRCRAFT, errors, "ordinary-flight", 3)
     write_px4_log(path, flight, sensors, errors)
     return read_px4(path)
@@ -51,11 +51,11 @@ def expected(px4: FlightRecording) -> np.ndarray:
 
 
 def test_ardupilot(tmp_path: Path, px4: FlightRecording, expected: np.ndarray) -> None:
-    def kind(name: str, codes: str, at: Channel, **columns: np.ndarray) -> DataflashMessages:
-        time_us = np.round(at.t_s * 1e6).astype(np.uint64)
+    def kind(name: str, codes: str, sampled: Channel, **columns: np.ndarray) -> DataflashMessages:
+        time_us = np.round(sampled.t_s * 1e6).astype(np.uint64)
         return DataflashMessages(name, codes, {"TimeUS": time_us, **columns})
 
-    def at(name: str, times: Channel) -> np.ndarray:
+    def on(name: str, times: Channel) -> np.ndarray:
         return np.interp(times.t_s, *px4.channels[name])
 
     pitot, static, battery = (
@@ -63,7 +63,7 @@ def test_ardupilot(tmp_path: Path, px4: FlightRecording, expected: np.ndarray) -
     )
     air = px4.thermometers["differential_pressure 0"]
     gps, imu = px4.channels[recording.GPS[0]], px4.channels[recording.FORCE_Z]
-    north, east, down = (at(name, gps) for name in recording.GPS)
+    north, east, down = (on(name, gps) for name in recording.GPS)
     path = tmp_path / "00000042.BIN"
     write_dataflash(
         path,
@@ -71,9 +71,9 @@ def test_ardupilot(tmp_path: Path, px4: FlightRecording, expected: np.ndarray) -
             kind("ARSP", "Qfff", pitot, Airspeed=np.abs(indicated_airspeed(pitot.value)), DiffPress=pitot.value,
                  Temp=np.interp(pitot.t_s, air.t_s, air.value) - 273.15),
             kind("BARO", "Qff", static, Press=static.value, Temp=0 * static.value + 40.0),
-            kind("BAT", "QBff", battery, Inst=0 * battery.value, Volt=at("battery_V", battery), Curr=0 * battery.value),
-            kind("BAT", "QBff", battery, Inst=0 * battery.value + 1, Volt=at("battery_V", battery), Curr=battery.value),
-            kind("IMU", "Qfff", imu, AccX=at(recording.FORCE_X, imu), AccY=at(recording.FORCE_Y, imu), AccZ=imu.value),
+            kind("BAT", "QBff", battery, Inst=0 * battery.value, Volt=on("battery_V", battery), Curr=0 * battery.value),
+            kind("BAT", "QBff", battery, Inst=0 * battery.value + 1, Volt=on("battery_V", battery), Curr=battery.value),
+            kind("IMU", "Qfff", imu, AccX=on(recording.FORCE_X, imu), AccY=on(recording.FORCE_Y, imu), AccZ=imu.value),
             kind("GPS", "QBfff", gps, Status=0 * north + 3, Spd=np.hypot(north, east),
                  GCrs=np.degrees(np.arctan2(east, north)) % 360, VZ=down),
             firmware(),
@@ -94,7 +94,7 @@ def test_a_log_of_the_daemon_without_flow_angles_and_motor_speed(px4: FlightReco
             ]
         )
 
-    def at(name: str, times: Channel) -> np.ndarray:
+    def sampled(name: str, times: Channel) -> np.ndarray:
         return np.interp(times.t_s, *px4.channels[name])
 
     pitot, static, current = (
@@ -104,7 +104,7 @@ def test_a_log_of_the_daemon_without_flow_angles_and_motor_speed(px4: FlightReco
     velocity = dict(
         zip(
             ("velocity_north_mps", "velocity_east_mps", "velocity_down_mps"),
-            (at(n, gps) for n in recording.GPS),
+            (sampled(n, gps) for n in recording.GPS),
             strict=True,
         )
     )
@@ -114,12 +114,12 @@ def test_a_log_of_the_daemon_without_flow_angles_and_motor_speed(px4: FlightReco
         {
             "/probe/airspeed": entries(pitot, DifferentialPressure, differential_pressure_Pa=pitot.value + 7.0),
             "/static": entries(static, AbsolutePressure, pressure_Pa=static.value, temperature_K=air_K),
-            "/battery": entries(current, Battery, current_A=current.value, voltage_V=at("battery_V", current)),
+            "/battery": entries(current, Battery, current_A=current.value, voltage_V=sampled("battery_V", current)),
             "/imu": entries(
                 imu,
                 Imu,
-                specific_force_x_mps2=at(recording.FORCE_X, imu),
-                specific_force_y_mps2=at(recording.FORCE_Y, imu),
+                specific_force_x_mps2=sampled(recording.FORCE_X, imu),
+                specific_force_y_mps2=sampled(recording.FORCE_Y, imu),
                 specific_force_z_mps2=imu.value,
             ),
             "/gps": entries(gps, Gps, **velocity),

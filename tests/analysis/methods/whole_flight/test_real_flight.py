@@ -100,8 +100,8 @@ def test_calibrate_airspeed_of_an_autopilots_log(tmp_path: Path, results: dict) 
 @pytest.mark.slow
 def test_without_its_airspeed_sensor_the_flight_gives_the_same_curve(results: dict) -> None:
     """GPS on circles gives the curve; intervals are at most two and a half times those with the sensor."""
-    whole, weight_N = read_px4(LOG), 9.4 * GRAVITY_MPS2
-    blind = replace(whole, channels={k: x for k, x in whole.channels.items() if k != AIRSPEED_PRESSURE})
+    complete, weight_N = read_px4(LOG), 9.4 * GRAVITY_MPS2
+    blind = replace(complete, channels={k: x for k, x in complete.channels.items() if k != AIRSPEED_PRESSURE})
     electrical = estimate(flight_table(blind, weight_N, 1.499), weight_N, 1.499, 4.0)
     power, error = (np.interp(SPEEDS, electrical.V_mps, x) for x in (electrical.power_W, electrical.standard_error_W))
     half_W = (at_speeds(results, "power_hi_W") - at_speeds(results, "power_lo_W")) / 2
@@ -119,7 +119,7 @@ def test_endurance_is_the_battery_at_least_power(results: dict) -> None:
 def test_values_to_type_in_follow_from_the_curve(results: dict, folder: Path) -> None:
     result = {parameter["name"]: parameter for parameter in results["autopilot_parameters"]}
     curve = results["curves"]["electrical_power"]
-    slowest, fastest = (curve["points"][at]["speed_mps"] for at in (0, -1))
+    slowest, fastest = (curve["points"][end]["speed_mps"] for end in (0, -1))
     to_equivalent = (results["test"]["air_density_kgpm3"] / 1.225) ** 0.5
     assert result["FW_AIRSPD_MIN"]["value"] == pytest.approx(slowest * to_equivalent, rel=1e-3)
     assert result["FW_AIRSPD_MAX"]["value"] == pytest.approx(fastest * to_equivalent, rel=1e-3)

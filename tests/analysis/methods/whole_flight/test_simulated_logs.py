@@ -45,7 +45,7 @@ from tests.analysis.added_sensors import (
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
 from electrical import true_power
-from flights import drawn
+from flights import draw_errors
 
 AIRCRAFT = load_complete_aircraft("nexstar")
 WEIGHT_N, GEOMETRY = AIRCRAFT.mass.weight_N, AIRCRAFT.geometry
@@ -54,7 +54,7 @@ PROPELLER = load_propeller(AIRCRAFT.propulsion.propeller)
 
 @pytest.fixture(scope="module")
 def flown() -> tuple[Flight, FlightSensorTruth, DrawnErrors]:
-    errors = drawn(load_budget("study"), 3)
+    errors = draw_errors(load_budget("study"), 3)
     flight = fly(AIRCRAFT, load_plan("ordinary-flight"), seed=3, deviations=errors.deviations)
     return flight, FlightSensorTruth(flight, errors), errors
 

@@ -85,19 +85,19 @@ def with_first_rows_at(speed_mps: float):
     return derived(replace(trajectory, states=states), CERTAIN, PROPELLER)
 
 
-@pytest.mark.parametrize(("speed_mps", "known"), [(3.5, False), (3.8, True)])
-def test_nothing_is_told_below_8_Pa_of_dynamic_pressure(speed_mps: float, known: bool) -> None:
+@pytest.mark.parametrize(("speed_mps", "defined"), [(3.5, False), (3.8, True)])
+def test_nothing_is_told_below_8_Pa_of_dynamic_pressure(speed_mps: float, defined: bool) -> None:
     result = with_first_rows_at(speed_mps)
-    assert result.iloc[:5][["V_mps", "theta_rad", "theta_rad_standard_error"]].notna().all(axis=None) == known
+    assert result.iloc[:5][["V_mps", "theta_rad", "theta_rad_standard_error"]].notna().all(axis=None) == defined
     assert result.iloc[5:].notna().all(axis=None)
 
 
-@pytest.mark.parametrize(("height_m", "known"), [(19.0, False), (21.0, True)])
-def test_coefficients_are_left_out_near_the_ground(height_m: float, known: bool) -> None:
+@pytest.mark.parametrize(("height_m", "defined"), [(19.0, False), (21.0, True)])
+def test_coefficients_are_left_out_near_the_ground(height_m: float, defined: bool) -> None:
     """On the ground roll, also a fast one, the wheels carry weight, and C_L and C_D are those of no flight."""
     low = FLOWN.copy()
     low.loc[low.index[:5], "height_measured"] = height_m
     table = derived(measured(low), CERTAIN, PROPELLER)
-    assert table.iloc[:5][["C_L", "C_D", "C_L_standard_error"]].notna().all(axis=None) == known
+    assert table.iloc[:5][["C_L", "C_D", "C_L_standard_error"]].notna().all(axis=None) == defined
     assert table.iloc[:5][["V_mps", "alpha_rad"]].notna().all(axis=None)
     assert table.iloc[5:].notna().all(axis=None)

@@ -63,8 +63,8 @@ def test_an_error_of_the_thrust_s_table_turns_with_alpha_into_lift_and_drag() ->
         {"J": [J], "thrust_beyond_over_m_mps2": [beyond * np.cos(alpha)], "qS_over_m_mps2": [qS_over_m]}
     )
     of_thrust, of_CL, of_CD = _by_thrust_table(nominal, forces, aircraft)[0]
-    stated, m = aircraft.uncertainty, aircraft.mass_kg
-    scale, slope = stated.thrust_scale_fraction * thrust_N, stated.thrust_slope * (J - 0.5) * thrust_N
+    uncertainty, m = aircraft.uncertainty, aircraft.mass_kg
+    scale, slope = uncertainty.thrust_scale_fraction * thrust_N, uncertainty.thrust_slope * (J - 0.5) * thrust_N
     assert np.sqrt(of_thrust) == pytest.approx(np.sqrt(scale**2 + slope**2 + (beyond * m) ** 2))
     assert np.sqrt(of_CL / of_thrust) == pytest.approx(np.sin(alpha) / (qS_over_m * m))
     assert np.sqrt(of_CD / of_thrust) == pytest.approx(np.cos(alpha) / (qS_over_m * m))

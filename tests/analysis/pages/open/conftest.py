@@ -24,10 +24,10 @@ def opened(flown: bytes, tmp_path: Path) -> Folder:
     return folder_with(flown, tmp_path)
 
 
-def folder_with(log: bytes, at: Path) -> Folder:
+def folder_with(log: bytes, directory: Path) -> Folder:
     """The folder `flights` beside a file that is nobody's business."""
     for name in ("flights", "workspace"):
-        (at / name).mkdir()
-    (at / "flights" / "log.mcap").write_bytes(log)
-    (at / "secret.mcap").write_text("SECRET", "utf-8")
-    return Folder(at / "flights", at / "workspace")
+        (directory / name).mkdir()
+    (directory / "flights" / "log.mcap").write_bytes(log)
+    (directory / "secret.mcap").write_text("SECRET", "utf-8")
+    return Folder(directory / "flights", directory / "workspace")

@@ -91,8 +91,8 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
     command = log.write(values)["command"]
     written = log.path.parent / "log.report"
     results = json.loads((written / "results.json").read_text("utf-8"))
-    for name, drawn in curve.items():
-        assert drawn == pytest.approx(
+    for name, curve_values in curve.items():
+        assert curve_values == pytest.approx(
             [point[name] for point in results["curves"]["power_required"]["points"]], rel=1e-12
         )
     of_report = {method["name"]: method["power_required"] for method in results["methods"]}
@@ -100,8 +100,8 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
     for method in ("direct", "whole-flight"):
         beside = log.curve(msgspec.structs.replace(values, method=method))
         assert beside["curve"] == curve
-        drawn = beside["method"]["curve"]["power_W"]
-        assert drawn == pytest.approx([point["power_W"] for point in of_report[method]], rel=1e-9)
+        curve_values = beside["method"]["curve"]["power_W"]
+        assert curve_values == pytest.approx([point["power_W"] for point in of_report[method]], rel=1e-9)
     assert results["test"]["weight_N"] == pytest.approx(4.2 * 9.80665)
     _, *words = shlex.split(command)
     assert run("analyze", *words, "-o", tmp_path / "again")["exit code"] == 0
@@ -139,7 +139,7 @@ def test_other_runs_keep_the_trajectory_and_other_values_do_not(
     computed = []
 
     def counted(function: Callable[..., object]) -> Callable[..., object]:
-        return lambda *given: (computed.append(function.__name__), function(*given))[1]
+        return lambda *arguments: (computed.append(function.__name__), function(*arguments))[1]
 
     for name in ("synchronized", "flight_path"):
         monkeypatch.setattr(runs_flight, name, counted(getattr(runs_flight, name)))
@@ -256,8 +256,8 @@ def test_edited_runs_are_there_when_the_log_is_opened_again(log: RunsFlight) -> 
         again = RunsFlight(log.path, log.workspace, log.log)
         own_runs = again.shown["runs"]
         assert again.shown["edited_runs"] == []
-        kept = [Run(run["kind"], run["start_s"], run["end_s"], run["keep"]) for run in own_runs]
-        moved = [msgspec.structs.replace(run, start_s=run.start_s + 0.4) if run.keep else run for run in kept]
+        listed = [Run(run["kind"], run["start_s"], run["end_s"], run["keep"]) for run in own_runs]
+        moved = [msgspec.structs.replace(run, start_s=run.start_s + 0.4) if run.keep else run for run in listed]
         runs_file.write_text(runs_text(moved, log.path.name), "utf-8")
         edited = RunsFlight(log.path, log.workspace, log.log).shown["edited_runs"]
         starts_s = [run["start_s"] for run in edited if run["keep"]]
@@ -280,10 +280,10 @@ def test_the_list_of_runs_is_the_file_that_analyze_reads(tmp_path: Path) -> None
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kept", [True, False])
-def test_a_run_that_analyze_would_refuse_is_refused_at_its_place(kept: bool) -> None:
+@pytest.mark.parametrize("keep", [True, False])
+def test_a_run_that_analyze_would_refuse_is_refused_at_its_place(keep: bool) -> None:
     good = Run("steady", 20.0, 30.0, True)
-    for wrong in (Run("steady", 30.0, 20.0, kept), Run("glided", 1.0, 2.0, kept), Run("steady", 1.0, math.inf, kept)):
+    for wrong in (Run("steady", 30.0, 20.0, keep), Run("glided", 1.0, 2.0, keep), Run("steady", 1.0, math.inf, keep)):
         with pytest.raises(FieldError) as refused:
             runs_text([good, wrong], "log.mcap")
         assert refused.value.field == "run 1"

@@ -21,17 +21,17 @@ LOG = "flight 100%.BIN"
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
     """Address of the page of a folder with one log of an autopilot, and the folder."""
-    at = tmp_path_factory.mktemp("whole")
+    folder = tmp_path_factory.mktemp("whole")
     for name in ("flights", "workspace"):
-        (at / name).mkdir()
-    (at / "flights" / LOG).write_bytes(flight("ordinary-flight", "--as", "ardupilot", "--seed", "3"))
-    application = LocalPage(Folder(at / "flights", at / "workspace"), set(), "secret")
+        (folder / name).mkdir()
+    (folder / "flights" / LOG).write_bytes(flight("ordinary-flight", "--as", "ardupilot", "--seed", "3"))
+    application = LocalPage(Folder(folder / "flights", folder / "workspace"), set(), "secret")
     server = waitress.create_server(application, host="127.0.0.1", port=0)
     host = f"127.0.0.1:{server.effective_port}"
     application.hosts = {host}
     serving = Thread(target=server.run, daemon=True)
     serving.start()
-    yield f"http://{host}/secret/", at / "flights"
+    yield f"http://{host}/secret/", folder / "flights"
     server.close()
     serving.join(5)
 

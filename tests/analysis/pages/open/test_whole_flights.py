@@ -31,12 +31,12 @@ AIRCRAFT = {"mass": "3.84 kg", "wing-area": "0.464 m^2", "span": "1.75 m"}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Folder:
-    at = tmp_path_factory.mktemp("whole")
+    folder = tmp_path_factory.mktemp("whole")
     for name in ("flights", "workspace"):
-        (at / name).mkdir()
+        (folder / name).mkdir()
     for name, autopilot in LOGS.items():
-        (at / "flights" / name).write_bytes(flight("ordinary-flight", "--as", autopilot, "--seed", "3"))
-    return Folder(at / "flights", at / "workspace")
+        (folder / "flights" / name).write_bytes(flight("ordinary-flight", "--as", autopilot, "--seed", "3"))
+    return Folder(folder / "flights", folder / "workspace")
 
 
 @pytest.fixture(params=LOGS)
@@ -61,9 +61,9 @@ def power_at_15(curve: dict[str, Any]) -> float:
 def test_a_log_is_shown_with_strips_modes_track_and_curve_without_a_word_typed(log: WholeFlight) -> None:
     shown = log.shown
     assert shown["kind"] is Kind.ELECTRICAL
-    drawn = titles(shown["strips"])
-    assert drawn[:4] == ["indicated airspeed, m/s", "speed over ground, m/s", "height, m", "electrical power, W"]
-    assert ("modes" in drawn) == bool(shown["events"])
+    strip_titles = titles(shown["strips"])
+    assert strip_titles[:4] == ["indicated airspeed, m/s", "speed over ground, m/s", "height, m", "electrical power, W"]
+    assert ("modes" in strip_titles) == bool(shown["events"])
     assert [field["key"] for field in shown["form"][0]["fields"]][:3] == ["mass", "wing-area", "span"]
     curve = log.curve(Values(log.path.name))
     assert set(curve["guessed"]) == {"mass", "wing-area", "span"} and curve["guessed"]["mass"].endswith(" kg")
@@ -75,10 +75,10 @@ def test_a_log_is_shown_with_strips_modes_track_and_curve_without_a_word_typed(l
 def test_the_guess_is_near_enough_for_a_picture_and_is_never_written(folder: Folder) -> None:
     """The guessed mass may be wrong by a factor of three; power of level flight is measured, and hardly follows it."""
     log, name = opened(folder), "flight.BIN"
-    guessed, known = log.curve(Values(name)), log.curve(Values(name, aircraft=AIRCRAFT))
-    assert known["guessed"] == {} and known["mass_kg"] == pytest.approx(3.84)
+    guessed, exact = log.curve(Values(name)), log.curve(Values(name, aircraft=AIRCRAFT))
+    assert exact["guessed"] == {} and exact["mass_kg"] == pytest.approx(3.84)
     assert 1 / 3 < guessed["mass_kg"] / 3.84 < 3
-    assert power_at_15(guessed["curve"]) == pytest.approx(power_at_15(known["curve"]), rel=0.15)
+    assert power_at_15(guessed["curve"]) == pytest.approx(power_at_15(exact["curve"]), rel=0.15)
     before = sorted(log.path.parent.iterdir())
     for aircraft, field in (({}, "mass"), ({"mass": "3.84 kg", "span": "1.75 m"}, "wing-area")):
         with pytest.raises(FieldError) as refused:
@@ -92,17 +92,17 @@ def test_what_was_left_out_by_hand_is_repeated_by_the_command(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     log = opened(folder)
-    whole = log.curve(Values("flight.BIN", aircraft=AIRCRAFT))
-    start, end = whole["airborne"][0]
+    uncut = log.curve(Values("flight.BIN", aircraft=AIRCRAFT))
+    start, end = uncut["airborne"][0]
     middle = (start + end) / 2
     values = Values("flight.BIN", aircraft=AIRCRAFT, left_out=[(round(middle), round(middle) + 60.0)])
     cut = log.curve(values)
-    assert len(cut["airborne"]) == len(whole["airborne"]) + 1 and cut["curve"] != whole["curve"]
+    assert len(cut["airborne"]) == len(uncut["airborne"]) + 1 and cut["curve"] != uncut["curve"]
     assert not any(a < middle + 30 < b for a, b in cut["airborne"])
     command = log.write(values)["command"]
     results = json.loads((log.path.parent / "flight.report" / "results.json").read_text("utf-8"))
-    for name, drawn in cut["curve"].items():
-        assert drawn == pytest.approx(
+    for name, curve_values in cut["curve"].items():
+        assert curve_values == pytest.approx(
             [point[name] for point in results["curves"]["electrical_power"]["points"]], rel=1e-12
         )
     _, *words = shlex.split(command)
@@ -115,14 +115,14 @@ def test_what_was_left_out_by_hand_is_repeated_by_the_command(
         "mass": "3.84 kg", "wing-area": "0.464 m^2", "span": "1.75 m",
     }, "the next time its report says what was flown"  # fmt: skip
     assert reopened.shown["left_out"] == values.left_out, "and what was left out"
-    kept = log.path.parent / "flight.report" / "left_out.txt"
-    assert Options(leave_out=str(kept)).left_out_s == tuple(values.left_out)
+    left_out_file = log.path.parent / "flight.report" / "left_out.txt"
+    assert Options(leave_out=str(left_out_file)).left_out_s == tuple(values.left_out)
     log.write(msgspec.structs.replace(values, left_out=[], aircraft=AIRCRAFT | {"battery-Wh": "74"}))
     emptied = opened(Folder(folder.path, folder.workspace)).shown
-    assert (emptied["left_out"], Options(leave_out=str(kept)).left_out_s) == ([], ())
+    assert (emptied["left_out"], Options(leave_out=str(left_out_file)).left_out_s) == ([], ())
     assert emptied["remembered"]["battery-Wh"] == "74"
     for unusable in ("100000 to 200000 s", "soon"):
-        kept.write_text(unusable, "utf-8")
+        left_out_file.write_text(unusable, "utf-8")
         assert opened(Folder(folder.path, folder.workspace)).shown["left_out"] == []
 
 
@@ -161,8 +161,8 @@ def test_the_energy_of_the_battery_and_the_temperature_are_options_of_the_comman
 def test_any_channel_of_the_log_is_drawn_when_it_is_asked_for(log: WholeFlight) -> None:
     name = "vehicle_status.vehicle_type" if log.path.suffix == ".ulg" else "CTUN.ThO"
     assert name in log.channels and len(log.channels) > 20
-    drawn = titles(log.drawn(Values(log.path.name, channels=[name]))["strips"])
-    assert name in drawn and drawn[0] == "indicated airspeed, m/s"
+    strip_titles = titles(log.drawn(Values(log.path.name, channels=[name]))["strips"])
+    assert name in strip_titles and strip_titles[0] == "indicated airspeed, m/s"
     with pytest.raises(InputError, match="no such channel"):
         log.drawn(Values(log.path.name, channels=["CTUN.Thrust"]))
     with pytest.raises(InputError, match="drawn at most"):
@@ -173,8 +173,8 @@ def test_another_flight_is_compared_at_equal_weight_and_density(folder: Folder) 
     """At one lift coefficient speed goes with the root of weight over density."""
     log = opened(folder)
     flown = log.curve(Values("flight.BIN", aircraft=AIRCRAFT))
-    at = (2 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])
-    curve = log.curve(Values("flight.BIN", aircraft=AIRCRAFT, at=at))
+    weight_and_density = (2 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])
+    curve = log.curve(Values("flight.BIN", aircraft=AIRCRAFT, at=weight_and_density))
     factor = (2 / 0.9) ** 0.5
     assert curve["curve"]["speed_mps"] == pytest.approx(factor * np.array(flown["curve"]["speed_mps"]), rel=1e-9)
     assert curve["kind"] == flown["kind"] == "electrical_power"
@@ -212,8 +212,8 @@ def test_what_an_autopilot_says_is_drawn_as_text_alone() -> None:
     script = "<img src=x onerror=alert(1)>"
     t_s = np.arange(10.0)
     events = [Event(1.0, EventKind.MODE, script), Event(2.0, EventKind.MESSAGE, f'">{script}')]
-    drawn = strips([(t_s, t_s, Axis("height", "m"))], {script: Channel(t_s, t_s)}, events, 9.0)
-    assert "<img" not in drawn and drawn.count("&lt;img") >= 3
+    page_text = strips([(t_s, t_s, Axis("height", "m"))], {script: Channel(t_s, t_s)}, events, 9.0)
+    assert "<img" not in page_text and page_text.count("&lt;img") >= 3
     assert strips([], {}, [], 9.0) == ""
 
 
