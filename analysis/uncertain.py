@@ -52,9 +52,9 @@ class Uncertain:
 
     def at(self, rows: Sequence[int] | NDArray[np.intp]) -> "Uncertain":
         """Some of the values, by number."""
-        at = [int(row) for row in rows]
-        shared = {name: change[at] for name, change in self.shared.items()}
-        return Uncertain(self.value[at], self.own[np.ix_(at, at)], shared)
+        indices = [int(row) for row in rows]
+        shared = {name: change[indices] for name, change in self.shared.items()}
+        return Uncertain(self.value[indices], self.own[np.ix_(indices, indices)], shared)
 
     def minus(self, other: "Uncertain", cancel: bool) -> "Uncertain":
         """The difference; cancel: errors of one name are the same in both, and not drawn twice."""

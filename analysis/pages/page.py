@@ -49,7 +49,7 @@ def figures_by_name(
         "timeline": flight.timeline(analysis.table, analysis.maneuvers.maneuvers, results.rejected),
         "polar": power.drag_polar(analysis.drag.main.polar, analysis.drag.flown_CL, predicted),
     }
-    if any(run.power_required for run in results.one_by_one):
+    if any(run.power_required for run in results.single_runs):
         figures["one_by_one"] = power.run_by_run(results)
     if analysis.drag.main.fits:
         kinds = {run.name: run.kind for run in analysis.maneuvers.maneuvers}

@@ -795,11 +795,12 @@ class Results(WithCurves, frozen=True, kw_only=True):
     withheld: list[str] = []  # what is not known, and what it would take
     methods_tried: list[MethodTried] = []  # the best first, down to the one that gives the curve of drag
     methods: list[MethodResult] = []
-    one_by_one: list[MethodResult] = []  # each acceleration and deceleration alone, named by `title`
+    # From each acceleration and deceleration alone, named by `title`.
+    single_runs: list[MethodResult] = msgspec.field(default_factory=list, name="one_by_one")
     runs_against_others: list[RunAgainstOthers] = []
     # Gain of the log likelihood if the propeller folds beyond zero thrust, where it is taken to windmill, or the other
     # way around; absent where no run has such thrust.
-    other_blades: float | msgspec.UnsetType = msgspec.UNSET
+    folding_gain: float | msgspec.UnsetType = msgspec.field(default=msgspec.UNSET, name="other_blades")
     # By energy, where the curve is by it and both were flown.
     accelerations_against_decelerations: RunAgainstOthers | msgspec.UnsetType = msgspec.UNSET
     disagreements: list[DisagreementResult] = []

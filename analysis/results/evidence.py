@@ -80,7 +80,7 @@ def evidence_against(results: Results) -> list[Evidence]:
         *_failed_methods(results),
         *_counted_speed(results.pooling),
         *_motor_lag(results.pooling),
-        *_other_blades(results),
+        *_folding_or_windmilling(results),
         *_thrust(results.pooling),
         *_kinds_of_runs(results.accelerations_against_decelerations),
         *_motor_speed(results),
@@ -314,9 +314,9 @@ def _motor_lag(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
     )
 
 
-def _other_blades(results: Results) -> Iterator[Evidence]:
+def _folding_or_windmilling(results: Results) -> Iterator[Evidence]:
     """Where the propeller's other behavior beyond zero thrust fits the runs better, beyond doubt."""
-    gain, limit = results.other_blades, MOTOR_SPEED.least_errors**2 / 2
+    gain, limit = results.folding_gain, MOTOR_SPEED.least_errors**2 / 2
     if gain is msgspec.UNSET or gain <= limit:
         return
     yield Evidence(

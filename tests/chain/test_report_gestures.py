@@ -112,7 +112,7 @@ def test_a_run_is_shown_everywhere_from_the_table_a_band_or_the_track(report: Br
     assert report.value_of(SHOWN) == label, "with the keyboard"
     assert f"{label}, alone" in names(report)
     faded = "document.querySelectorAll('#fits figure.faded').length"
-    assert report.value_of(faded) == len(results.one_by_one) - 1
+    assert report.value_of(faded) == len(results.single_runs) - 1
     report.value_of("document.querySelector('#run-shown [data-do=close]').click()")
     assert report.value_of(SHOWN) == "" and report.value_of(faded) == 0
     middle = (run.start_s + run.end_s) / 2

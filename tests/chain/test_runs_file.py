@@ -53,7 +53,7 @@ def test_an_edited_file_of_runs_is_what_the_next_analysis_uses(flown: Path, edit
     (acceleration,) = (run for run in after.runs if run.kind == "acceleration")
     assert acceleration.start_s == pytest.approx(edited.shifted_to_s, abs=0.03)
     assert any(stretch.reason == "left out by hand" for stretch in after.rejected)
-    assert len(after.one_by_one) == len(before.one_by_one) - 1
+    assert len(after.single_runs) == len(before.single_runs) - 1
 
 
 def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, tmp_path: Path) -> None:

@@ -240,7 +240,7 @@ def run_by_run(results: Results) -> Figure:
         figure.add(band(V, ends, ALL_RUNS, 0.3, panel=panel, name=ALL_RUNS_NAME))
     figure.add(*curve_lines(results.power_required, ALL_RUNS_NAME, ALL_RUNS, width=5))
     kinds = (run.kind for run in results.runs if run.kind in LEVEL_RUNS)
-    for kind, run in zip(kinds, results.one_by_one, strict=True):
+    for kind, run in zip(kinds, results.single_runs, strict=True):
         if run.power_required:
             speeds, alone, _, _ = curve_arrays(run.power_required[::3])
             percent = 100 * (alone / np.interp(speeds, V, P, left=np.nan, right=np.nan) - 1)

@@ -219,10 +219,10 @@ def _x_ticks(x: Scale, *, labels: bool) -> Iterator[str]:
         line = '<line y2="100%"/>' if x.axis.grid else ""
         text = f'<svg y="100%">{_text(label, 0, 20, "middle")}</svg>' if labels else ""
         rare = " rare" if len(ticks) > 7 and i % 2 and x.axis.grid else ""
-        yield f'<svg class="tick x{_value_class(x)}{rare}" x="{100 * share:.2f}%">{line}{text}</svg>'
+        yield f'<svg class="tick x{_fixed_class(x)}{rare}" x="{100 * share:.2f}%">{line}{text}</svg>'
 
 
-def _value_class(scale: Scale) -> str:
+def _fixed_class(scale: Scale) -> str:
     """Attributes of ticks that stay as they are when the reader zooms."""
     return " given" if scale.axis.ticks is not None else ""
 

@@ -25,7 +25,7 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
     runs : None where they are to be found in the data     left_out : stretches of a whole flight [s], by hand
     aircraft : values of the form that were changed, by key, as typed
     propeller : the name of a shipped one; "" for that of the log
-    at : mass [kg] and air density [kg/m^3] of the curve, of another flight to compare with; None for those flown
+    other_condition : mass [kg] and air density [kg/m^3] for which the curve is drawn; None for those of the flight
     method : name of one whose curve is asked for beside that of the report; "" for none
     polar : name of a file with a predicted polar, to draw beside it; "" for none
     channels : names of further channels to draw over time
@@ -36,7 +36,7 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
     left_out: list[tuple[float, float]] = []
     aircraft: dict[str, str] = {}
     propeller: str = ""
-    at: tuple[float, float] | None = None
+    other_condition: tuple[float, float] | None = None
     method: str = ""
     polar: str = ""
     channels: list[str] = []

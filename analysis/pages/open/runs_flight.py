@@ -125,7 +125,7 @@ class RunsFlight(OpenedFlight):
         if main is None:
             drag = estimate(flight)
             main, flown_CL, headline = drag.main, drag.flown_CL, drag.ladder[-1]
-        condition = condition_at(flight.condition, values.at)
+        condition = condition_at(flight.condition, values.other_condition)
         curve = power_curve(main.polar, condition, flown_CL, (flight.rows_flown, flight.condition))
         points = curve.points()
         middle_mps = points[len(points) // 2].speed_mps

@@ -136,7 +136,7 @@ class WholeFlight(OpenedFlight):
         done = analyze(self.source, options)
         assert isinstance(done, WholeFlightAnalysis)
         estimate, flight = done.estimate, done.flight
-        curve = estimate.curve.at(condition_at(estimate.curve.condition, values.at))
+        curve = estimate.curve.at(condition_at(estimate.curve.condition, values.other_condition))
         points = curve.points()
         middle = len(points) // 2
         seconds = flight.table.index.to_numpy()
@@ -152,7 +152,7 @@ class WholeFlight(OpenedFlight):
             "sources_at_mps": points[middle].speed_mps,
             "track": msgspec.to_builtins(path),
             "figures": {
-                "curve": curve_chart(self.kind, points, estimate if values.at is None else None),
+                "curve": curve_chart(self.kind, points, estimate if values.other_condition is None else None),
                 "track": path and map_chart(path, stretches, wind),
             },
             "notes": list(done.results.warnings),

@@ -40,7 +40,7 @@ def _speeds(results: Results) -> Iterator[tuple[str, float, float]]:
     condition = results.standard
     standard = slowest_at(condition.weight_N, condition.air_density_kgpm3)
     yield from (("power_required_standard", p.speed_mps, standard) for p in results.power_required_standard)
-    for method in results.methods + results.one_by_one:
+    for method in results.methods + results.single_runs:
         yield from ((method.title, p.speed_mps, slowest) for p in method.power_required)
     yield from (("disagreements", disagreement.speed_mps, slowest) for disagreement in results.disagreements)
     use = results.use

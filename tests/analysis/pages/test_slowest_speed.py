@@ -61,7 +61,7 @@ def results_of(seed: int, template: Results, nexstar, propeller, performs: bool 
             largest_lift_coefficient=1.1 * flown_CL[1],
         ),
         methods=[method],
-        one_by_one=[method],
+        single_runs=[method],
         disagreements=[],
         use=performance,
     )

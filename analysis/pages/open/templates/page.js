@@ -276,7 +276,7 @@ async function compare(file) {
   const condition = [last.mass_kg, last.density_kgpm3];
   if (other && other.file === file && String(other.condition) === String(condition)) return;
   const aircraft = whole() ? Object.fromEntries(Object.entries(changed).filter(([key]) => key in flight.needed)) : {};
-  const found = await ask("curve", {file, at: condition, aircraft});
+  const found = await ask("curve", {file, other_condition: condition, aircraft});
   if (found.kind !== last.kind) throw new Error(`${file} gives ${found.kind}, this flight ${last.kind}: they are not compared`.replaceAll("_", " "));
   other = {file, condition, curve: found.curve};
 }

@@ -114,14 +114,14 @@ def test_the_page_s_curve_is_that_of_the_files_and_of_the_command_that_it_shows(
 def test_another_weight_and_density_keep_the_polar(log: RunsFlight) -> None:
     """At one lift coefficient, speed goes with the root of weight over density, and power with weight times speed."""
     flown = log.curve(Values("log.mcap"))
-    curve = log.curve(Values("log.mcap", at=(1.3 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])))
+    curve = log.curve(Values("log.mcap", other_condition=(1.3 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])))
     faster = (1.3 / 0.9) ** 0.5
     for name, factor in (("speed_mps", faster), ("power_W", 1.3 * faster), ("power_hi_W", 1.3 * faster)):
         assert curve["curve"][name] == pytest.approx(factor * np.array(flown["curve"][name]), rel=1e-9)
     assert curve["mass_kg"] == pytest.approx(1.3 * flown["mass_kg"])
     for nothing in ((-1.0, 1.2), (3.0, 0.0), (np.nan, 1.2)):
         with pytest.raises(InputError):
-            log.curve(Values("log.mcap", at=nothing))
+            log.curve(Values("log.mcap", other_condition=nothing))
 
 
 def test_two_flights_stay_in_memory_to_be_compared(opened: Folder, flown: bytes) -> None:
@@ -156,7 +156,7 @@ def test_other_runs_keep_the_trajectory_and_other_values_do_not(
     assert heavier["mass_kg"] == pytest.approx(4.5)
     assert np.mean(heavier["curve"]["power_W"]) > np.mean(after["curve"]["power_W"])
     assert new_log.curve(Values("log.mcap")) is before
-    new_log.curve(Values("log.mcap", at=(4.0, 1.2)))
+    new_log.curve(Values("log.mcap", other_condition=(4.0, 1.2)))
     assert computed == ["synchronized", "flight_path"] * 2, "as recorded stays"
 
 
@@ -193,7 +193,7 @@ def test_what_is_drawn_beside_the_curve_is_in_the_command_and_in_the_report(
 def test_the_last_curves_are_kept(new_log: OpenedFlight, monkeypatch: pytest.MonkeyPatch) -> None:
     computed: list[Values] = []
     monkeypatch.setattr(RunsFlight, "_curve", lambda _, values: computed.append(values) or {})
-    requests = [Values("log.mcap", at=(4.0, 1 + k / 100)) for k in range(LIMITS.curves + 1)]
+    requests = [Values("log.mcap", other_condition=(4.0, 1 + k / 100)) for k in range(LIMITS.curves + 1)]
     for values in [*requests, *requests[1:]]:
         new_log.curve(values)
     assert computed == requests

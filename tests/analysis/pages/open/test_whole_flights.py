@@ -174,7 +174,7 @@ def test_another_flight_is_compared_at_equal_weight_and_density(folder: Folder) 
     log = opened(folder)
     flown = log.curve(Values("flight.BIN", aircraft=AIRCRAFT))
     weight_and_density = (2 * flown["mass_kg"], 0.9 * flown["density_kgpm3"])
-    curve = log.curve(Values("flight.BIN", aircraft=AIRCRAFT, at=weight_and_density))
+    curve = log.curve(Values("flight.BIN", aircraft=AIRCRAFT, other_condition=weight_and_density))
     factor = (2 / 0.9) ** 0.5
     assert curve["curve"]["speed_mps"] == pytest.approx(factor * np.array(flown["curve"]["speed_mps"]), rel=1e-9)
     assert curve["kind"] == flown["kind"] == "electrical_power"
