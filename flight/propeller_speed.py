@@ -75,16 +75,16 @@ def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
     low, n = np.broadcast_arrays(low, high)
     at_n, before, at_before = excess(n), low, excess(low)
     high, was_above, was_below = n, at_n > 0, at_before <= 0
-    found = ~was_above
+    reached = ~was_above
     for step in range(60):
         with np.errstate(invalid="ignore", divide="ignore"):
             secant = n - at_n * (n - before) / (at_n - at_before)
-        found = found | (at_n == 0)
+        reached = reached | (at_n == 0)
         inside = (secant >= low) & (secant <= high) & (step < 20)
-        after = np.where(found, n, np.where(inside, secant, (low + high) / 2))
-        found = found | (np.abs(after - n) <= 1e-9 * n)  # at a corner of the function the error is some steps
+        after = np.where(reached, n, np.where(inside, secant, (low + high) / 2))
+        reached = reached | (np.abs(after - n) <= 1e-9 * n)  # at a corner of the function the error is some steps
         before, at_before, n = n, at_n, after
-        if found.all():
+        if reached.all():
             break
         at_n = excess(n)
         above = at_n > 0

@@ -185,7 +185,10 @@ def _nodes_at(model: PerformanceModel, conditions: Sequence[Condition]) -> list[
     full: Sequence[FullThrottlePerformance | None] = [None] * len(conditions)
     if _throttle(model):
         full = full_throttle_performances(model, conditions, GRID.speeds)
-    return [_node(*at) for at in zip(flights, full, [condition.weight_N for condition in conditions], strict=True)]
+    return [
+        _node(*arguments)
+        for arguments in zip(flights, full, [condition.weight_N for condition in conditions], strict=True)
+    ]
 
 
 def _node(flight: LevelFlight, full: FullThrottlePerformance | None, weight_N: float) -> Json:

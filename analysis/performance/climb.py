@@ -123,16 +123,16 @@ def _last_crossings(x: Array, y: Array) -> Array:
     difference of y over the slope there. NaN where the estimate itself does not cross.
     """
     falls = (y[:, :-1] > 0) & (y[:, 1:] <= 0)
-    crosses, at = np.asarray(falls.any(axis=1)), np.arange(len(y))
+    crosses, rows = np.asarray(falls.any(axis=1)), np.arange(len(y))
     last = falls.shape[1] - 1 - np.argmax(falls[:, ::-1], axis=1)
-    above, below = y[at, last], y[at, last + 1]
+    above, below = y[rows, last], y[rows, last + 1]
     share = np.divide(above, above - below, out=np.full(len(y), np.nan), where=crosses)
     crossings = x[last] + (x[last + 1] - x[last]) * share
     if crosses[0] and not crosses.all():
         i = last[0]
         slope = (y[0, i + 1] - y[0, i]) / (x[i + 1] - x[i])
-        there = y[:, i] + share[0] * (y[:, i + 1] - y[:, i])
-        crossings = np.where(crosses, crossings, crossings[0] - there / slope)
+        y_there = y[:, i] + share[0] * (y[:, i + 1] - y[:, i])
+        crossings = np.where(crosses, crossings, crossings[0] - y_there / slope)
     return np.asarray(crossings)
 
 

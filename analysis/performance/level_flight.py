@@ -246,11 +246,11 @@ def _maxima(x: Array, y: Array) -> tuple[Array, Array]:
 
     Each by a parabola through the highest point and its neighbors, where it has both.
     """
-    at = np.arange(len(y))
+    rows = np.arange(len(y))
     highest = np.argmax(np.where(np.isnan(y), -np.inf, y), axis=1)
-    place, height = np.where(np.isnan(y).all(axis=1), np.nan, x[highest]), y[at, highest]
+    place, height = np.where(np.isnan(y).all(axis=1), np.nan, x[highest]), y[rows, highest]
     middle = np.clip(highest, 1, len(x) - 2)
-    before, after = y[at, middle - 1] - height, y[at, middle + 1] - height
+    before, after = y[rows, middle - 1] - height, y[rows, middle + 1] - height
     bend = before + after
     curved = (middle == highest) & (bend < 0) & np.isfinite(bend)
     shift = np.divide(before - after, 2 * bend, out=np.zeros(len(y)), where=curved)

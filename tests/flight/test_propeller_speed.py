@@ -13,12 +13,12 @@ RHO = 1.2
 
 
 class Counted(Propeller):
-    """A propeller that counts how often it is asked."""
+    """A propeller that counts its calls."""
 
-    asked = 0
+    calls = 0
 
     def thrust_and_power(self, V: Number, n: Number, rho: Number) -> tuple[Number, Number]:
-        self.asked += 1
+        self.calls += 1
         return super().thrust_and_power(V, n, rho)
 
 
@@ -48,8 +48,8 @@ def test_the_speed_of_rotation_at_full_throttle_balances_the_motor(propeller: Co
     V, n = turning(propeller)
     _, shaft_W = propeller.thrust_and_power(V, n, RHO)
     unloaded_revps = n + 30.0 * shaft_W / (2 * np.pi * n)
-    found = full_throttle_revps(propeller, V, RHO, unloaded_revps=unloaded_revps, revps_per_Nm=30.0)
-    assert found == pytest.approx(n, rel=1e-8)
+    revps = full_throttle_revps(propeller, V, RHO, unloaded_revps=unloaded_revps, revps_per_Nm=30.0)
+    assert revps == pytest.approx(n, rel=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -61,9 +61,9 @@ def test_the_speed_of_rotation_at_full_throttle_balances_the_motor(propeller: Co
     ids=["thrust", "full throttle"],
 )
 def test_a_dozen_evaluations_do(propeller: Counted, solved: Callable[[Propeller, np.ndarray], np.ndarray]) -> None:
-    """For 400 speeds at once, of which the slowest to be found decides: bisection takes 30 for as many digits."""
+    """For 400 speeds at once, of which the slowest to be revps decides: bisection takes 30 for as many digits."""
     n = solved(propeller, np.linspace(1.0, 25.0, 400))
-    assert np.isfinite(n).all() and propeller.asked <= 12
+    assert np.isfinite(n).all() and propeller.calls <= 12
 
 
 def test_a_thrust_that_does_not_change_with_rotation_has_no_speed_of_rotation(propeller: Counted) -> None:

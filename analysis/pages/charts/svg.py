@@ -188,8 +188,8 @@ def _panel(figure: Figure, number: int, x: Scale, y: Scale) -> Iterator[str]:
     yield from _x_ticks(x, labels=last)
     for share, label in y.ticks(6):
         line = '<line x2="100%"/>' if y.axis.grid else ""
-        text = _text(label, -8, 5, "end")
-        yield f'<svg class="tick y{_value_class(y)}" y="{100 * (1 - share):.2f}%">{line}{text}</svg>'
+        place = f'class="tick y{_fixed_class(y)}" y="{100 * (1 - share):.2f}%"'
+        yield f"<svg {place}>{line}{_text(label, -8, 5, 'end')}</svg>"
     yield f'<svg class="drawn" viewBox="0 0 {UNITS} {UNITS}" preserveAspectRatio="none">'
     yield from (_shade(shade, x) for shade in figure.shades)
     if number in figure.zero_lines:

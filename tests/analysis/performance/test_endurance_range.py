@@ -59,7 +59,7 @@ def test_a_best_speed_outside_the_table_is_marked() -> None:
 
 
 def test_the_maximum_of_a_parabola_is_exact_between_points() -> None:
-    """Of each row by itself; at an end, or beside a point that is not known, it is the highest point."""
+    """Each row has its own; at an end, or beside a point that is not known, it is the highest point."""
     x = np.arange(4.0)
     beside_unknown = np.array([np.nan, 4.0, 3.0, np.nan])
     rows = np.array([5 - (x - 1.3) ** 2, 5 - (x - 2.2) ** 2 / 4, x, beside_unknown, np.full(4, np.nan)])

@@ -68,9 +68,9 @@ def complete(tmp_path_factory: pytest.TempPathFactory) -> Reconstructed:
 
 
 def test_a_log_without_battery_says_so(complete: Reconstructed) -> None:
-    whole = whole_flight(replace(complete, log=Log(Path("log.mcap"), {})))
-    assert whole.electrical is None and whole.method.polar is None
-    assert whole.method.notes == ("the log has no voltage and current",)
+    energy = whole_flight(replace(complete, log=Log(Path("log.mcap"), {})))
+    assert energy.electrical is None and energy.method.polar is None
+    assert energy.method.notes == ("the log has no voltage and current",)
 
 
 def test_without_sensor_errors_electrical_power_does_not_lean(complete: Reconstructed) -> None:
@@ -102,9 +102,9 @@ def test_the_dynamic_pressure_of_a_complete_log_is_that_of_the_calibrated_probe(
 
 def test_a_path_as_measured_leaves_the_airspeed_to_gps(complete: Reconstructed) -> None:
     trajectory = complete.trajectory
-    known = airspeed_by_trajectory(trajectory, 0.7)
-    assert known is not None
-    assert known.scale == trajectory.value("V_scale") and 0 < known.scale_variance < known.prior_sigma**2
+    airspeed = airspeed_by_trajectory(trajectory, 0.7)
+    assert airspeed is not None
+    assert airspeed.scale == trajectory.value("V_scale") and 0 < airspeed.scale_variance < airspeed.prior_sigma**2
     assert airspeed_by_trajectory(replace(trajectory, as_measured=True), 0.7) is None
 
 
