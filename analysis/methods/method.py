@@ -1,26 +1,29 @@
 """What all methods have in common: what a method is, how it is applied, and what it estimates.
 
-A method turns a table (of `method_inputs.input_table`) and runs into a linear regression for the drag polar. Solving
+A method turns a table (of `input_tables`) and runs into a linear regression for the drag polar. Solving
 it and propagating noise, sensor errors and trajectory errors are the same for all methods.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from flightpower.analysis.curve import Polar
 from flightpower.analysis.maneuvers.kinds import Maneuver
 from flightpower.analysis.methods import consider as covariance
 from flightpower.analysis.methods.causes import CAUSES, ErrorEstimate, error_prior_sigma
 from flightpower.analysis.methods.forces import FlightForces
-from flightpower.analysis.methods.regression import PolarRegression
+from flightpower.analysis.methods.regression import PolarRegression, Table, Tables, columns_of, rows_of
 from flightpower.analysis.methods.settings import REGRESSION
 from flightpower.analysis.methods.thrust_prior import J_REFERENCE
 from flightpower.analysis.records.flight import Cause
 from flightpower.analysis.settings import FLOWN
+from flightpower.analysis.sources.grid import rows_within
 from flightpower.analysis.sources.grid_settings import STATISTICS
 from flightpower.analysis.trajectory import dryden
 from flightpower.analysis.trajectory.dryden import GaussMarkov
@@ -31,34 +34,37 @@ from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2 as g
 
+MEASURED = ("alpha_rad", "V_mps", "height_m", "static_Pa", "temperature_K", "propeller_covered")  # means of blocks
+ALONG = ("V", "alpha", "gamma", "climb", "bank", "Vdot", "rho", "J")  # as the forces have them
+
 
 @dataclass(frozen=True)
 class MethodInputs:
-    """The runs of one flight and the tables (of `input_table`) that methods are applied to.
+    """The runs of one flight and the tables (of `input_tables`) that methods are applied to, in their rows.
 
-    nominal : along the trajectory, nothing corrected
-    trajectory_deviations : along the trajectory perturbed by each independent error of one standard deviation
-    error_deviations : with each error of `error_prior_sigma` removed, as if it were one standard deviation
-    cause_corrected : with the estimated errors of each of CAUSES removed
+    tables : first along the trajectory, nothing corrected; then along the trajectory perturbed by each independent
+    error of one standard deviation; then with each of `errors` removed, as if it were one standard deviation; then with
+    the estimated errors of each of `causes` removed
+    errors : names of `error_prior_sigma`
     """
 
     aircraft: Aircraft
     runs: list[Maneuver]
-    nominal: pd.DataFrame
-    trajectory_deviations: list[pd.DataFrame]
-    error_deviations: dict[str, pd.DataFrame]
-    cause_corrected: dict[str, pd.DataFrame]
+    tables: Tables
+    errors: tuple[str, ...]
+    causes: tuple[Cause, ...] = tuple(CAUSES)
+
+    @cached_property
+    def nominal(self) -> Tables:
+        """The table along the trajectory alone."""
+        return self.tables.first()
 
 
 def method_inputs(
     flight_forces: FlightForces, trajectory: Trajectory, runs: list[Maneuver], errors: Mapping[str, ErrorEstimate]
 ) -> MethodInputs:
     """The tables of one flight. errors: from `estimate_errors`."""
-    states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors
-    perturbed = [
-        (flight_forces.forces(states + trajectory.state_sensitivity @ error, sensor_errors + error), error)
-        for error in np.linalg.cholesky(trajectory.covariance).T
-    ]
+    rows = np.flatnonzero(rows_within(flight_forces.t_s, [(run.start_s, run.end_s) for run in runs]))
     sigmas = error_prior_sigma(flight_forces.aircraft.uncertainty)
     flying = np.isfinite(flight_forces.block_means["V_mps"])
     height_m, V = (float(np.nanmedian(flight_forces.block_means[name][flying])) for name in ("height_m", "V_mps"))
@@ -66,32 +72,62 @@ def method_inputs(
         dryden.vertical(trajectory.gust_mps, height_m, V / trajectory.gust_length).as_gauss_markov(),
         dryden.longitudinal(trajectory.gust_mps, height_m, V / trajectory.gust_length),
     )
-
-    def corrected(removed: Mapping[str, float]) -> pd.DataFrame:
-        return input_table(flight_forces, flight_forces.nominal, sensor_errors, removed, gusts)
-
-    return MethodInputs(
-        flight_forces.aircraft,
-        runs,
-        corrected({}),
-        [input_table(flight_forces, forces, sensor_errors + error, {}, gusts) for forces, error in perturbed],
-        {name: corrected({name: sigma}) for name, sigma in sigmas.items()},
-        {cause: corrected({name: errors[name].value for name in names}) for cause, names in CAUSES.items()},
-    )
+    removed: list[Mapping[str, float]] = [{name: sigma} for name, sigma in sigmas.items()]
+    removed += [{name: errors[name].value for name in names} for names in CAUSES.values()]
+    perturbed = np.linalg.cholesky(trajectory.covariance).T
+    along = [
+        path_along(flight_forces, flight_forces.nominal, trajectory.sensor_errors, rows),
+        *(_perturbed_path(flight_forces, trajectory, error, rows) for error in perturbed),
+    ]
+    along += [along[0]] * len(removed)
+    tables = input_tables(flight_forces, along, [{}] * (1 + len(perturbed)) + removed, gusts)
+    return MethodInputs(flight_forces.aircraft, runs, tables, tuple(sigmas))
 
 
-def input_table(
+class PathAlong(NamedTuple):
+    """What methods take from a trajectory, in some rows of the flight's blocks.
+
+    rows : (n,)     forces : columns (n,) of `FlightForces.forces` by name, with alpha_dot [rad/s], and the specific
+    force ax, az [m/s^2] less the accelerometers' errors     sensor_errors : by name
+    """
+
+    rows: NDArray[np.intp]
+    forces: Mapping[str, Array]
+    sensor_errors: Mapping[str, float]
+
+
+def path_along(
+    flight_forces: FlightForces, forces: pd.DataFrame, sensor_errors: Array, rows: NDArray[np.intp]
+) -> PathAlong:
+    """The path with these forces (of `FlightForces.forces`) and sensor errors (len(SENSOR_ERRORS),)."""
+    ax, az = flight_forces.corrected_force(NamedArrays(SENSOR_ERRORS, sensor_errors))
+    columns = {name: forces[name].to_numpy() for name in (*ALONG, "theta", "n")}
+    columns |= {"ax": ax, "az": az, "alpha_dot": np.gradient(columns["alpha"], flight_forces.t_s)}
+    errors = dict(zip(SENSOR_ERRORS, sensor_errors.tolist(), strict=True))
+    return PathAlong(rows, {name: column[rows] for name, column in columns.items()}, errors)
+
+
+def _perturbed_path(
+    flight_forces: FlightForces, trajectory: Trajectory, error: Array, rows: NDArray[np.intp]
+) -> PathAlong:
+    """The path with errors of the sensors added that the trajectory might have."""
+    states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors + error
+    moved = trajectory.state_sensitivity.reshape(-1, len(error)) @ error
+    forces = flight_forces.forces(states + moved.reshape(states.shape), sensor_errors)
+    return path_along(flight_forces, forces, sensor_errors, rows)
+
+
+def input_tables(
     flight_forces: FlightForces,
-    f: pd.DataFrame,
-    sensor_errors: Array,
-    removed: Mapping[str, float],
+    along: Sequence[PathAlong],
+    removed: Sequence[Mapping[str, float]],
     gusts: tuple[GaussMarkov, GaussMarkov],
-) -> pd.DataFrame:
-    """The data that methods work on, one row per block, with the errors `removed` subtracted from measured quantities.
+) -> Tables:
+    """The data that methods work on, a table for each of the k paths, with errors subtracted from measured quantities.
 
-    f: of `FlightForces.forces`, along a trajectory with sensor errors (len(SENSOR_ERRORS),). From it V, alpha, gamma,
-    climb, bank, Vdot, rho, J; specific force ax, az [m/s^2]; qS_over_m_mps2; thrust_x_over_m_mps2, the thrust of the
-    table along body x.
+    removed : of each table, the errors that are subtracted; names of `error_prior_sigma`. It has
+    V, alpha, gamma, climb, bank, Vdot, rho, J; specific force ax, az [m/s^2]; qS_over_m_mps2; thrust_x_over_m_mps2, the
+    thrust of the table along body x.
     As measured: alpha_measured [rad]; theta_measured [rad], pitch attitude leveled by the accelerometer;
     height_measured [m]; V_measured [m/s], with the qS_over_m and thrust_x_over_m computed from it; static_Pa [Pa],
     temperature_K [K]. lagged: airspeed as measured with its estimated scale error corrected, so that only the error by
@@ -101,21 +137,19 @@ def input_table(
     (gust_along_mps, gust_along_s), the same in all rows. gusts: these two.
     """
     vertical_gust, longitudinal_gust = gusts
-    e = {name: removed.get(name, 0.0) for names in CAUSES.values() for name in names}
-    errors = dict(zip(SENSOR_ERRORS, sensor_errors, strict=True))
-    ax, az = flight_forces.corrected_force(NamedArrays(SENSOR_ERRORS, sensor_errors))
-    mean, m = flight_forces.block_means, flight_forces.aircraft.mass_kg
-    V, alpha, theta, Vdot = (f[name].to_numpy() for name in ("V", "alpha", "theta", "Vdot"))
-    rho, climb = f["rho"].to_numpy(), f["climb"].to_numpy()
+    rows, names = along[0].rows, [name for names in CAUSES.values() for name in names]
+    e = {name: np.array([[of_table.get(name, 0.0)] for of_table in removed]) for name in names}
+    errors = {name: np.array([[path.sensor_errors[name]] for path in along]) for name in ("V_scale", "ax_bias")}
+    f = {name: np.stack([path.forces[name] for path in along]) for name in along[0].forces}
+    mean = {name: flight_forces.block_means[name][rows] for name in MEASURED}
+    m, S = flight_forces.aircraft.mass_kg, flight_forces.aircraft.geometry.wing_area_m2
+    V, alpha, theta, Vdot, rho, n = (f[name] for name in ("V", "alpha", "theta", "Vdot", "rho", "n"))
     # Flow angles are pressures over dynamic pressure: the estimated airspeed scale corrects them too.
     alpha_measured = mean["alpha_rad"] + 2 * errors["V_scale"] * alpha
-    alpha_measured = (
-        alpha_measured - e["alpha_bias"] - e["alpha_scale"] * alpha + e["lag"] * np.gradient(alpha, flight_forces.t_s)
-    )
+    alpha_measured = alpha_measured - e["alpha_bias"] - e["alpha_scale"] * alpha + e["lag"] * f["alpha_dot"]
     V_measured = mean["V_mps"] / (1 + e["airspeed_scale"]) + e["lag"] * Vdot
     V_lagged = mean["V_mps"] / (1 + errors["V_scale"]) + e["lag"] * Vdot
     tilt = errors["ax_bias"] / g - e["pitch"]
-    n, S = f["n"].to_numpy(), flight_forces.aircraft.geometry.wing_area_m2
 
     def qS_over_m(V: Array) -> Array:
         return np.asarray(rho * V**2 / 2 * S / m)
@@ -126,14 +160,14 @@ def input_table(
         return np.asarray(table_N * (1 + e["thrust_scale"] + e["thrust_slope"] * (J - J_REFERENCE)) / m)
 
     columns = {
-        **{name: f[name].to_numpy() for name in ("V", "alpha", "gamma", "climb", "bank", "Vdot", "rho", "J")},
-        "ax": ax + flight_forces.cov_az_alpha,  # without the push by gusts
-        "az": az,
+        **{name: f[name] for name in ALONG},
+        "ax": f["ax"] + flight_forces.cov_az_alpha[rows],  # without the push by gusts
+        "az": f["az"],
         "qS_over_m_mps2": qS_over_m(V),
         "thrust_x_over_m_mps2": thrust_over_m(V),
         "alpha_measured": alpha_measured,
         "theta_measured": theta + tilt / np.cos(theta),
-        "height_measured": mean["height_m"] + e["lag"] * climb,
+        "height_measured": mean["height_m"] + e["lag"] * f["climb"],
         "V_measured": V_measured,
         "qS_over_m_measured_mps2": qS_over_m(V_measured),
         "thrust_x_over_m_measured_mps2": thrust_over_m(V_measured),
@@ -142,12 +176,12 @@ def input_table(
         "static_Pa": mean["static_Pa"],
         "temperature_K": mean["temperature_K"],
         "covered": mean["propeller_covered"],
-        "gust_mps": vertical_gust.sigma_mps,
-        "gust_s": vertical_gust.time_s,
-        "gust_along_mps": longitudinal_gust.sigma_mps,
-        "gust_along_s": longitudinal_gust.time_s,
+        "gust_mps": np.full(len(rows), vertical_gust.sigma_mps),
+        "gust_s": np.full(len(rows), vertical_gust.time_s),
+        "gust_along_mps": np.full(len(rows), longitudinal_gust.sigma_mps),
+        "gust_along_s": np.full(len(rows), longitudinal_gust.time_s),
     }
-    return pd.DataFrame(columns, index=f.index)
+    return Tables(flight_forces.t_s[rows], columns)
 
 
 class SteadyPoint(NamedTuple):
@@ -183,8 +217,8 @@ class Method(MethodDescription):
     two_term : its form lacks CL_minD
     """
 
-    regression: Callable[[pd.DataFrame, list[Maneuver], Aircraft], PolarRegression]
-    points: Callable[[pd.DataFrame, list[Maneuver], Aircraft], list[SteadyPoint]] | None = None
+    regression: Callable[[Table, list[Maneuver], Aircraft], PolarRegression]
+    points: Callable[[Table, list[Maneuver], Aircraft], list[SteadyPoint]] | None = None
     two_term: bool = False
 
 
@@ -230,25 +264,23 @@ def not_flown(method: MethodDescription) -> MethodEstimate:
 
 
 def _estimate(method: Method, inputs: MethodInputs, runs: list[Maneuver]) -> MethodEstimate:
-    def coefficients(table: pd.DataFrame) -> Array:
-        return method.regression(table, runs, inputs.aircraft).coefficients()
-
     regression = method.regression(inputs.nominal, runs, inputs.aircraft)
     A, noise = regression.coefficients(), regression.noise_covariance()
-    deviations = np.stack([coefficients(table) - A for table in inputs.trajectory_deviations], axis=1)
+    changes = method.regression(inputs.tables, runs, inputs.aircraft).coefficients() - A
+    of_error, of_cause = len(changes) - len(inputs.errors) - len(inputs.causes), len(changes) - len(inputs.causes)
+    deviations = changes[1:of_error].T
     sigma = error_prior_sigma(inputs.aircraft.uncertainty)
-    sensitivities = {
-        name: (coefficients(inputs.error_deviations[name]) - A) / sigma[name] for name in method.taken_as_measured
-    }
+    by_error = dict(zip(inputs.errors, changes[of_error:of_cause], strict=True))
+    sensitivities = {name: by_error[name] / sigma[name] for name in method.taken_as_measured}
     systematic = deviations @ deviations.T
     systematic = systematic + sum(_outer(s * sigma[name]) for name, s in sensitivities.items())
     systematic = systematic + covariance.floor()
     if method.two_term:
         systematic += _missing_term(regression.CL, A)
     cause_effects = {
-        cause: A - coefficients(inputs.cause_corrected[cause])
-        for cause, names in CAUSES.items()
-        if set(names) & set(method.taken_as_measured)
+        cause: -change
+        for cause, change in zip(inputs.causes, changes[of_cause:], strict=True)
+        if set(CAUSES[cause]) & set(method.taken_as_measured)
     }
     points = method.points(inputs.nominal, runs, inputs.aircraft) if method.points else []
     CL = regression.CL
@@ -283,13 +315,13 @@ def _missing_term(CL: Array, A: Array) -> Array:
     return _outer(np.array([A0, -A1, A2]))
 
 
-def _notes(A: Array, table: pd.DataFrame, runs: list[Maneuver]) -> tuple[str, ...]:
+def _notes(A: Array, table: Table, runs: list[Maneuver]) -> tuple[str, ...]:
     notes = []
     _, _, A2 = A
     if A2 <= 0:
         notes.append("the drag polar curves downward in this fit: the range of lift coefficients flown is too narrow")
-    covered = pd.concat([table.loc[run.start_s : run.end_s, "covered"] for run in runs])
-    outside = 1 - float(covered.mean())
+    t_s, (covered,) = columns_of(table, ["covered"])
+    outside = 1 - float(np.nanmean(np.concatenate([covered[rows_of(t_s, run)] for run in runs])))
     if outside > STATISTICS.unmentioned_share:
         notes.append(f"{100 * outside:.0f} % of its data lie outside the propeller table")
     return tuple(notes)

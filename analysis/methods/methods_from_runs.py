@@ -18,12 +18,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
-import pandas as pd
 
 from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
 from flightpower.analysis.methods.causes import CAUSES
 from flightpower.analysis.methods.method import Method
-from flightpower.analysis.methods.regression import RunRegression, TimeSeriesRegression, run_data
+from flightpower.analysis.methods.regression import RunRegression, Table, TimeSeriesRegression, columns_of, run_data
 from flightpower.analysis.records.flight import Cause
 from flightpower.analysis.trajectory.settings import SHOWN
 from flightpower.flight.aircraft import Aircraft
@@ -74,13 +73,13 @@ def _direct_method(
 ) -> Method:
     """A regression of drag on lift, with the propeller table as it is. taken_as_measured: other errors than its own."""
 
-    def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
+    def regression(table: Table, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
         regressions = []
         for run, t, data in run_data(table, runs, tuple(columns.values())):
             f = {quantity: data[column] for quantity, column in columns.items()}
             drag, lift = drag_and_lift(f)
             CL = lift / f["qS_over_m"]
-            X = f["qS_over_m"][:, None] * CL[:, None] ** np.arange(3)
+            X = np.stack([f["qS_over_m"], lift, lift * CL], axis=-1)
             regressions.append(RunRegression(run.name, t, X, drag, CL))
         return TimeSeriesRegression(regressions)
 
@@ -117,9 +116,9 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
+def regression(table: Table, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
     """Work of drag since the start of a run on the integrals of qS V, qS V CL, qS V CL^2, all over mass."""
-    if table["gust_mps"].iloc[0] > SHOWN.turbulent_mps:
+    if _constant(table, "gust_mps") > SHOWN.turbulent_mps:
         raise InputError("too turbulent for the energy method: gusts change the speed as slowly as the run does")
     regressions = []
     for run, t, data in run_data(table, runs, COLUMNS):
@@ -127,14 +126,14 @@ def regression(table: pd.DataFrame, runs: list[Maneuver], _: Aircraft) -> TimeSe
         CL = (g / np.cos(bank) - thrust_over_m * np.sin(alpha)) / qS_over_m  # level: n_z = 1 (2.19)
         energy = V**2 / 2 + g * height  # (2.23)
         work = _integral(thrust_over_m * np.cos(alpha) * V, t) - energy
-        X = np.stack([_integral(qS_over_m * V * CL**i, t) for i in range(3)], axis=1)
+        X = np.stack([_integral(qS_over_m * V * CL**i, t) for i in range(3)], axis=-1)
         # The energy at the start is not known better than at any other instant: only differences count.
-        gusts = partial(_work_of_gusts, table, t, V)
-        regressions.append(RunRegression(run.name, t, X - X.mean(axis=0), work - work.mean(), CL, gusts))
+        X, work = X - X.mean(axis=-2, keepdims=True), work - work.mean(axis=-1, keepdims=True)
+        regressions.append(RunRegression(run.name, t, X, work, CL, partial(_work_of_gusts, table, t, V)))
     return TimeSeriesRegression(regressions)
 
 
-def _work_of_gusts(table: pd.DataFrame, t: Array, V: Array) -> Array:
+def _work_of_gusts(table: Table, t: Array, V: Array) -> Array:
     """Covariance (n, n) of the work that gusts add over a run, about its mean [(m^2/s^2)^2].
 
     Air rising at w adds g w per second; a gust u along the flight path adds V times its change.
@@ -147,14 +146,22 @@ def _work_of_gusts(table: pd.DataFrame, t: Array, V: Array) -> Array:
     return by_vertical @ vertical @ by_vertical.T + by_along @ along @ by_along.T
 
 
-def _gust_covariance(table: pd.DataFrame, name: str, apart_s: Array) -> Array:
+def _constant(table: Table, name: str) -> float:
+    """A column that is the same in all rows."""
+    _, (column,) = columns_of(table, [name])
+    return float(column.flat[0])
+
+
+def _gust_covariance(table: Table, name: str, apart_s: Array) -> Array:
     """Covariance [m^2/s^2] of first-order gusts at instants apart_s (n, n) from each other."""
-    sigma_mps, time_s = (float(table[f"{name}_{unit}"].iloc[0]) for unit in ("mps", "s"))
+    sigma_mps, time_s = (_constant(table, f"{name}_{unit}") for unit in ("mps", "s"))
     return np.asarray(sigma_mps**2 * np.exp(-apart_s / time_s))
 
 
 def _integral(rate: Array, t: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(np.diff(t) * (rate[1:] + rate[:-1]) / 2)])
+    """The integral (…, n) since the first of the times t (n,), by the trapezoidal rule."""
+    steps = np.diff(t) * (rate[..., 1:] + rate[..., :-1]) / 2
+    return np.concatenate([np.zeros((*rate.shape[:-1], 1)), np.cumsum(steps, axis=-1)], axis=-1)
 
 
 ENERGY = Method(

@@ -1,6 +1,6 @@
 """Linear least squares for a drag polar (2.18), from time series or from steady points, and its covariance by noise."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -19,28 +19,73 @@ from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 
 
+@dataclass(frozen=True)
+class Tables:
+    """Tables of the same rows, of one flight analyzed with one error after the other: times t_s (n,) and columns.
+
+    columns : by name, (k, n) of k tables, or (n,) where all have the same
+    """
+
+    t_s: Array
+    columns: Mapping[str, Array]
+
+    def first(self) -> "Tables":
+        """The first table alone, with columns (n,)."""
+        return Tables(self.t_s, {name: column.reshape(-1, len(self.t_s))[0] for name, column in self.columns.items()})
+
+
+Table = pd.DataFrame | Tables
+
+
+def columns_of(table: Table, names: Sequence[str]) -> tuple[Array, list[Array]]:
+    """Times (n,) [s], and the columns with these names."""
+    if isinstance(table, Tables):
+        return table.t_s, [table.columns[name] for name in names]
+    return table.index.to_numpy(), [table[name].to_numpy() for name in names]
+
+
+def rows_of(t_s: Array, run: Maneuver) -> slice:
+    """The rows of a run in a table with the times t_s (n,)."""
+    return slice(*np.searchsorted(t_s, (run.start_s, np.nextafter(run.end_s, np.inf))))
+
+
 class RunData(NamedTuple):
-    """A run, its times (n,) [s], and columns of the table over it by name, each (n,)."""
+    """A run, its times (n,) [s], and columns of the table over it by name, each (n,), or (k, n) of k tables."""
 
     run: Maneuver
     t_s: Array
     columns: dict[str, Array]
 
 
-def run_data(table: pd.DataFrame, runs: list[Maneuver], columns: tuple[str, ...]) -> list[RunData]:
+def run_data(table: Table, runs: list[Maneuver], columns: tuple[str, ...]) -> list[RunData]:
     """The columns over each run, gaps interpolated. Raises InputError when no run has all columns."""
-    t, values = table.index.to_numpy(), [table[name].to_numpy() for name in columns]
+    t, values = columns_of(table, columns)
     run_data = []
     for run in runs:
-        rows = slice(*np.searchsorted(t, (run.start_s, np.nextafter(run.end_s, np.inf))))
-        data = np.stack([column[rows] for column in values], axis=1)
-        if not np.isfinite(data).all():
-            data = pd.DataFrame(data).interpolate(limit_direction="both").to_numpy()
-        if len(data) >= REGRESSION.fewest_blocks and np.isfinite(data).all():
-            run_data.append(RunData(run, t[rows], dict(zip(columns, data.T, strict=True))))
+        rows = rows_of(t, run)
+        data = [_interpolated(column[..., rows]) for column in values]
+        if len(t[rows]) >= REGRESSION.fewest_blocks and all(np.isfinite(column).all() for column in data):
+            run_data.append(RunData(run, t[rows], dict(zip(columns, data, strict=True))))
     if not run_data:
         raise InputError("no run has all the required data")
     return run_data
+
+
+def _interpolated(values: Array) -> Array:
+    """Values (…, n) with gaps along the last axis filled."""
+    if np.isfinite(values).all():
+        return values
+    rows = pd.DataFrame(values.reshape(-1, values.shape[-1]).T).interpolate(limit_direction="both")
+    return np.asarray(rows.to_numpy().T.reshape(values.shape))
+
+
+def least_squares(X: Array, z: Array) -> Array:
+    """The coefficients (…, m) that solve X (…, n, m) A = z (…, n) best; the smallest ones where more than one do."""
+    scale = np.sqrt(np.mean(X**2, axis=-2))
+    columns = np.concatenate([X / scale[..., None, :], z[..., None]], axis=-1)
+    R, m = np.asarray(np.linalg.qr(columns, mode="r")), X.shape[-1]
+    solved = np.linalg.pinv(R[..., :m], rcond=X.shape[-2] * np.finfo(float).eps) @ R[..., m:]
+    return np.asarray(solved[..., 0] / scale)
 
 
 COEFFICIENTS = ("A0", "A1", "A2")
@@ -57,7 +102,10 @@ POLAR_FIT = Model(
 
 
 class PolarRegression(Protocol):
-    """A linear problem for the polar's A (3,), from data at lift coefficients CL (n,)."""
+    """A linear problem for the polar's A (3,), from data at lift coefficients CL (n,); or k such problems at once.
+
+    The covariance by noise is that of a single problem.
+    """
 
     @property
     def CL(self) -> Array: ...
@@ -66,7 +114,8 @@ class PolarRegression(Protocol):
 
 
 class RunRegression(NamedTuple):
-    """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,).
+    """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,). Of k tables, each but
+    t_s has a first axis (k,).
 
     absorbed : gives the covariance (n, n) of errors of z that the fit largely absorbs, so that residuals do not show
     them
@@ -88,14 +137,12 @@ class TimeSeriesRegression:
 
     @property
     def CL(self) -> Array:
-        return np.concatenate([run.CL for run in self.runs])
+        return np.concatenate([run.CL for run in self.runs], axis=-1)
 
     def coefficients(self) -> Array:
-        """A (3,) by least squares."""
-        X, z = np.concatenate([run.X for run in self.runs]), np.concatenate([run.z for run in self.runs])
-        scale = np.sqrt(np.mean(X**2, axis=0))
-        A, *_ = np.linalg.lstsq(X / scale, z, rcond=None)
-        return np.asarray(A / scale)
+        """A (3,) or (k, 3) by least squares."""
+        X = np.concatenate([run.X for run in self.runs], axis=-2)
+        return least_squares(X, np.concatenate([run.z for run in self.runs], axis=-1))
 
     def noise_covariance(self) -> Array:
         """Covariance (3, 3) of A by colored residuals, and by errors that the fit absorbs."""
@@ -113,7 +160,10 @@ class TimeSeriesRegression:
 
 @dataclass(frozen=True)
 class PointRegression:
-    """Points X (n, 3), z (n,) with standard errors sigma (n,); `terms` (3, k) are the columns of A that are fitted."""
+    """Points X (n, 3), z (n,) with standard errors sigma (n,), each of k tables with a first axis (k,).
+
+    terms : (3, m) the columns of A that are fitted
+    """
 
     X: Array
     z: Array
@@ -122,15 +172,14 @@ class PointRegression:
     CL: Array
 
     def _weighted_fit(self) -> tuple[Array, Array, Array]:
-        """Regressors and observations over their standard errors, and the fitted terms (k,)."""
-        X, z = (self.X @ self.terms) / self.sigma[:, None], self.z / self.sigma
-        theta, *_ = np.linalg.lstsq(X, z, rcond=None)
-        return X, z, np.asarray(theta, dtype=float)
+        """Regressors and observations over their standard errors, and the fitted terms (m,)."""
+        X, z = (self.X @ self.terms) / self.sigma[..., None], self.z / self.sigma
+        return X, z, least_squares(X, z)
 
     def coefficients(self) -> Array:
-        """A (3,) by weighted least squares."""
+        """A (3,) or (k, 3) by weighted least squares."""
         _, _, theta = self._weighted_fit()
-        return np.asarray(self.terms @ theta)
+        return np.asarray(theta @ self.terms.T)
 
     def noise_covariance(self) -> Array:
         """Covariance (3, 3) of A: by the points' standard errors, or by their scatter about the fit if that is larger.

@@ -11,17 +11,15 @@ W/delta: drag and weight over the pressure ratio form one curve over Mach number
 same in speed and temperature; both lack a CL_minD.
 """
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from flightpower.analysis.maneuvers.kinds import STEADY, Maneuver
 from flightpower.analysis.methods.causes import CAUSES
 from flightpower.analysis.methods.method import Method, SteadyPoint
-from flightpower.analysis.methods.regression import THREE_TERM, TWO_TERM, PointRegression
+from flightpower.analysis.methods.regression import THREE_TERM, TWO_TERM, PointRegression, Table, columns_of, rows_of
 from flightpower.analysis.methods.settings import REGRESSION, STEADY_POINTS
 from flightpower.analysis.records.flight import Cause
 from flightpower.analysis.settings import EVIDENCE, FLOWN
@@ -37,7 +35,7 @@ COLUMNS = (
 
 
 class SteadyMeans(NamedTuple):
-    """Means over each of n steady runs, each (n,)."""
+    """Means over each of n steady runs, each (n,), or (k, n) of k tables."""
 
     V: Array  # true airspeed [m/s]
     power_W: Array  # T V cos(alpha) (3.47), less the rates of kinetic and potential energy
@@ -52,59 +50,67 @@ class SteadyMeans(NamedTuple):
         return np.asarray(2 * self.lift_N / (self.rho * self.V**2 * aircraft.geometry.wing_area_m2))
 
 
-def steady_means(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> SteadyMeans:
+def steady_means(table: Table, runs: list[Maneuver], aircraft: Aircraft) -> SteadyMeans:
     """The means of all steady runs. Raises InputError when none has thrust data."""
     m = aircraft.mass_kg
-    t_s, values = table.index.to_numpy(), np.stack([table[name].to_numpy() for name in COLUMNS])
-    gust_mps, gust_s = (float(table[name].iloc[0]) for name in ("gust_mps", "gust_s"))
+    t_s, (*columns, gusts_mps, gusts_s) = columns_of(table, (*COLUMNS, "gust_mps", "gust_s"))
+    values = dict(zip(COLUMNS, columns, strict=True))
+    gust_mps, gust_s = float(gusts_mps.flat[0]), float(gusts_s.flat[0])
     rows = []
     for run in runs:
-        within = slice(*np.searchsorted(t_s, (run.start_s, np.nextafter(run.end_s, np.inf))))
-        finite = ~np.isnan(values[COLUMNS.index("thrust_x_over_m_mps2"), within])
+        within = rows_of(t_s, run)
+        missing = np.isnan(values["thrust_x_over_m_mps2"][..., within])
+        finite = ~missing.reshape(-1, missing.shape[-1]).any(axis=0)
         if finite.sum() < REGRESSION.fewest_blocks:
             continue
-        t, f = t_s[within][finite], dict(zip(COLUMNS, values[:, within][:, finite], strict=True))
+        t, f = t_s[within][finite], {name: column[..., within][..., finite] for name, column in values.items()}
         thrust_over_m, alpha, V = f["thrust_x_over_m_mps2"], f["alpha"], f["V"]
         along_V, across_V = thrust_over_m * np.cos(alpha), thrust_over_m * np.sin(alpha)
         mean_Vdot = _slope(t, V)
         drag_over_m = along_V - f["Vdot"] - g * np.sin(f["gamma"])
-        power_W = m * (_mean(along_V * V) - mean_Vdot * V.mean() - g * _mean(f["climb"]))
+        power_W = m * (_mean(along_V * V) - mean_Vdot * V.mean(axis=-1) - g * _mean(f["climb"]))
         scatter_W = m * _error_of_mean(drag_over_m * V, t[1] - t[0])
         gusts_W = m * g * mean_gust_mps(gust_mps, gust_s, t[-1] - t[0])
         error_W = np.sqrt(scatter_W**2 + gusts_W**2 + (EVIDENCE.negligible * power_W) ** 2)
         lift_N = m * _mean(g / np.cos(f["bank"]) - across_V)
         air = (_mean(f[name]) for name in ("rho", "static_Pa", "temperature_K"))
-        rows.append((V.mean(), power_W, error_W, lift_N, *air, run.start_s))
+        rows.append(np.broadcast_arrays(V.mean(axis=-1), power_W, error_W, lift_N, *air, run.start_s))
     if not rows:
         raise InputError("no steady point has thrust data")
-    return SteadyMeans(*np.array(rows).T)
+    return SteadyMeans(*(np.stack(column, axis=-1) for column in zip(*rows, strict=True)))
 
 
-def _mean(x: Array) -> float:
-    """The mean of the values that are not NaN."""
-    total = float(x.sum())
-    return total / len(x) if math.isfinite(total) else float(np.nansum(x) / np.isfinite(x).sum())
+def _mean(x: Array) -> Array:
+    """The mean (…) of the values (…, n) that are not NaN."""
+    mean = x.mean(axis=-1)
+    return np.asarray(mean if np.isfinite(mean).all() else np.nansum(x, axis=-1) / np.isfinite(x).sum(axis=-1))
 
 
-def _slope(t: Array, x: Array) -> float:
-    """Slope of the least-squares line."""
+def _slope(t: Array, x: Array) -> Array:
+    """Slope (…) of the least-squares line of x (…, n) over t (n,)."""
     from_mean = t - t.mean()
-    return float(from_mean @ (x - x.mean()) / (from_mean @ from_mean))
+    return np.asarray((x - x.mean(axis=-1, keepdims=True)) @ from_mean / (from_mean @ from_mean))
 
 
 def require_speeds(points: SteadyMeans, terms: int) -> None:
     """Raises InputError unless there are as many different speeds as terms to fit, and all powers are positive."""
     if np.any(points.power_W <= 0):
         raise InputError("by the propeller table a steady point has no positive power")
-    different, last = 0, 0.0
-    for V in np.sort(points.V):
-        if V > last * (1 + 2 * FLOWN.nearby):
-            different, last = different + 1, V
+    different = min(_different(V) for V in np.atleast_2d(points.V))
     if different < terms:
         raise InputError(f"steady points at {terms} different speeds are needed, there are {different}")
 
 
-def steady_points(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> list[SteadyPoint]:
+def _different(speeds: Array) -> int:
+    """How many of these (n,) speeds are different."""
+    different, last = 0, 0.0
+    for V in np.sort(speeds):
+        if V > last * (1 + 2 * FLOWN.nearby):
+            different, last = different + 1, V
+    return different
+
+
+def steady_points(table: Table, runs: list[Maneuver], aircraft: Aircraft) -> list[SteadyPoint]:
     """The steady points as lift and drag coefficients, which hold for any weight and density."""
     points = steady_means(table, runs, aircraft)
     unit_W = points.rho * points.V**3 * aircraft.geometry.wing_area_m2 / 2  # power at C_D = 1
@@ -125,14 +131,15 @@ def mean_gust_mps(gust_mps: float, gust_s: float, seconds: float) -> float:
     return float(gust_mps * np.sqrt(min(1.0, 2 * gust_s / seconds)))
 
 
-def _error_of_mean(x: Array, step_s: float) -> float:
-    """Standard error of the mean of a colored record, with Bartlett's window over `STEADY_POINTS.correlation_s`."""
-    e, n = x - x.mean(), len(x)
+def _error_of_mean(x: Array, step_s: float) -> Array:
+    """Standard error (…) of the mean of colored records (…, n), with Bartlett's window over
+    `STEADY_POINTS.correlation_s`."""
+    e, n = x - x.mean(axis=-1, keepdims=True), x.shape[-1]
     window = min(n - 1, round(STEADY_POINTS.correlation_s / step_s))
-    lags = np.arange(1, window + 1)
-    products = np.correlate(np.concatenate([e, np.zeros(window)]), e)  # from lag 0 on
-    variance = float(products[0] + 2 * (1 - lags / (window + 1)) @ products[1:]) / n
-    return float(np.sqrt(max(variance, 0.0) / n))
+    variance = np.sum(e**2, axis=-1)
+    for lag in range(1, window + 1):
+        variance = variance + 2 * (1 - lag / (window + 1)) * np.sum(e[..., lag:] * e[..., :-lag], axis=-1)
+    return np.asarray(np.sqrt(np.maximum(variance / n, 0.0) / n))
 
 
 def steady_method(
@@ -148,7 +155,7 @@ def steady_method(
     regression : of (points, aircraft); X (n, 3) and z (n,), proportional to power
     """
 
-    def point_regression(table: pd.DataFrame, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
+    def point_regression(table: Table, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
         points = steady_means(table, runs, aircraft)
         require_speeds(points, terms.shape[1])
         X, z = regression(points, aircraft)
@@ -177,7 +184,7 @@ def _piw_viw_regression(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array,
     PIW, VIW = piw_viw(points, aircraft)
     S, Ws = aircraft.geometry.wing_area_m2, aircraft.mass.standard_weight_N
     q = SEA_LEVEL_DENSITY * S / 2
-    return np.stack([q * VIW**4, Ws * VIW**2, np.full_like(VIW, Ws**2 / q)], axis=1), PIW * VIW
+    return np.stack([q * VIW**4, Ws * VIW**2, np.full_like(VIW, Ws**2 / q)], axis=-1), PIW * VIW
 
 
 PIW_VIW_THREE = steady_method(
@@ -190,7 +197,7 @@ def _w_delta_regression(points: SteadyMeans, qS_over_delta_N: Array) -> tuple[Ar
     """D/delta = A0 (q S/delta) + A2 (W/delta)^2 / (q S/delta)."""
     delta = points.static_Pa / SEA_LEVEL_PRESSURE_PA
     lift_over_delta = points.lift_N / delta
-    X = np.stack([qS_over_delta_N, lift_over_delta, lift_over_delta**2 / qS_over_delta_N], axis=1)
+    X = np.stack([qS_over_delta_N, lift_over_delta, lift_over_delta**2 / qS_over_delta_N], axis=-1)
     return X, points.power_W / points.V / delta
 
 

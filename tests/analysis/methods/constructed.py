@@ -4,6 +4,9 @@ import numpy as np
 import pandas as pd
 
 from flightpower.analysis.maneuvers.kinds import Maneuver
+from flightpower.analysis.methods.causes import CAUSES, error_prior_sigma
+from flightpower.analysis.methods.method import MethodInputs
+from flightpower.analysis.methods.regression import Tables
 from flightpower.analysis.trajectory.block_means import BlockMeans
 from flightpower.analysis.trajectory.equations import PREDICTED_FLOW, SENSOR_ERRORS, STATES
 from flightpower.analysis.trajectory.reconstruction import Trajectory
@@ -125,3 +128,11 @@ def measured(f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_e
         converged=True,
         block_means=BlockMeans(table),
     )
+
+
+def same_everywhere(table: pd.DataFrame, runs: list[Maneuver]) -> MethodInputs:
+    """The inputs of all methods on a flight that no error changes; the trajectory has one."""
+    errors = tuple(error_prior_sigma(AIRCRAFT.uncertainty))
+    count = 1 + 1 + len(errors) + len(CAUSES)
+    columns = {name: np.tile(column.to_numpy(float), (count, 1)) for name, column in table.items()}
+    return MethodInputs(AIRCRAFT, runs, Tables(table.index.to_numpy(), columns), errors)

@@ -1,11 +1,22 @@
 """Forces, the methods' table and the estimates on one flight in exact balance, with one error at a time."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from constructed import AIRCRAFT, BLOCK, PROPELLER, STEP_S, W, accelerations_and_decelerations, measured, polar
+from constructed import (
+    AIRCRAFT,
+    BLOCK,
+    PROPELLER,
+    STEP_S,
+    W,
+    accelerations_and_decelerations,
+    measured,
+    polar,
+    same_everywhere,
+)
 
 from flightpower.analysis.curve import Condition, Polar, power_required
 from flightpower.analysis.methods import consider as covariance
@@ -13,7 +24,7 @@ from flightpower.analysis.methods.causes import CAUSES, error_prior_sigma, estim
 from flightpower.analysis.methods.consider import DENSITY
 from flightpower.analysis.methods.dynamic import estimate_polar
 from flightpower.analysis.methods.forces import FlightForces
-from flightpower.analysis.methods.method import MethodInputs, estimate_with, input_table, method_inputs
+from flightpower.analysis.methods.method import estimate_with, input_tables, method_inputs, path_along
 from flightpower.analysis.methods.methods import ALL_METHODS
 from flightpower.analysis.trajectory.block_means import BlockMeans
 from flightpower.analysis.trajectory.dryden import GaussMarkov
@@ -106,7 +117,15 @@ def test_an_accelerometer_that_reads_high_levels_the_pitch_attitude_too_high() -
 
 def inputs(trajectory: Trajectory, **removed: float) -> pd.DataFrame:
     flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
-    return input_table(flight_forces, flight_forces.nominal, trajectory.sensor_errors, removed, (STILL_AIR, STILL_AIR))
+    return table_of(flight_forces, flight_forces.nominal, removed)
+
+
+def table_of(flight_forces: FlightForces, forces: pd.DataFrame, removed: Mapping[str, float] = {}) -> pd.DataFrame:
+    """The methods' table in still air, of all rows of a flight."""
+    rows = np.arange(len(forces))
+    path = path_along(flight_forces, forces, flight_forces.trajectory.sensor_errors, rows)
+    table = input_tables(flight_forces, [path], [removed], (STILL_AIR, STILL_AIR)).first()
+    return pd.DataFrame(table.columns, index=table.t_s)
 
 
 def wrong(name: str, value: float) -> tuple[pd.DataFrame, Trajectory]:
@@ -176,7 +195,7 @@ def test_a_biased_accelerometer_levels_a_steep_attitude_more() -> None:
     forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
     steep = forces.nominal.assign(theta=np.radians(50.0))
     for removed, left in (({}, 0.2), ({"pitch": 0.15 / g}, 0.05)):
-        table = input_table(forces, steep, trajectory.sensor_errors, removed, (STILL_AIR, STILL_AIR))
+        table = table_of(forces, steep, removed)
         assert table["theta_measured"].to_numpy() == pytest.approx(
             np.full(len(f), np.radians(50.0) + left / (g * np.cos(np.radians(50.0)))), rel=1e-9
         )
@@ -205,9 +224,7 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
     lift_direction_W = W * V * np.tan(np.radians(0.02))
     assert power_required(V, Polar(polar(), covariance.floor()), AT)[1] == pytest.approx(lift_direction_W, rel=1e-9)
     f, runs = accelerations_and_decelerations()
-    same = MethodInputs(
-        AIRCRAFT, runs, f, [f], dict.fromkeys(error_prior_sigma(AIRCRAFT.uncertainty), f), dict.fromkeys(CAUSES, f)
-    )
+    same = same_everywhere(f, runs)
     for method in (item for item in ALL_METHODS if item.name in ("direct-speed", "energy")):
         systematic = Polar(polar(), estimate_with(method, same).systematic)
         assert power_required(V, systematic, AT)[1] == pytest.approx(lift_direction_W, rel=1e-9), method.name
@@ -237,7 +254,7 @@ def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
     assert results["CD"].to_numpy() == pytest.approx(np.asarray(sample_CD).reshape(-1, BLOCK).mean(axis=1), rel=2e-4)
     assert np.all(results["CD"] - forces["CD"] > 3e-4)
     of_gusts = FlightForces(replace(trajectory, block_means=BlockMeans(table)), AIRCRAFT, PROPELLER)
-    f = input_table(of_gusts, of_gusts.nominal, trajectory.sensor_errors, {}, (STILL_AIR, STILL_AIR))
+    f = table_of(of_gusts, of_gusts.nominal)
     drag_over_m = (f["thrust_x_over_m_mps2"] - f["ax"]) * np.cos(f["alpha"]) - f["az"] * np.sin(f["alpha"])
     assert drag_over_m.to_numpy() == pytest.approx((results["CD"] * results["qS_over_m_mps2"]).to_numpy(), rel=1e-6)
 

@@ -16,6 +16,7 @@ from constructed import (
     m,
     measured,
     polar,
+    same_everywhere,
 )
 
 from flightpower.analysis.curve import Condition, Polar, power_required
@@ -24,12 +25,11 @@ from flightpower.analysis.estimation.output_error import fit_output_error
 from flightpower.analysis.maneuvers.kinds import Maneuver
 from flightpower.analysis.methods import consider as covariance
 from flightpower.analysis.methods import dynamic
-from flightpower.analysis.methods.causes import CAUSES, error_prior_sigma, estimate_errors
+from flightpower.analysis.methods.causes import error_prior_sigma, estimate_errors
 from flightpower.analysis.methods.forces import FlightForces
 from flightpower.analysis.methods.method import (
     Method,
     MethodEstimate,
-    MethodInputs,
     _missing_term,
     estimate_with,
     method_inputs,
@@ -133,10 +133,6 @@ def test_errors_of_states_are_not_counted_again_in_the_residuals_they_cause() ->
     fast = slice(2, None)  # at lower speeds the prior of thrust is most of the noise
     assert np.all(by_states < once)
     assert np.all(once[fast] < (by_states + 0.3 * by_residuals)[fast])
-
-
-def same_everywhere(table, runs: list[Maneuver]) -> MethodInputs:
-    return MethodInputs(AIRCRAFT, runs, table, [table], dict.fromkeys(PRIOR_SIGMA, table), dict.fromkeys(CAUSES, table))
 
 
 def points(speeds, A: np.ndarray, kind: str, bank: float = 0.0):

@@ -11,8 +11,9 @@ from flightpower.analysis.curve import Condition, Polar, power_required
 from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.maneuvers.kinds import Maneuver
 from flightpower.analysis.methods.method import Method
+from flightpower.analysis.methods.methods import ALL_METHODS
 from flightpower.analysis.methods.methods_from_runs import DIRECT, ENERGY, FROM_SPEED
-from flightpower.analysis.methods.regression import THREE_TERM, PointRegression
+from flightpower.analysis.methods.regression import THREE_TERM, PointRegression, Tables, least_squares
 from flightpower.analysis.methods.steady_points import (
     PIW_VIW_THREE,
     PIW_VIW_TWO,
@@ -142,6 +143,39 @@ def test_energy_recovers_the_polar_from_speed_and_height_alone() -> None:
     condition = Condition(W, 1.15, S)
     power, true = (power_required(V, Polar(A, NO_COVARIANCE), condition)[0] for A in (fitted, polar()))
     assert power == pytest.approx(true, rel=2e-3)
+
+
+@pytest.mark.parametrize("method", ALL_METHODS, ids=lambda method: method.name)
+def test_tables_of_several_errors_at_once_give_what_each_gives_alone(method: Method) -> None:
+    """Gaps in one table are filled with that table's own values; what all tables share need not be repeated."""
+    kind = method.kinds[0]
+    parts = steady(polar()) if kind == "steady" else runs_of_speed(polar())
+    for part in parts:
+        part["qS_over_m_lagged_mps2"] = part["qS_over_m_mps2"]
+        part["thrust_x_over_m_lagged_mps2"] = part["thrust_x_over_m_mps2"]
+    table, runs = joined(parts, kind)
+    rng, tables = np.random.default_rng(2), []
+    for _ in range(3):
+        wrong = table.copy()
+        for name in ("ax", "alpha", "alpha_measured", "V", "V_measured", "theta_measured"):
+            wrong[name] *= 1 + 0.02 * rng.standard_normal() + 1e-4 * rng.standard_normal(len(table))
+        for name in (name for name in table if name.startswith(("thrust", "qS"))):
+            wrong[name] *= 1 + 0.02 * rng.standard_normal()
+        wrong.iloc[70:72, wrong.columns.get_loc("alpha")] = np.nan if kind != "steady" else 0.1
+        tables.append(wrong)
+    columns = {name: np.stack([wrong[name].to_numpy() for wrong in tables]) for name in table}
+    columns["rho"], columns["bank"] = table["rho"].to_numpy(), table["bank"].to_numpy()
+    together = method.regression(Tables(table.index.to_numpy(), columns), runs, AIRCRAFT).coefficients()
+    alone = np.array([method.regression(wrong, runs, AIRCRAFT).coefficients() for wrong in tables])
+    assert np.ptp(alone[:, 0]) > 1e-6, "they differ"
+    assert together == pytest.approx(alone, rel=1e-8)
+
+
+def test_the_smallest_coefficients_are_taken_where_more_than_one_solve() -> None:
+    """At one lift coefficient, all that is known is drag there."""
+    CL = np.full(20, 0.5)
+    A = least_squares(np.stack([CL**0, CL, CL**2], axis=-1), np.full(20, 0.06))
+    assert A @ [1, 0.5, 0.25] == pytest.approx(0.06) and np.abs(A).max() < 0.1
 
 
 def test_intervals_from_few_points_of_known_errors_cover_95_per_cent() -> None:

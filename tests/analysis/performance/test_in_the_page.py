@@ -77,14 +77,14 @@ def random_conditions(flown: Condition, count: int, seed: int) -> list[Condition
 @pytest.mark.parametrize("beyond_zero_thrust", [WINDMILL, FOLD])
 @pytest.mark.parametrize("full_throttle", [True, False], ids=["full throttle known", "no throttle in the log"])
 def test_power_is_interpolated_to_three_parts_in_a_thousand(
-    browser: Browser, flight_condition: Condition, propeller: Propeller, beyond_zero_thrust: str, full_throttle: bool
+    browser: Browser, condition: Condition, propeller: Propeller, beyond_zero_thrust: str, full_throttle: bool
 ) -> None:
     """Over all weights and densities that the controls reach."""
     by_python = model(propeller.with_beyond_zero_thrust(beyond_zero_thrust), full_throttle=full_throttle)
-    conditions = random_conditions(flight_condition, 12, seed=5)
+    others = random_conditions(condition, 12, seed=5)
     compared = 0
-    for condition, result in zip(conditions, answers_of(browser, by_python, flight_condition, conditions), strict=True):
-        expected = performance_at(by_python, TitledCondition("", condition), ENERGY_J)
+    for other, result in zip(others, answers_of(browser, by_python, condition, others), strict=True):
+        expected = performance_at(by_python, TitledCondition("", other), ENERGY_J)
         flight = expected.level_flight
         V = np.array(result["flight"]["V"])
         assert (V[0], V[-1]) == pytest.approx((flight.V[0], flight.V[-1]), rel=1e-6)

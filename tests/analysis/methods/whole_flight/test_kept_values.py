@@ -37,6 +37,6 @@ def test_what_an_inner_function_reads_counts_even_where_its_value_was_known() ->
 def test_values_that_are_kept_are_as_few_as_a_derivative_needs() -> None:
     square = Kept(lambda p: [p.a**2])
     values = [square(NamedValues("parameter", {"a": float(a)})) for a in range(100)]
-    assert len(square._known) == 3
+    assert len(square._entries) == 3
     assert square(NamedValues("parameter", {"a": 99.0})) is values[-1]
     assert all(square != other for square, other in pairwise(values))
