@@ -1,7 +1,7 @@
 """Where the packages lie: `flightpower.daq` is the folder daq, and so on. All else stands in pyproject.toml.
 
-Other packages are called `analysis` or `daq`, too, so that the parts are installed inside `flightpower`. In a clone
-links are there, which Python and type checkers follow; those that Git or a source archive left out are made here.
+Other packages are called `analysis` or `daq`, too, so that the parts are installed inside `flightpower`. A clone has
+links, which Python and type checkers follow; setup.py makes links that Git or a source archive left out.
 """
 
 import os

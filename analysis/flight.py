@@ -55,7 +55,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Recorded:
-    """A log that can be decoded, and what it holds besides its measurements.
+    """A decodable log, and its contents other than measurements.
 
     replacements : given in place of parts of the log
     contents : aircraft, propeller, calibrations, with the replacements

@@ -335,7 +335,7 @@ class Options(LogOptions):
         return _names_of_options_used({name.rpartition("_")[0]: getattr(self, name) for name in OF_AUTOPILOTS})
 
     def with_own_aircraft(self) -> "Options":
-        """The options without those that only a log without an aircraft file of its own has a use for."""
+        """The options without those that only apply to a log without its own aircraft file."""
         return replace(self, mass_kg=None, wing_area_m2=None, span_m=None, air_temperature_K=None)
 
     def for_drag(self) -> dict[str, object]:

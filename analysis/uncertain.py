@@ -65,7 +65,8 @@ class Uncertain:
 
 
 def total(parts: Iterable[Uncertain]) -> Uncertain:
-    """The sum of independent estimates (n,): own errors add as squares, shared ones of one name as they are."""
+    """The sum of independent estimates (n,): own errors add as squares, shared errors with the same name add
+    linearly."""
     parts = list(parts)
     names = dict.fromkeys(name for part in parts for name in part.shared)
     zero = np.zeros(len(parts[0].value))

@@ -402,7 +402,7 @@ def altered_text(data: bytes, number: int) -> bytes:
 
 
 class Hang(BaseException):
-    """One input takes too long. No error of altered bytes, which readers catch."""
+    """One input took too long. No error of altered bytes, which readers catch."""
 
 
 @dataclass

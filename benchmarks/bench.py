@@ -5,7 +5,7 @@
     python benchmarks/bench.py analysis --with before=HEAD~5      # with an option, an argument of its function
 
 A ratio is to a limit, to real time, to another optimizer or to an earlier version, measured by turns in one run. Exit
-code 1 if one is above what stands beside it as "at most", or below "at least".
+code 1 if a ratio exceeds its "at most" or is below its "at least".
 """
 
 import os
@@ -27,7 +27,7 @@ from records import Record, markdown, option
 
 
 def analysis(*, log: str = "", before: str = "", hours: float = 0.0, rounds: int = 3) -> list[Record]:
-    """An analysis by its steps, over that of an earlier version if one is named."""
+    """Times of an analysis by step, as ratios to an earlier version if one is named."""
     return speed.records(Path(log) if log else None, [before] if before else [], hours, rounds)
 
 

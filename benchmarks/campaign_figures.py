@@ -180,8 +180,8 @@ def comparison_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record
 
 
 def false_name_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
-    """Flights of another installation, whose files name that of A: comparisons, and pools of one flight of each, that
-    do not believe it, and those of which evidence says so."""
+    """Flights of another installation, whose files name that of A: how often comparisons and two-flight pools reject
+    that claim, and how often the evidence reports it."""
     out: list[Record] = []
     for (world, weather, configuration), lines in sorted(campaigns.items()):
         others = campaigns.get((world, weather, "C"), {})

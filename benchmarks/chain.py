@@ -1,10 +1,10 @@
 """The whole chain over simulated flights: fakes, daemon, log, analysis; error and coverage of the curve in the results.
 
 Each flight is flown and recorded by `sim fly` and analyzed by `analyze`, as a user would: all runs, and by an edited
-runs.toml the longest acceleration and the longest deceleration alone. Compared is the curve of results.json with the
-simulator's truth at the speeds of benchmarks/estimators.py that were flown; beside it stands what the same flights give
-without sensors' buses, counts and log ("direct"), as benchmarks/estimators.py has them, and by how much the two differ.
-`python benchmarks/study.py chain` repeats it.
+runs.toml the longest acceleration and the longest deceleration alone. The curve in results.json is compared with the
+simulator's truth at the flown speeds of benchmarks/estimators.py. The table also has the curve that
+benchmarks/estimators.py gets from the same flights without buses, quantization and log ("direct"), and the difference
+of the two. `python benchmarks/study.py chain` repeats it.
 """
 
 import csv
@@ -101,7 +101,7 @@ def plan_text(plan: str, turbulence_kt: float) -> str:
 
 
 def compared(results: dict[str, Any], truth: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """Error and half the interval, % of the truth (2, speeds). truth: as of `read_truth`."""
+    """Error and half the interval, % of the truth (2, speeds). truth: of `read_truth`."""
     flown, power, high = (
         np.array([point[name] for point in results["curves"]["power_required"]["points"]])
         for name in ("speed_mps", "power_W", "power_hi_W")

@@ -5,7 +5,7 @@
     .venv/bin/python benchmarks/daemon.py day                               # 24 h on the simulated clock
     .venv/bin/python benchmarks/daemon.py mend                              # how long the next start takes
 
-`soak` needs root (FUSE); the fake tray runs in a process of its own, so that its work is not the daemon's.
+`soak` needs root (FUSE); the fake tray runs in its own process, so that its work is not the daemon's.
 """
 
 import os

@@ -2,8 +2,8 @@
 
 `python benchmarks/bench.py daemon-threads` counts everything in real time on device files (needs root): system calls,
 the kernel's side of I2C transfers, changes of thread, cold caches; with `--with before=HEAD~5` of an earlier version as
-well, by turns. `daemon-parts` is the Python code alone, on the simulated clock in one thread, with warm caches, without
-the fake parts and what counting takes.
+well, by turns. `daemon-parts` measures only the Python code, on the simulated clock in one thread with warm caches,
+without the fake parts and the cost of counting.
 """
 
 import os
@@ -111,7 +111,7 @@ def thread_records(
 class Parts:
     """Adds up the CPU time of named parts of the calling thread; a part inside another one is not counted in it.
 
-    What counting takes is measured first, and taken out.
+    The cost of counting is measured first and subtracted.
     """
 
     def __init__(self) -> None:

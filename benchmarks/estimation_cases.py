@@ -215,7 +215,7 @@ def _cheapest(fits) -> float:
 
 @app.command()
 def cases(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.")] = 20) -> None:
-    """Twelve fits that must not be used as they are: how often the verdict says so, and what it says."""
+    """Twelve fits that must not be used: how often the verdict rejects them, and with which words."""
     table = Table("case", "named", "verdict", box=None)
     for name, case in hard_cases.CASES.items():
         verdicts = [case.fit(seed).verdict for seed in range(FIRST_SEED, FIRST_SEED + seeds)]

@@ -97,7 +97,7 @@ def trajectory_errors(
     def true(name: str, times_s: np.ndarray) -> np.ndarray:
         return np.interp(times_s, truth["time_s"], truth[name])
 
-    # In a bank the IMU's tilt about its other axes is in its pitch, too.
+    # In a bank the IMU's tilt about the other axes also enters its pitch.
     high = (true("height_m", t) > FLYING_M) & (np.abs(true("roll_rad", t)) < LEVEL_RAD)
     V, alpha, rho = (true(name, air_t) for name in ("V_mps", "alpha_rad", "density_kgpm3"))
     flown = air["flying"].to_numpy() & air["alpha_rad"].notna().to_numpy()

@@ -94,7 +94,7 @@ class Run(NamedTuple):
 
 
 class Part(NamedTuple):
-    """One study. n, quick: its counts; what: what they count."""
+    """One study. n, quick: how many flights or cases, in full and in a quick run; what: the thing counted."""
 
     tables: Callable[[Run], Tables]
     n: int
@@ -186,7 +186,7 @@ def unassumed(run: Run) -> Tables:
 
 
 def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
-    """One row a world: short and whole flights beside each other, at the speed where each is worst."""
+    """One row a world: short and whole flights side by side, each at its worst speed."""
     rows: dict[str, Record] = {}
     for name, records in tables.items():
         for record in records:
@@ -297,7 +297,8 @@ def planned(run: Run) -> Tables:
 
 
 def missions(run: Run) -> Tables:
-    """Missions against their prediction, by the curve of one flight, and a third as many by that of five."""
+    """Missions compared with their prediction by the curve of one flight; a third as many by the curve of five
+    flights."""
     aircraft, curves = (routes.AIRCRAFT[:1], {1: 1}) if run.quick else (routes.AIRCRAFT, {1: 1, 5: 3})
     records: list[Record] = []
     for curve, fewer in curves.items():
@@ -378,7 +379,7 @@ def _by_method(curves: Sequence[Record], value: str) -> list[Record]:
 
 
 def _alone(module: str, function: str, *arguments: Any, **options: Any) -> Any:
-    """The result of a benchmark's function in a process of its own: its memory, and what it sets, are its own."""
+    """The result of a benchmark's function in its own process: it shares neither memory nor settings."""
     called = f"{module}.{function}(*json.loads(sys.argv[1]), **json.loads(sys.argv[2]))"
     code = f"import json, sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import {module}; result = {called}"
     ran = subprocess.run(
@@ -397,7 +398,7 @@ PARTS: Mapping[str, Part] = {
     "autopilots": Part(autopilots, 20, 1, "flights a weather"),
     "pools": Part(pooled, 4, 1, "campaigns"),
     "planned": Part(planned, 8, 1, "flights a cell"),
-    "routes": Part(missions, 30, 1, "missions by one flight's curve, a third as many by that of five"),
+    "routes": Part(missions, 30, 1, "missions by the curve of one flight, and a third as many by the curve of five"),
     "calibrations": Part(calibrations, 40, 2, "tunnels, and logs of a line"),
     "performance": Part(performance, 3, 1, "rounds"),
     "reliability": Part(reliability, 3, 1, "minutes"),
@@ -474,7 +475,8 @@ def differing(before: object, after: object, where: str = "") -> list[str]:
 
 
 def run_parts(names: Sequence[str], data: Path, jobs: int, *, quick: bool) -> list[str]:
-    """Run the parts, and return those that failed: one that does not end the others, and leaves its file as it was."""
+    """Run the parts and return those that failed; a failed part does not stop the others and leaves its file
+    unchanged."""
     failed = []
     for name in names:
         try:
@@ -507,7 +509,7 @@ def rendered(page: str, data: Path) -> str:
 
 
 def _table(tables: Tables, name: str) -> str:
-    """A table; as NAME-in-words what the README says of it; as NAME-not-met what is not covered as asked."""
+    """A table; NAME-in-words is the README's sentence on it; NAME-not-met lists cells below the required coverage."""
     if name.endswith("-in-words"):
         records = tables[name.removesuffix("-in-words")]
         return _flights_in_words(records) if "flight" in records[0] else _in_words(records)
@@ -612,7 +614,7 @@ def main(
     jobs: Annotated[int, typer.Option(help="Processes.")] = 2,
 ) -> None:
     """Run what this version has not run (all of it takes 90 minutes; a page says how long a part does), and render the
-    pages. Says whether the figures are those that were stored."""
+    pages. Says whether the figures equal the stored ones."""
     pages = PAGES
     if quick:
         pages = KEPT / "quick" / "pages"

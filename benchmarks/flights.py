@@ -137,7 +137,8 @@ def fly_and_measure(aircraft: Aircraft, errors: DrawnErrors, plan: Plan, seed: i
 
 
 def sensor_table(sensor_truth: FlightSensorTruth, aircraft: Aircraft) -> pd.DataFrame:
-    """What `analysis.sources.daemon.synchronize` would make of the flight's log, but for counts and jitter."""
+    """The table that `analysis.sources.daemon.synchronize` would make of the flight's log, without quantization and
+    jitter."""
     t = np.arange(0, sensor_truth.duration_s, TICK_S)
     fine = (t[:, None] + (np.arange(SAMPLES) - (SAMPLES - 1) / 2) * FIFO_S).ravel()
     force, rate = (values.reshape(-1, SAMPLES, 3).mean(axis=1) for values in sensor_truth.imu(fine))
@@ -242,7 +243,8 @@ def fly_missing(
 def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.ndarray, str]]:
     """Name, values and format of what is told of errors (flights, speeds) with the half widths of their intervals.
 
-    NaN is what a flight cannot say; a speed that none can say is NaN in every row. Without any half width none is told.
+    NaN marks a speed that a flight does not cover; a speed covered by no flight is NaN in every row. Without half
+    widths there is no such row.
     """
     finite = np.isfinite(error).any(axis=0)
     rows = [

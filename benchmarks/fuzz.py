@@ -161,7 +161,7 @@ def one_target(name: str, inputs: int = 50_000, seed: int = 1) -> None:
 
 @app.command()
 def run(inputs: int = 1_000_000, seed: int = 1) -> None:
-    """Fuzz each target in a process of its own; exit code 1 if one of them found a defect."""
+    """Fuzz each target in its own process; exit code 1 if one of them found a defect."""
     from tests.fuzz_targets import TARGETS
 
     total = sum(SHARE.get(name, 1.0) for name in TARGETS)

@@ -119,7 +119,7 @@ DEFAULT = TrayVariant()
 
 @dataclass
 class Fault:
-    """What a part does from BEGIN_S on.
+    """What a part does after BEGIN_S.
 
     once: changes the fake part. reply: what it answers on the bus, from (address, sent, reply). received: what comes on
     a line, from (device, bytes). shown_after_s: until then no reading shows it, for the reason in `hidden`. told:

@@ -4,7 +4,7 @@
 
 `--logs` short flights are simulated (seeds 1000 and on). Copies of them differ in the weight of the aircraft file, so
 that each is analyzed and none equals another. Every part checks that the results are equal to the byte. `--part` runs
-one part, `--log` takes copies of a log of your own, such as one of twenty minutes.
+one part; `--log` uses copies of your own log, such as one of twenty minutes.
 """
 
 import io
@@ -171,7 +171,7 @@ def killed(logs: list[Path], folder: Path, reference: Path) -> None:
 
 
 def one_more(logs: list[Path], folder: Path, more: Path, reference: Path) -> None:
-    """The time of a campaign of which all but one are done, and of that one alone."""
+    """The time of a campaign with all logs but one done, and the time of that log alone."""
     out = folder / "one-more"
     shutil.rmtree(out, ignore_errors=True)
     shutil.copytree(reference, out)
@@ -226,7 +226,7 @@ def memory(log: Path, folder: Path) -> None:
 
 @dataclass(frozen=True)
 class Scattered:
-    """In place of an analysis: the results of another flight, its estimates scattered by half their covariance."""
+    """Stands in for an analysis: results of another flight with estimates scattered by half their covariance."""
 
     flights: list[Path]
 
@@ -260,7 +260,7 @@ class Silent:
 
 
 def hundred(folder: Path, reference: Path, count: int = 100) -> None:
-    """What a pool of a hundred flights costs beside the analyses, and its page."""
+    """The cost of a pool of a hundred flights, and of its page, in addition to the analyses."""
     out, logs = folder / "hundred", folder / "hundred-logs"
     for old in (out, logs):
         shutil.rmtree(old, ignore_errors=True)

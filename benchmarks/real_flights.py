@@ -237,7 +237,7 @@ TITLES = (*(electrical.title for electrical in ELECTRICAL), WHOLE_FLIGHT, DECELE
 
 
 def records(titles: Sequence[str] = TITLES, folder: Path = FOLDER) -> list[Record]:
-    """One row a flight, each in a process of its own, so that memory is its own. Without the files no row."""
+    """One row a flight, each in its own process, so that memory is its own. Without the files no row."""
     if not folder.exists():
         return []
     single_process = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)

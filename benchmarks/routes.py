@@ -1,4 +1,4 @@
-"""Missions that the simulator flies in wind, against what `flightpower route` says of them before.
+"""Missions flown by the simulator in wind, compared with the prediction of `flightpower route`.
 
     python benchmarks/routes.py --flights 5                      # seeds below 1000 are for development
     python benchmarks/routes.py --seed 1000 --flights 200 --jobs 2
@@ -216,8 +216,8 @@ def main(
 def records(
     aircraft: Sequence[str], world: str, seeds: range, curve: int, jobs: int, wind_sd_mps: float = WIND_SD_MPS
 ) -> list[Record]:
-    """A record an aircraft, and one of all. Each aircraft has seeds of its own: those of one seed would fly in the same
-    wind, with the same errors."""
+    """A record an aircraft, and one of all. Each aircraft has its own seeds; with a common seed two aircraft would
+    have the same wind and errors."""
     flights: dict[str, list[Flown]] = {}
     with ProcessPoolExecutor(jobs) as pool:
         for i, name in enumerate(aircraft):

@@ -78,7 +78,7 @@ def overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 
 def last_word(kind: str, start_s: float, end_s: float, verdicts: list[Verdict]) -> Verdict | None:
-    """The last verdict on a stretch; None if nothing was said of it."""
+    """The last verdict on a stretch; None if there was none."""
     near = [v for v in verdicts if v.kind == kind and overlap((v.start_s, v.end_s), (start_s, end_s)) > 0.5]
     return near[-1] if near else None
 

@@ -1,4 +1,4 @@
-"""Flights with one ordinary defect that no setting of the analysis names: what the verdict says of them.
+"""Flights with one ordinary defect that no setting of the analysis covers, and the verdict on each.
 
     python benchmarks/unnamed.py --defects slipped-tray,weight-heavy --seed 0 --flights 1
     python benchmarks/unnamed.py --defects none --seed 7000 --flights 30
@@ -506,7 +506,8 @@ def key(line: Mapping[str, Any]) -> tuple[Any, ...]:
 
 def flown_lines(names: Sequence[str], weather_kt: Sequence[float], flights: int, seed: int, file: Path, jobs: int,
          label: str = "") -> list[dict[str, Any]]:  # fmt: skip
-    """The lines of all flights; those that the file lacks are flown. label: flights of another are flown again"""
+    """The lines of all flights; flights missing from the file are flown. label: flights with another label are flown
+    again"""
     todo = {job[:4]: job for job in jobs_of(names, weather_kt, flights, seed, label)}
     done = fly_missing(file, todo, one_flight, key, jobs=jobs, summary=summary)
     return [done[identity] for identity in todo]

@@ -1,4 +1,4 @@
-"""The files attached to a log besides its messages, so that `analyze log.mcap` needs nothing else."""
+"""The files attached to a log, so that `analyze log.mcap` needs nothing else."""
 
 from pathlib import Path
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Completes unfinished logs while the daemon records: in a process of its own, with low priority and limits.
+"""Completes unfinished logs while the daemon records: in its own process, with low priority and limits.
 
 Run as a program with the paths of logs, this module completes them in order, and prints a line of JSON for each: the
 event, or null. If the process dies of a log, another one begins after that log.

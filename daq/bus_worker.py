@@ -1,4 +1,4 @@
-"""Reads the sensors of one bus, or of the serial ports, one after the other, without holding up the other buses.
+"""Reads the sensors of one bus, or of the serial ports, one after another, without holding up the other buses.
 
 A transfer on a hanging bus takes as long as its timeout, which is longer than a tick at 100 Hz, and a faulty bus driver
 in the kernel may take longer than its timeout. A non-blocking read of a serial line can take 300 ms on a busy machine.
@@ -109,7 +109,7 @@ class ThreadedBusWorker(BusWorker):
         self._done_signal.acquire()
         self._busy = False  # a read that missed its deadline has not returned yet
         self._started_ns = 0
-        self._tick = self._started_tick = 0  # the current one, and that of the latest read
+        self._tick = self._started_tick = 0  # the current tick, and the tick of the latest read
         self._result = NO_READINGS
         self._late_readings = NO_READINGS
         self._skipped_samples: list[Sample] = []  # logged after the late readings of the earlier tick

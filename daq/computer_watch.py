@@ -1,4 +1,4 @@
-"""What a Raspberry Pi suffers from in flight: a supply that is too low, and heat. Read in a thread of its own."""
+"""What a Raspberry Pi suffers from in flight: a supply that is too low, and heat. It is read in its own thread."""
 
 import enum
 import threading

@@ -1,4 +1,4 @@
-"""Writes and syncs a file in a thread of its own that only does I/O.
+"""Writes and syncs a file in its own thread that only does I/O.
 
 Python threads that compute delay each other; a thread that waits for a slow SD card does not delay the sampling.
 Data are kept in memory until they are synced, because after a failed sync the content of the card is unknown: Linux
@@ -26,7 +26,7 @@ CLOSE_WITHIN_S = 8.0  # for a disk that does not answer; TimeoutStopSec of the s
 WRITE_BYTES = 2**18  # per call: while these bytes are joined, the sampling thread cannot run
 TRIAL_BYTES = 4096  # of a new file, before its first sync: a page, the least that a card is given
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
-# Of a card that may be mended, freed or exchanged while the daemon waits; any other is a mistake in the tray file.
+# Of a card that may be fixed, freed or exchanged while the daemon waits; any other is a mistake in the tray file.
 CARD_FAULTS = frozenset({errno.EIO, errno.EROFS, errno.ENODEV, errno.ENXIO, *FULL})
 
 

@@ -37,7 +37,8 @@ class Transfer(NamedTuple):
 
 
 class LinuxI2C:
-    """/dev/i2c-N through smbus2, with a timeout for each transfer (rounded up to 10 ms). For one thread at a time.
+    """/dev/i2c-N through smbus2, with a timeout for each transfer (rounded up to 10 ms). Use it from one thread at a
+    time.
 
     smbus2 has no timeout, no lock, and no check of how many messages were transferred; they are added here. The same
     transfers are repeated every tick. smbus2 would make their structures each time, which takes longer than the

@@ -185,7 +185,7 @@ class LogFiles:
         self._leave_current()
 
     def _should_replace(self, current: Recorder) -> bool:
-        """Whether another file is to be tried. One that cannot be created goes on trying by itself."""
+        """Whether to try another file. One that cannot be created goes on trying by itself."""
         disk = current.disk
         if disk.gone is not None and self._patience_s == GIVE_UP_AFTER_S:
             return True  # the card works
@@ -211,7 +211,7 @@ class LogFiles:
         self._patience_s = min(BACK_OFF_FACTOR * self._patience_s, MAX_PATIENCE_S)
 
     def _release_replaced(self) -> None:
-        """Cut off from the files that failed what is saved in another one, so that nothing is there twice."""
+        """Truncates failed files where another file has saved their data, so that nothing is stored twice."""
         if self._replaced and self._saver is not None and self._saver.disk.synced_bytes >= self._saved_at_bytes:
             for failed in self._replaced.values():
                 failed.cut_off()

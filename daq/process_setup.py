@@ -45,11 +45,11 @@ def raise_priority() -> None:
 
 
 def use_one_processor() -> bool:
-    """Keep the calling thread, and those that it starts from now on, on one processor. Returns whether that was done.
+    """Pin the calling thread, and threads it starts later, to one processor. Returns whether that was done.
 
-    Python computes in one thread at a time. On one processor the threads take turns without waking another one, which
-    takes a fifth off the daemon's processor time. Only with real-time priority, or another program's load would delay
-    them there. The last processor, because a Pi handles interrupts on the first.
+    Python computes in one thread at a time. On one processor the threads take turns without waking another processor;
+    this saves a fifth of the daemon's processor time. Only with real-time priority, or another program's load would
+    delay them there. The last processor, because a Pi handles interrupts on the first.
     """
     try:
         if os.sched_getscheduler(0) not in REAL_TIME:

@@ -29,7 +29,7 @@ SLOPE = [i / sum(k**2 for k in _INDEX) / STEP_S for i in _INDEX]
 
 
 class JudgedRun(NamedTuple):
-    """On one stretch. rejection: why it is no run; None if it is one."""
+    """Verdict on one stretch. rejection: why it is not a run; None if it is one."""
 
     kind: str  # acceleration, deceleration
     start_s: float

@@ -1,7 +1,7 @@
 """A page for the phone at the airfield: is the daemon alive, what do the sensors do, which logs are there.
 
 A WSGI application (PEP 3333) that only reads: the status file of the daemon, the folder of the logs, and the results of
-the last `daq zero` and `daq check`. It runs in a process of its own.
+the last `daq zero` and `daq check`. It runs in its own process.
 """
 
 import socket

@@ -1,7 +1,7 @@
 """The still-air zero: readings of the differential transducers and gyroscopes at zero pressure and angular rate.
 
-Taken on the ground with the probe covered and the aircraft at rest, stored beside the tray file, attached to every log.
-The daemon never subtracts it: logs contain raw readings, and the analysis may use the zero.
+It is measured on the ground with the probe covered and the aircraft at rest, stored next to the tray file, and attached
+to every log. The daemon never subtracts it: logs contain raw readings, and the analysis may use the zero.
 """
 
 import os

@@ -171,7 +171,7 @@ class TelemetryLink:
             self._means.popleft()
 
     def run_news(self) -> RunNews:
-        """What the other process has said about the runs since the last call."""
+        """Messages about runs from the other process since the last call."""
         try:
             data = os.read(self._news_end, select.PIPE_BUF)
         except OSError:  # nothing has been said

@@ -205,7 +205,8 @@ def expected_rate_Hz(table: SensorTable, topic: str, tray: Tray) -> float | None
 def check_rate(
     line: TopicCheck, messages: list[Message], seconds: float, least_Hz: float | None, trouble: str
 ) -> TopicCheck:
-    """Judge the rate of a topic that is good so far, and say what its driver says. least_Hz: see `expected_rate_Hz`."""
+    """Checks the rate of a topic without faults so far, and adds its driver's description. least_Hz: see
+    `expected_rate_Hz`."""
     rate_Hz = sum(message.status in GOOD_STATUSES for message in messages) / seconds
     if line.ok and least_Hz is not None and rate_Hz < least_Hz:
         advice = trouble or (BUS_SLOW if line.topic.removesuffix(SECOND) in EVERY_TICK else LINE_SLOW)
@@ -237,7 +238,7 @@ def is_writable(directory: Path) -> bool:
 
 
 def check_file(tray: Tray) -> Path:
-    """Where the result of the last check is kept: beside the zero."""
+    """The file with the result of the last check, next to the zero."""
     return Path(tray.zero).with_name("check.json")
 
 

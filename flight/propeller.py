@@ -136,7 +136,7 @@ class Propeller(PropellerModel):
 
     @property
     def origin(self) -> Origin:
-        """Where the table comes from; UNKNOWN, too, where its head has a word that is none of them."""
+        """Where the table comes from; also UNKNOWN if its header has another word."""
         origin = self.head.get("origin", "")
         return Origin(origin) if origin in set(Origin) else Origin.UNKNOWN
 

@@ -1,4 +1,4 @@
-"""Propeller tables found by words and size, and what it may cost to take one of another size, or a computed one.
+"""Finds propeller tables by words and size, and estimates the error of using a table of another size or a computed one.
 
 The head of a table says what it is of: `# series = APC thin electric`, `# origin = measured`, `# published = …`,
 `# pitch_m = …`, `# blades = 2`. Both costs are found from the tables themselves, by comparing thrusts at the same
@@ -418,8 +418,8 @@ def flight_J(table: Table) -> tuple[float, float]:
 def _log_ratios(table: Table, other: Table, J: tuple[float, float]) -> tuple[Array, Array]:
     """Logarithms of `other`'s thrust and power over `table`'s at the same airspeed and speed of rotation, (3, 21).
 
-    At three speeds of rotation that both tables have (between them, if there is none) and at J, those of `table`; not a
-    number where `table` has no thrust or takes no power.
+    They are given at three speeds of rotation that both tables have (or between their ranges) and at J, those of
+    `table`; NaN where `table` has no thrust or absorbs no power.
     """
     low, high = max(table.rpm[0], other.rpm[0]), min(table.rpm[1], other.rpm[1])
     if low > high:

@@ -63,7 +63,7 @@ class LevelRunSettings(Settings):
     bank_time_constant_s: float = setting(
         3.0,
         "s",
-        "slower changes of bank are those of the lateral balance of forces, faster ones those of the roll rate",
+        "slower changes of bank come from the lateral force balance, faster ones from the roll rate",
     )
     turning_share: float = setting(
         0.12,

@@ -8,7 +8,7 @@ from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Gps, Message,
 def satellites_minus_log_time_ns(log: Log) -> int | None:
     """What to add to a log's times to get UTC [ns]; None without a fix that has a date.
 
-    From the last such fix: in the first ones after power-on a receiver may not know the leap seconds.
+    The last such fix counts: right after power-on a receiver may not know the leap seconds.
     """
     for topic in ("/gps", "/time"):
         entries = log.entries.get(topic, NO_ENTRIES)

@@ -1,7 +1,7 @@
 """The functions and records that `import flightpower` gives (docs/understand/python.md).
 
-Files are given by their paths. What is wrong with an input raises `InputError`, with one line that says what, where and
-what to do. Names end with their unit, which is SI but for the options of the commands.
+Files are given by their paths. A wrong input raises `InputError`, with one line that says what is wrong, where, and
+what to do. Names end with their unit, which is SI except the options of the commands.
 """
 
 import os

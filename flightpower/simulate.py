@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from flightpower.sim.sensor_truth import SensorTruth
 
 
-app = application(help="Simulated flights and wind tunnel: what the sensors would measure, and the truth beside it.")
+app = application(help="Simulated flights and wind tunnel: what the sensors would measure, and the truth.")
 
 
 @app.command(short_help="Fly a plan; write the truth and the log.")

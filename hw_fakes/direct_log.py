@@ -70,7 +70,7 @@ class TimedMessage(NamedTuple):
 
 
 class ReadTimes:
-    """The time at which each part is read in each tick [ns since the start], (n,): one after the other on the bus."""
+    """The time at which each part is read in each tick [ns since the start], (n,): one after another on the bus."""
 
     def __init__(self, duration_s: float, imu_clock_error: float):
         self.tick_ns: Ints = np.arange(int(np.ceil(duration_s * 1e9 / TICK_NS)), dtype=np.int64) * TICK_NS

@@ -1,4 +1,4 @@
-"""A serial line between a part and a computer: bytes arrive one after the other at the baud rate."""
+"""A serial line between a part and a computer: bytes arrive one after another at the baud rate."""
 
 from collections import deque
 from collections.abc import Callable, Iterable

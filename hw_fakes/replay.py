@@ -57,7 +57,7 @@ def load_recording(path: str | Path) -> RecordedTransfers:
 
 
 class Playback:
-    """The lines of one sensor, one after the other."""
+    """The lines of one sensor, in order."""
 
     def __init__(self, lines: list[dict[str, Any]]):
         self._lines = lines

@@ -27,7 +27,7 @@ NAV_PVT, CFG_PRT, CFG_MSG, CFG_RST, CFG_RATE, CFG_CFG, CFG_NAV5, MON_VER = (
 )
 ACCEPTED_UNREAD = {(CFG, i) for i in (CFG_CFG, 0x16, 0x23, 0x3B, 0x3E, 0x86)}  # no effect on what we send
 PORTABLE, FIRST_AIRBORNE, DYNAMIC_MODELS = 0, 6, (0, 2, 3, 4, 5, 6, 7, 8)  # CFG-NAV5 dynModel (sec. 32.10.19)
-# u-blox does not publish its filters. Taken here: velocity follows with a lag of first order unless the model is
+# u-blox does not publish its filters. Assumed here: velocity follows with a first-order lag unless the dynamic model is
 # airborne. Half a second is a tenth of the shortest run, so that tests of whole flights notice.
 SMOOTHING_S, SMOOTHING_STEP_S = 0.5, 0.05
 PORT_DDC, PORT_UART1 = 0, 1  # CFG-PRT port numbers

@@ -7,8 +7,8 @@ from flightpower.sim.fly import Flight
 from flightpower.sim.sensors.budget import DrawnErrors
 from flightpower.sim.sensors.noise import white
 
-ZERO_SIGMA_PA = 1.5  # what the autopilot's own calibration before the flight leaves
-NOISE_S = 0.04  # the budget's noise is that of means over this time
+ZERO_SIGMA_PA = 1.5  # error left by the autopilot's own calibration before the flight
+NOISE_S = 0.04  # the noise in the budget applies to means over this time
 
 
 class AutopilotPitot:

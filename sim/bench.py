@@ -228,7 +228,7 @@ class RunUpSegment(BenchSegment):
 
 @dataclass(frozen=True, kw_only=True)
 class BoomWeightsSegment(BenchSegment):
-    """Weights are hung on the tip of the probe's boom, one after the other; for `calibrate boom`.
+    """Weights are hung on the tip of the probe's boom, one after another; for `calibrate boom`.
 
     carried_kg : mass that bends the boom in flight: that of the probe, and a third of the boom's
     give_rad_per_N : pitch by which the aircraft on its gear gives, nose down
@@ -265,7 +265,7 @@ class BoomWeightsSegment(BenchSegment):
 
 @dataclass(frozen=True, kw_only=True)
 class SixSidesSegment(BenchSegment):
-    """The tray lies on one side after the other, as it stands first; for `calibrate imu`.
+    """The tray rests on each of its sides in turn, upright first; for `calibrate imu`.
 
     tilt_rad : by which its nose and its tail point up and down less than a quarter turn
     """

@@ -16,7 +16,7 @@ LONGEST_STEP = 2.0
 
 
 class Observation(NamedTuple):
-    """What the pilot observes; the time loop detects divergence by it."""
+    """What the pilot observes; the time loop uses it to detect divergence."""
 
     V: float
     alpha: float

@@ -1,4 +1,4 @@
-"""An aircraft of one's own to fly in the simulator, of which a file says little: the rest is scaled from a model."""
+"""Completes a short aircraft file for the simulator: what the file lacks is scaled from a shipped model."""
 
 from dataclasses import fields, replace
 from math import pi

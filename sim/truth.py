@@ -201,7 +201,7 @@ def kinematic_rows(plant: Plant, prescribed: Prescribed, *, phase: str, energy_J
 
 
 def table_of(parts: Sequence[Columns], dt: float) -> pd.DataFrame:
-    """The parts of a flight one after the other, `dt` apart; NaN where a part has no such column."""
+    """The parts of a flight one after another, `dt` apart; NaN where a part has no such column."""
     lengths = [len(part["segment"]) for part in parts]
     columns: dict[str, NDArray[Any]] = {"time_s": np.arange(sum(lengths)) * dt}
     for name in dict.fromkeys(name for part in parts for name in part):

@@ -1,7 +1,7 @@
 """Named worlds: what a simulated flight has that the analysis does not assume.
 
 A world is an error budget, with differences of the air, of the pilot, and of the propeller table that the analysis
-gets. Every error budget is a world too, without such differences. `worlds` lists all.
+gets. Every error budget is also a world, one without such differences. `worlds` lists all.
 """
 
 import math
@@ -75,7 +75,7 @@ class World:
         return "\n".join(lines) + "\n"
 
     def aircraft_text(self, text: str) -> str:
-        """The text of an aircraft file in which the user says this; what the file says of other errors stays."""
+        """The text of an aircraft file that states these uncertainties; its other uncertainties stay."""
         uncertainty = self.uncertainty_section()
         head, *lines = uncertainty.splitlines() or [""]
         if not uncertainty or head not in text.splitlines():

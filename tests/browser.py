@@ -146,7 +146,7 @@ class Browser:
         self.command("Input.dispatchKeyEvent", type="keyUp", key=key, windowsVirtualKeyCode=code)
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        """With the left button, from one point of the window to another."""
+        """Drags with the left button from one point of the window to another."""
         self.command("Input.dispatchMouseEvent", type="mouseMoved", x=start[0], y=start[1])
         self.command(
             "Input.dispatchMouseEvent", type="mousePressed", x=start[0], y=start[1], button="left", clickCount=1
@@ -157,7 +157,7 @@ class Browser:
         self.command("Input.dispatchMouseEvent", type="mouseReleased", x=end[0], y=end[1], button="left", clickCount=1)
 
     def barriers(self) -> list[str]:
-        """What axe-core finds on the page that keeps somebody from reading or using it, but for what it calls minor."""
+        """Accessibility violations that axe-core finds on the page, except those it calls minor."""
         self.command("Runtime.evaluate", expression=AXE.read_text("utf-8"))
         barriers: list[str] = self.value_of(
             "axe.run().then(({violations}) => violations.filter(one => one.impact !== 'minor')"

@@ -86,15 +86,16 @@ def from_corpus(make: Callable[..., Made]) -> Callable[..., Made]:
 
 
 def key_of(*values: object) -> bytes:
-    """Bytes that tell values apart, and are those of equal values in any process: sets have another order in each."""
+    """Bytes that differ for different values and agree for equal values in any process, although sets are ordered
+    differently in each."""
     written = io.BytesIO()
     pickler = _InOrder(written)
-    pickler.fast = True  # no references to what came before, which depend on what is one object
+    pickler.fast = True  # no back references, which depend on object identity
     pickler.dump(values)
     return written.getvalue()
 
 
-class _InOrder(pickle._Pickler):  # the one in C cannot be told how to write a set
+class _InOrder(pickle._Pickler):  # the pickler in C cannot be told how to write a set
     dispatch = pickle._Pickler.dispatch.copy()
 
     def save_in_order(self, values: frozenset[Any] | set[Any]) -> None:

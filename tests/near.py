@@ -23,7 +23,7 @@ def files_of(root: Path) -> list[Path]:
 
 
 def imports(root: Path) -> dict[Path, set[Path]]:
-    """Which file imports which. Tests import what lies beside them, and benchmarks, by their bare names."""
+    """Which file imports which. Tests import files of their own folder, and benchmarks, by bare name."""
     files = files_of(root)
     by_name = {module_of(".".join(path.with_suffix("").parts).removesuffix(".__init__")): path for path in files}
     graph: dict[Path, set[Path]] = {}
@@ -38,7 +38,7 @@ def imports(root: Path) -> dict[Path, set[Path]]:
 
 
 def _names_imported(text: str) -> set[str]:
-    """Dotted names of modules, and of what is taken from them, which may be modules, too.
+    """Dotted names of imported modules and of the names imported from them, which may also be modules.
 
     By the statements' look: to parse every file takes twenty times as long.
     """

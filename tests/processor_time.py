@@ -30,7 +30,8 @@ class _Living:
         self._seconds, self._looked_s, self._ended_s = 0.0, -LOOK_AGAIN_S, 0.0
 
     def used_s(self, ended_s: float) -> float:
-        """Seconds of those that run, where those that ended have used `ended_s`: a child that ends counts there."""
+        """Processor seconds of the running processes; finished ones are in `ended_s`, where a child counts once it
+        ends."""
         if ended_s != self._ended_s or time.monotonic() - self._looked_s >= LOOK_AGAIN_S:
             self._seconds = sum(map(_of_process_s, _descendants(os.getpid())))
             self._looked_s, self._ended_s = time.monotonic(), ended_s
@@ -68,9 +69,9 @@ def _of_process_s(process: int) -> float:
 class ProcessorTime:
     """Fail a test above the limit without its marker; keep what every test took.
 
-    With --all none fails by it: continuous integration has processors of any speed.
+    With --all no test fails for its time, because continuous integration has processors of any speed.
 
-    A fixture that tests share counts for none of them: which one asks first depends on what is run.
+    A shared fixture counts for no test, because which test requests it first depends on the selection.
     """
 
     def __init__(self) -> None:

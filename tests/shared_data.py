@@ -1,4 +1,5 @@
-"""Files of others, not part of the project: tests read them beside the checkout, and are skipped elsewhere."""
+"""Other people's files, not part of the project: tests read them next to the checkout and are skipped where they are
+missing."""
 
 from pathlib import Path
 

@@ -43,7 +43,7 @@ def test_the_package_has_every_file_of_the_service(tmp_path):
 
 
 def test_a_command_of_the_package_starts_this_program_and_no_other(tmp_path):
-    """With its own name, and not what lies where it is started or where PYTHONPATH points."""
+    """It imports its own package, not files of the current folder or of PYTHONPATH."""
     program = tmp_path / "daq"
     program.write_text(build.PROGRAM.format("daq"))
     (tmp_path / "flight.py").write_text("raise SystemExit(77)")

@@ -1,8 +1,8 @@
-"""Nothing is decided by looking into a text that was written for people: what is to be told apart is an enum.
+"""Nothing is decided by looking into a text written for people: cases are distinguished by enums.
 
 Found by syntax: `verdict.startswith("converged")`, `"bank" in reason`, `title == "Drag"`, `match note:`, the same of
 names of estimated parameters, and, in the analysis, `piece.kind == "runs"`. A text is a variable, attribute or key
-whose name ends in one of TEXTS; one of KINDS is told apart by an enum or a class.
+whose name ends in one of TEXTS; one of KINDS is distinguished by an enum or a class.
 
 Nor is a vector of parameters read by places, `parameters[4:7]`, `effects[-1]`, `fit.values[:3]`: one more parameter
 would change its meaning without a word. Parameters have names, which `pack` and `unpack` put in order.

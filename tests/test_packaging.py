@@ -124,7 +124,7 @@ def test_the_extra_for_autopilots_has_no_casadi() -> None:
 
 
 def test_an_extra_installs_what_its_commands_need_and_the_demonstration_s_the_page_in_the_browser() -> None:
-    """`make demo` installs [analysis,sim]; what it tells to open next is then there."""
+    """`make demo` installs [analysis,sim], so the command it suggests next works."""
     missing = {name: set(side.needs) - declared(*filter(None, [side.extra])) for name, side in SIDES.items()}
     assert not any(missing.values()), missing
     assert "'.[analysis,sim]'" in (ROOT / "Makefile").read_text("utf-8")

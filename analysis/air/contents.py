@@ -30,7 +30,7 @@ REMEDIES = {
 
 
 class LogContents(NamedTuple):
-    """What an analysis takes from a log besides its measurements.
+    """What an analysis uses from a log in addition to the measurements.
 
     zero : by channel, the reading in still air that `daq zero` took; None if the log has none
     notes : damage of the log, in sentences
@@ -221,5 +221,5 @@ def _not_in_log(log: Log, names: list[str]) -> InputError:
 
 
 def _other_case(log: Log, name: str) -> str | None:
-    """The attachment of that name but for capitals, or with its path."""
+    """The attachment of that name in other capitals, or with a path."""
     return next((attachment for attachment in log.attachments if PurePath(attachment).name.lower() == name), None)

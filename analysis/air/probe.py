@@ -3,7 +3,7 @@
 C_alpha = dp_alpha/q_c and C_beta = dp_beta/q_c, with q_c = p_center - p_static, do not depend on speed. A polynomial in
 the two gives (qbar/q_c)^2; polynomials in dp_alpha/qbar and dp_beta/qbar give the angles. The reason: the pressure that
 the center port loses at an angle appears at the pairs of side ports, so qbar^2 is nearly a sum of squares of the three
-pressures. That takes a polynomial of second order, q_c/qbar itself would take one of eighth order. The coefficients and
+pressures. That needs a polynomial of second order; q_c/qbar itself would need eighth order. The coefficients and
 all deviations come from the tunnel: weighted least squares, the order chosen by cross-validation.
 """
 
@@ -186,8 +186,9 @@ def flow_at_probe(
     """Dynamic pressure and flow angles from the three pressures, (n,); NaN where there is no flow (q_c <= 0).
 
     The maps are curved, and the mean of a curved function of a noisy number is biased. So they are evaluated at the
-    mean of dp_alpha and dp_beta over so many samples, and angles are linear in the deviation from it. `inside` is that
-    of the means: leaving out what only noise takes out of the calibrated range would lower the angle of slow flight.
+    mean of dp_alpha and dp_beta over so many samples, and angles are linear in the deviation from it. `inside` is
+    judged by the means: dropping samples that only noise moves out of the calibrated range would bias the angle of slow
+    flight.
     """
     q_c = np.where(q_c_Pa > 0, q_c_Pa, np.nan)
     C_alpha, C_beta = (_moving_mean(dp, samples) / q_c for dp in (dp_alpha_Pa, dp_beta_Pa))

@@ -205,7 +205,7 @@ class AirDataErrors(NamedTuple):
 
 
 def air_data_errors(calibration: TransducerCalibration) -> AirDataErrors:
-    """Errors of airspeed and of the slope of angle of attack by those of the slopes."""
+    """Errors of airspeed and of the slope of angle of attack, from the errors of the transducers' slopes."""
     return AirDataErrors(calibration.airspeed_scale_error, calibration.alpha.slope_error / calibration.alpha.slope)
 
 

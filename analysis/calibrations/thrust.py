@@ -116,7 +116,7 @@ def _speeds(revps: Array) -> list[float]:
 
 
 def student_sigma(residuals: Array, parameters: int) -> float:
-    """Standard deviation of a reading by its residuals, so that +-1.96 of it are Student's 95 %."""
+    """Standard deviation of a reading from the residuals, scaled so that +-1.96 times it is Student's 95 % interval."""
     dof = len(residuals) - parameters
     factor = float(special.stdtrit(dof, 0.975)) / NORMAL_95
     return factor * math.sqrt(float(residuals @ residuals) / dof)

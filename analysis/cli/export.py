@@ -66,7 +66,7 @@ def export(
         raise InputError(f"{output}: is a file; give the folder for several logs with -o")
     paths = [(output or log.parent) / log.with_suffix(SUFFIX[to]).name for log in logs]
     if same := [path for path in paths if paths.count(path) > 1]:
-        raise InputError(f"{same[0]}: two logs would be written there; export one of them alone, with another -o")
+        raise InputError(f"{same[0]}: two logs would be written there; export each with its own -o")
     if output is not None:
         try:
             output.mkdir(parents=True, exist_ok=True)

@@ -128,7 +128,7 @@ def absorbed_autocorrelation(
     transformed = transformed or transformed_sensitivities(fit, size)
     D, samples = fit.covariance, _samples(fit)
     DMD = D @ score_covariance(fit, spectrum, size, transformed) @ D
-    # The factors of all segments one after the other, apart by zeros so that no lag connects two segments.
+    # The factors of all segments one after another, apart by zeros so that no lag connects two segments.
     n, (outputs, unknowns) = samples + lags * len(fit.segment_fits), fit.segment_fits[0].white.S.shape[1:]
     factors = np.zeros((4, outputs, n, unknowns))
     begin = 0

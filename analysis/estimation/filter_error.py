@@ -62,7 +62,7 @@ def fit_filter_error(
     """Fit a model with process noise to one or several segments together.
 
     start : starting values as for `fit_output_error`, or the method that gives them: "equation error", for which
-    every state must be measured, and which starts the noises from the errors of predictions over one step (but for
+    every state must be measured, and which starts the noises from the errors of predictions over one step (except
     intensities with a prior), or "output error". If the fit from given values does not end at an optimum, or at one
     where process noise explains everything or innovations are not white, both methods are tried with intensities 100
     times smaller, unless `options.second_start` is false. The best fit is returned.
@@ -188,7 +188,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             zero, smaller, without = min(ends, key=lambda end: end[2].cost)
             iterations += 1
         likelihood, point, negligible = smaller, without, negligible | zero
-        tried = {}  # what the data do not show beside another noise, they may show without it
+        tried = {}  # a noise that the data do not show next to another may show once the other is gone
 
 
 def _after_a_step(likelihood: InnovationsLikelihood, point: Evaluation) -> Evaluation:

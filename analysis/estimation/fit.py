@@ -136,8 +136,8 @@ class Remark(NamedTuple):
 class Verdict(NamedTuple):
     """Whether a fit can be used.
 
-    remarks : the first says the status in words, the others what the user should know of the estimate
-    hints : at what may be wrong with model or data, from the residuals
+    remarks : the first gives the status in words, the others what the user should know hints : what the residuals
+    suggest is wrong with model or data
     """
 
     status: FitStatus

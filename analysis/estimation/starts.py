@@ -58,8 +58,8 @@ def best_of_starts(
 
     fit : makes a fit from starting values: `lambda start: fit_output_error(model, run, start=start)`
     starts : the first is that of the model's values; in the others each free parameter is multiplied by `factor` to a
-    random power between -1 and 1, within its bounds. A value that starts at zero stays there.
-    more_starts : tried too, such as that of `starting_values_by_equation_error`
+    random power between -1 and 1, within its bounds. A value that starts at zero stays there. more_starts : further
+    starting points, such as from `starting_values_by_equation_error`
 
     The verdict says from how many starts the best fit was reached. Raises the InputError of `fit` if no start gives a
     finite response.

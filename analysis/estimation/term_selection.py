@@ -82,13 +82,13 @@ def orthogonal_functions(
 ) -> Selection:
     """The terms that give the smallest predicted square error.
 
-    The candidates are made orthogonal to one another, the one that explains the most first. Each then lowers the mean
-    square of the residuals by its own amount, whatever the others are. The predicted square error adds
+    The candidates are made orthogonal to one another, the one that explains the most first. Each term then lowers the
+    mean square of the residuals by its own amount, whatever the other terms are. The predicted square error adds
     sigma_max^2 k/n for k terms.
 
     largest_noise_variance : sigma_max^2, an upper bound of the noise in z. The default is the variance of z about its
-    mean: then a term that explains less than 1/n of this variance is left out, however small the noise is. With 10
-    times the noise variance one superfluous candidate in 600 is taken, with 4 times one in 20.
+    mean: then a term that explains less than 1/n of this variance is left out, however small the noise is. A limit of
+    10 times the noise variance accepts one superfluous candidate in 600, a limit of 4 one in 20.
 
     Other arguments and errors as for `stepwise`.
     """

@@ -192,7 +192,8 @@ def outlier_level(compared: Compared, flights: int, false_alarms: float) -> floa
 
 
 def remounted_flights(stack: FlightStack, prior: Prior) -> frozenset[int]:
-    """Numbers of the flights that contradict one installation: those that differ, or all where the others differ, too.
+    """Numbers of the flights that contradict a common installation: those that differ, or all flights where the rest
+    differ as well.
 
     stack: of the flights as their files say
     """
@@ -209,7 +210,8 @@ def remounted_flights(stack: FlightStack, prior: Prior) -> frozenset[int]:
 
 
 class ErrorParts(NamedTuple):
-    """Errors of what n flights estimate alone, k values each: those of each flight's own, and those that all share.
+    """Errors of n separate estimates of k values: the errors of each flight alone, and the errors that all flights
+    share.
 
     own : (n, k, k) covariance     shared : (n, k, m) changes by m independent errors of one standard deviation each
     """

@@ -95,7 +95,8 @@ class FlightShares(NamedTuple):
 
 
 def flight_shares(of_flights: Series, changes: Sequence[Change]) -> FlightShares:
-    """What each flight alone shows; without a change the mean is that of all. changes : of `find_changes`"""
+    """The value from each flight alone; without a change the mean is the mean of all flights. changes : of
+    `find_changes`"""
     values, by_truth, errors = of_flights
     seen = np.abs(np.linalg.det(by_truth)) > np.sqrt(np.finfo(float).eps)
     before = seen & (np.arange(len(values)) < min((change.since for change in changes), default=len(values)))

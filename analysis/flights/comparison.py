@@ -198,9 +198,9 @@ class Comparison(OfAKind["Comparison"]):
 def compare(a: Pool, b: Pool) -> Comparison:
     """B against A at the weight and density of A, over the speeds that both flew, by a kind of power that both have.
 
-    Of two such kinds that of both pools' curves goes first, or else electrical power. Where the other has flights that
-    the first lacks, B is compared by it, too: that is `other_kind`. Raises InputError where there is no common kind of
-    power, where a flight is in both pools, and where they have no speeds in common.
+    If both kinds qualify, the kind of both pools' curves comes first, otherwise electrical power. Where more flights
+    have the other kind of power, B is also compared by that kind: see `other_kind`. Raises InputError where there is no
+    common kind of power, where a flight is in both pools, and where they have no speeds in common.
     """
     if a.kind is b.kind and not a.other_kind and not b.other_kind:
         return _of_one_kind(a, b)

@@ -65,7 +65,7 @@ class CurveDifference(NamedTuple):
 
 
 class FlightDifference(NamedTuple):
-    """One flight against the pool of others.
+    """One flight compared with the pool of the other flights.
 
     p : of a chi square at the first, the middle and the last speed, as in `agreement.Difference`: a flight that differs
     by one share everywhere, as by its weight, shows at all of them
@@ -311,7 +311,7 @@ def _smoothing(V: Array, error_W: Array) -> Array:
 
 
 def curve_difference(pool: CurvePool, other: CurvePool, shares_errors: bool) -> CurveDifference:
-    """Power of one pool less that of another, over the speeds that half of the flights of each reach.
+    """Power of one pool minus power of another, at speeds that at least half of the flights in each pool reach.
 
     Raises InputError where there are none.
     """

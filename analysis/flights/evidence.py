@@ -220,7 +220,7 @@ def vehicle_notes(flights: Sequence[Results]) -> list[str]:
         if len(vehicles) > 1
     ]
     return notes + [
-        f"Autopilot {vehicle}: flights of {len(names)} names, {_listed(names)}. Give one aircraft one name."
+        f"Autopilot {vehicle}: flights of {len(names)} names, {_listed(names)}. Use one name for one aircraft."
         for vehicle, names in of_vehicle.items()
         if len(names) > 1
     ]

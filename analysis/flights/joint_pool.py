@@ -134,7 +134,7 @@ class JointPool(Pool):
 
     @property
     def notes(self) -> list[str]:
-        """What the reader has to know besides the evidence."""
+        """What else the reader has to know, besides the evidence."""
         installations = self.installation_homogeneity
         notes = [NOT_NAMED] if len(self.flights) > 1 and not self.flights[0].installation else []
         if self.remounted and installations and not installations.doubtful:
@@ -287,7 +287,7 @@ def joint_polars(
 
 
 def _alike(prior: Prior, at_a: NDArray[np.intp], at_b: NDArray[np.intp], correlation: float) -> Prior:
-    """The prior with parameters of B correlated with those of A, which have the same prior: that of A."""
+    """The prior in which the parameters of B are correlated with those of A; both have the prior of A."""
     J, vector = prior.information[np.ix_(at_a, at_a)], prior.vector[at_a]
     information, vector_sum = prior.information.copy(), prior.vector.copy()
     for rows, columns, factor in ((at_a, at_a, 1.0), (at_b, at_b, 1.0), (at_a, at_b, -correlation),

@@ -62,7 +62,7 @@ def _has(results: Results, kind: Kind) -> bool:
 
 
 def _of_kind(contents: Sequence[Results], kind: Kind) -> Pool:
-    """The pool of those that have this kind of power, of which there are some."""
+    """The pool of the flights that have this kind of power; at least one must."""
     flights = [content for content in contents if _has(content, kind)]
     left_out = tuple(_left_out(content) for content in contents if not _has(content, kind))
     pooled = joint_pool(flights) if kind is Kind.POWER_REQUIRED else curve_pool([*map(read_curve, flights)])

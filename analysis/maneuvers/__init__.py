@@ -2,7 +2,7 @@
 
 `find` finds all maneuvers of a flight, each `find_*` one group of kinds; `kinds` lists the kinds, and the reasons for
 which a stretch is none; `quality` has the smoothed motion and says why data are unsuitable; `settings` has the
-criteria, but for those of level runs, which the pilot's monitor shares (`flight.runs`). `runs_file` writes the
+criteria, except those of level runs, which the pilot's monitor shares (`flight.runs`). `runs_file` writes the
 maneuvers to a file and reads an edited one.
 
 A *maneuver* is a range of rows of the table of air data (`analysis.air`) with a kind. A *run* is a level

@@ -224,9 +224,9 @@ def with_step_of_motor_speed(
     """The uncertainty with that of a motor speed which is counted in steps; nothing is added where these are too small
     to change thrust.
 
-    Whole pulses of a time are cut off, which takes half a step on average, or rounded, which takes none; no reading
-    tells which, and at even odds that is an error of all of the motor speed. What scatters about it is in the
-    residuals. values_from: as for `with_transducer_uncertainty`.
+    Pulses per interval are either truncated, which loses half a step on average, or rounded, which loses none. No
+    reading shows which, so motor speed has this error with even odds. What scatters about it is in the residuals.
+    values_from: as for `with_transducer_uncertainty`.
     """
     turning = air["n_revps"].to_numpy(dtype=float)
     turning = turning[turning > STANDING.motor_revps]

@@ -145,8 +145,8 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
 def by_simpler_method(flight: Reconstructed, dynamic: DragEstimates) -> Estimated | None:
     """The record with the curve of a simpler method, where the flight path of the dynamic one is in misfit.
 
-    Such a path is wrong in something that no residual locates, and the dynamic method takes attitude and angle of
-    attack from it; the simpler ones do without. None where these give no curve, or one with a wider interval.
+    Such a path has an error that no residual locates. The dynamic method uses its attitude and angle of attack; the
+    simpler methods do not. None where these give no curve, or one with a wider interval.
     flight : with the path as measured     dynamic : the estimates along the path in misfit
     """
     try:

@@ -133,8 +133,8 @@ def informative(polar: Polar, flown_CL: tuple[float, float]) -> bool:
 
 
 def narrower(polars: tuple[Polar, tuple[float, float]], other: tuple[Polar, tuple[float, float]]) -> bool:
-    """Whether the interval of drag of one polar is narrower than that of another, in the mean over the lift
-    coefficients of both. Each with its own range."""
+    """Whether one polar has the narrower interval of drag, averaged over the lift coefficients of both. Each with its
+    own range."""
     (a, of_a), (b, of_b) = polars, other
     common = max(of_a[0], of_b[0]), min(of_a[1], of_b[1])
     CL = np.linspace(*common, CURVES.points)

@@ -2,7 +2,7 @@
 
 An error of what is taken as known, such as the place of the probe, shows in no residual. It acts on everything from
 the synchronized channels on: its effect on the polar is found by running all of that again with the error made by one
-standard deviation. Maneuvers, weight and density stay those of the flight, so that nothing else changes.
+standard deviation. Maneuvers, weight and density stay as in the flight, so nothing else changes.
 """
 
 from dataclasses import replace

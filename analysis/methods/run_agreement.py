@@ -1,9 +1,9 @@
 """Each acceleration and deceleration against the others of its kind: the flight's own certificate.
 
-One run alone and the others, each alone, give power at one lift coefficient. Their difference has the noise of both,
-an error of the path's slope in each, which residuals of some seconds do not show (D changes by L times the slope), and
-what errors that they share (trajectory, propeller's table) change in it: runs of one kind are flown alike, so that most
-of these cancel, whatever their size. A defect that is not the same in all runs does not cancel.
+Each run alone gives power at one lift coefficient, and this is compared with all other runs. Their difference has the
+noise of both, an error of the path's slope in each, which residuals of some seconds do not show (D changes by L times
+the slope), and what errors that they share (trajectory, propeller's table) change in it: runs of one kind are flown
+alike, so that most of these cancel, whatever their size. A defect that is not the same in all runs does not cancel.
 """
 
 from collections.abc import Sequence

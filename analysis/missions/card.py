@@ -104,7 +104,7 @@ def margin(plan: FlightPlan, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
 
 
 def warnings(plan: FlightPlan) -> list[str]:
-    """What is to be mended before the day in the field: propeller's table, battery, wind, height."""
+    """Problems to fix before flight day: propeller table, battery, wind, height."""
     warnings = []
     propeller, dashed = plan.aircraft.propeller, uncovered_mps(plan)
     if len(dashed):

@@ -36,7 +36,7 @@ from flightpower.analysis.missions.mission import (
 )
 from flightpower.flight.errors import InputError
 
-# What to do with an item that is not understood: two ways on, of which one is right for the mission.
+# What to do with an item that is not understood: two ways to go on; the mission decides which is right.
 VERTICAL = "flies vertically, and its power is not known; use 22 and 21 for take-off and landing, or remove it"
 INSTEAD: dict[int, str] = {
     Command.LOITER_UNLIMITED: "circles without end; give a time (19) or a number of turns (18)",

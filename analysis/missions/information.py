@@ -4,8 +4,8 @@ The equations are linearized along the planned flight. The covariance of the sen
 trajectory and the random errors of the states are those of `analysis.trajectory`, at the gust intensity expected; drag
 is regressed as in `analysis.methods.dynamic`, and its noise is that of `analysis.methods.consider`: by errors of the
 states, and by what else the residuals contain. The latter is taken as white, of the size that flights of this kind have
-shown. Earlier flights add what they know of drag and of the installation's sensor errors. A `Question` says which half
-width is to be small.
+shown. Earlier flights add what they know of drag and of the installation's sensor errors. A `Question` names the half
+width to minimize.
 """
 
 import math
@@ -150,7 +150,7 @@ QUESTION_TITLES = {
     "curve": "the whole power curve",
     "endurance": "power at the speed of best endurance",
     "range": "power at the speed of best range",
-    "propellers": "the difference of two propellers, flown one after the other",
+    "propellers": "the difference of two propellers, flown one after another",
     "probe": "the calibration of the probe",
 }
 

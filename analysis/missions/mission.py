@@ -55,7 +55,7 @@ class Step(NamedTuple):
 
 
 class Mission(NamedTuple):
-    """The steps from `start` on. notes: what of the mission costs no energy here, and what was assumed of it."""
+    """The steps from `start` on. notes: which items are taken to cost no energy, and what was assumed."""
 
     start: Place
     steps: tuple[Step, ...]

@@ -84,7 +84,7 @@ def kept_in_place(
         else:
             turn, begun_mps = maneuvers[before], float(flown[before].V[0])
             assert isinstance(turn, Turn)
-            for _ in range(3):  # another angle takes another time
+            for _ in range(3):  # a turn through another angle takes another time
                 crab = _crab_rad(part, turned, wind)
                 turn = _turned_to(turn, (crab if direction > 0 else pi - crab) - heading)
                 turned = place + _moved(turn_path(expected, begun_mps, turn), heading, wind)

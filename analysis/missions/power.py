@@ -158,7 +158,7 @@ def aerodynamic_source(
     *,
     idle_W: float = 0.0,
 ) -> RoutePower:
-    """Power from a model of performance. draws: how many, by what
+    """Power from a model of performance. draws: number of draws, random generator
 
     largest_CL: that the wing has carried; 0: not known, the largest of level flight. By a gust's low airspeed that may
     be larger than the wing ever carried: the former counts where it is known.

@@ -137,7 +137,7 @@ class _Increment(NamedTuple):
 def plan_flight(
     aircraft: ExpectedAircraft, request: Request, progress: Callable[[str], None] = lambda _: None
 ) -> FlightPlan:
-    """The plan. progress: called with the name of each step, of which those of a long flight take seconds.
+    """The plan. progress: called with the name of each step; for a long flight a step takes seconds.
 
     Raises InputError where the time is too short for any, and where no speed is left to fly.
     """
@@ -177,7 +177,7 @@ def plan_flight(
     shortest_s = min(increment.seconds for increment in increments)
     room_s, base_s = left, _seconds_of(history)
     fits_s, exceeds_s = 0.0, inf
-    for _ in range(8):  # pieces take more or less time beside others, and kept in place, than alone
+    for _ in range(8):  # a piece takes another time among others, or kept over the field, than alone
         progress(f"a flight of {request.minutes:g} minutes from them")
         counts = _exchanged(increments, left, start, objective)
         alone_s = sum(n * increment.seconds for n, increment in zip(counts, increments, strict=True))

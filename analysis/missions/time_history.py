@@ -1,7 +1,7 @@
 """Time history of a plan flown as written, in air without gusts: kinematics only, no controls, no pilot.
 
 Speed follows from drag and thrust along the plan; attitude and load factor from the path; sensors measure exactly. The
-columns are those of `air_data`, so that the estimator takes the history for a flight.
+columns are those of `air_data`, so the estimator can treat the history like a flight.
 """
 
 from collections.abc import Sequence

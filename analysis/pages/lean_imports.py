@@ -11,8 +11,8 @@ FOR_DEVELOPERS = ("f2py", "testing")  # of NumPy, which imports them at their fi
 def import_lean() -> None:
     """Import pandas as where PyArrow, which is optional, is not installed, and SciPy without FOR_DEVELOPERS.
 
-    This saves 35 MB and 0.1 s. PyArrow can be imported afterwards, and pandas then reads and writes Parquet. What is
-    imported already stays as it is.
+    This saves 35 MB and 0.1 s. PyArrow can be imported afterwards, and pandas then reads and writes Parquet. Modules
+    already imported stay unchanged.
     """
     if "pandas" not in sys.modules and "pyarrow" not in sys.modules:
         sys.modules["pyarrow"] = None  # type: ignore[assignment]  # its import fails

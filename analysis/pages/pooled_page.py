@@ -187,7 +187,8 @@ def _comparison_section(comparison: ComparisonResults, prefix: str) -> dict[str,
 
 
 def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
-    """How sure the curve is, whether the flights agree, what one more gives, and how many a comparison takes."""
+    """How certain the curve is, whether the flights agree, the gain from one more flight, and how many flights a
+    comparison needs."""
     points = pooled.main.points
     shares = [50 * (p.power_hi_W - p.power_lo_W) / p.power_W for p in points]
     least, most = int(np.argmin(shares)), int(np.argmax(shares))
@@ -472,7 +473,7 @@ def against_pool(flights: Sequence[PooledFlight]) -> Figure:
     """Each flight's power minus the pooled one in percent of it, a row for each in order of date: at the middle speed
     with the limits that its errors allow, and at the slowest and the fastest speed."""
     ordered = by_date(flights)
-    figure = _rows([row_name(flight) for flight in ordered], Axis("power minus that of all flights", "%"))
+    figure = _rows([row_name(flight) for flight in ordered], Axis("power minus the power of all flights", "%"))
     speeds = [point.speed_mps for point in ordered[0].against_pool]
     middle = len(speeds) // 2
     for field, color, symbol in (

@@ -157,7 +157,7 @@ Json = dict[str, Any]
 
 
 class NamedRun(NamedTuple):
-    """A run as the page shows it; name: as in the figures; says: what is known of it, in words."""
+    """A run as shown on the page. name: as in the figures; says: its description."""
 
     name: str
     label: str

@@ -144,7 +144,8 @@ def _withheld(value: str, firmware: str | None = None) -> str:
 
 
 def withheld_of(firmware: str, written: Collection[str]) -> list[str]:
-    """Sentences on what does not follow for one firmware, in its own names. written: names of what does"""
+    """Sentences on parameters that the results cannot give for one firmware. written: names of the parameters they do
+    give"""
     missing = {entry.value for entry in ENTRIES if entry.firmware == firmware and entry.name not in written}
     withheld = [_withheld(value, firmware) for value in WITHOUT if value in missing]
     return [*withheld, f"{THROTTLE[firmware]} does not follow: it requires {REQUIRES_THROTTLE}", NO_STALL]

@@ -3,9 +3,9 @@
 Thrust is the table's times 1 + thrust_scale + thrust_slope (J - J_REFERENCE), the correction that the dynamic method
 estimates in flight. Shaft power comes from the speed of rotation and the propeller's table (3.48). Where the log has
 voltage and current of the battery, the losses between shaft and battery are fitted to slow stretches of the flight.
-Where it has not, they are those of the aircraft file's motor, with wide standard errors, and `basis` says so; where the
-file lacks the motor, another stands in, of which a tenth of the highest power goes into friction and iron, and a tenth
-into copper.
+Otherwise they come from the motor in the aircraft file, with wide standard errors, and `basis` says so; if the file has
+no motor, a typical motor is assumed, which loses a tenth of the highest power in friction and iron and a tenth in
+copper.
 
 Units: V in m/s, n in rev/s, thrust in N, power in W, torque in N m, rho in kg/m^3.
 """

@@ -33,7 +33,7 @@ class Way(NamedTuple):
 
 
 def way_of(source: "Log | FlightRecording", options: Options = Options()) -> Way:
-    """Which curve `analyze` gives by what a log holds: drag by its runs, or electrical power of the whole flight."""
+    """Which curve `analyze` makes depends on the log: drag from the runs, or electrical power of the whole flight."""
     from flightpower.analysis.records.flight import Kind
 
     if not isinstance(source, Log):

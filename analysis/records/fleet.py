@@ -36,7 +36,7 @@ class Contradiction(StrEnum):
 
 
 class ContradictionResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What two flights of one name say that cannot be true of one airframe."""
+    """A contradiction between two flights of one name that one airframe cannot explain."""
 
     kind: Contradiction
     airframe: str

@@ -113,7 +113,8 @@ class MethodTried(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Trust(StrEnum):
-    """What a result is worth, by its evidence. A doubtful one is used with care: the part in doubt is named."""
+    """How far a result can be trusted, by its evidence. A doubtful one is used with care: the part in doubt is
+    named."""
 
     TRUSTED = "trusted"
     DOUBTFUL = "doubtful"

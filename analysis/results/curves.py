@@ -85,7 +85,7 @@ def _parts(curve: Curve) -> list[IntervalPart]:
 
 
 def power_statistics(V_mps: Array, power_W: Uncertain) -> PowerStatistics:
-    """Power at speeds (n,) with the errors of the flight alone, and those that others share, as results have it."""
+    """Power at speeds (n,) with the flight's own errors and the errors shared with other flights, as in results."""
     return PowerStatistics(
         speed_mps=V_mps.tolist(),
         power_W=power_W.value.tolist(),

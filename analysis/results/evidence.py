@@ -161,8 +161,8 @@ def _estimation(results: Results) -> Iterator[Evidence]:
 
 
 def _failed_methods(results: Results) -> Iterator[Evidence]:
-    """Where the runs allow drag, and no method finds any that can be: aircraft file and sensors are those of the energy
-    balance, too."""
+    """Applies where the runs allow drag but every method finds an impossible polar: the energy balance uses the same
+    aircraft file and sensors, so it is in doubt as well."""
     tried = results.methods_tried
     failed = [
         method_tried

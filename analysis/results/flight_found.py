@@ -1,4 +1,4 @@
-"""What the flight shows besides the curve, in the form of `results.json`: air, residuals, correlation, track."""
+"""Results of the flight other than the curve, in the form of `results.json`: air, residuals, correlation, track."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What the next twenty minutes should be, from what one flight left uncertain.
+"""Suggests the next twenty minutes of flight, from what one flight left uncertain.
 
 The interval is largest somewhere on the curve. There its variance has the parts of `methods.interval_sources`, which
 the report draws; the largest is named. Of the errors of the angle of attack that is its offset or its slope, whichever

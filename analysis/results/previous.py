@@ -1,4 +1,4 @@
-"""Whether results in a folder are of another log or of other options than those that replace them."""
+"""Tells whether the results in a folder came from another log or other options than the new ones that replace them."""
 
 import shlex
 from collections.abc import Collection

@@ -158,7 +158,8 @@ def _batteries(tables: Mapping[tuple[str, int], Table], kinds: tuple[str, ...]) 
 
 
 def _with_sums(batteries: Mapping[tuple[str, int], Battery], parameters: Mapping[str, float]) -> list[Battery]:
-    """The monitors, of which BATTn_MONITOR says which sum others: those of BATTn_SUM_MASK, or all later ones."""
+    """The battery monitors; BATTn_MONITOR marks those that sum others: the ones in BATTn_SUM_MASK, or all later
+    ones."""
     numbers = [instance + (kind in SECOND_MONITOR) for kind, instance in batteries]
     sums = []
     for number, battery in zip(numbers, batteries.values(), strict=True):

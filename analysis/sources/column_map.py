@@ -42,7 +42,7 @@ class MappedColumn:
     delay_s: float = 0.0
 
     def in_si(self, value: Array, quantity: Quantity, where: str) -> Array:
-        """Raises InputError for a unit that is none, or that of another quantity."""
+        """Raises InputError for an unknown unit, or for a unit of another quantity."""
         unit = KINDS[quantity].unit
         zero, unity = (to_si(f"{x} {self.unit}".strip(), unit, f"{where}: {quantity}.unit") for x in (0, 1))
         added = to_si(self.offset, unit, f"{where}: {quantity}.offset") if self.offset else 0.0
@@ -60,7 +60,8 @@ class ColumnMap:
 
 
 def map_of(table: Path, map_file: Path | None = None) -> ColumnMap:
-    """The map given, or the one beside a table. Raises InputError when there is none, or it is wrong."""
+    """The column map given by option, or the file next to the table. Raises InputError when there is none, or it is
+    wrong."""
     candidates = map_files(table, map_file)
     if not candidates:
         raise InputError(

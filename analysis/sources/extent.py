@@ -1,6 +1,6 @@
 """When a log began, and how long it is, by its first and last bytes: for a list of many logs.
 
-A file whose times are not found there causes no message; the analysis says what is wrong with it.
+A file without times there causes no message here; the analysis reports what is wrong with it.
 """
 
 import gzip
@@ -49,7 +49,7 @@ def extent(path: Path) -> Extent:
     first, last = _edges(path)
     try:
         form = format_of(path)
-    except InputError:  # damaged: the analysis says what is wrong with it
+    except InputError:  # the file is damaged; the analysis says how
         return Extent(LogKind.UNKNOWN)
     match form:
         case Format.ULOG:

@@ -375,7 +375,7 @@ def _speed_laws(grid: Grid) -> Iterator[Law]:
     if down is not None and q is not None and angles is not None:
         needed = V * q + g * np.cos(angles[0]) * np.cos(angles[1])
         lag_s = _heave_s(V)
-        if alpha is not None:  # what heaving takes of it
+        if alpha is not None:  # the part of gravity that heaving explains
             needed, lag_s = needed - grid.rate(V * np.sin(alpha)), 0.0
         yield Law(
             (Q.FORCE_DOWN, Q.PITCH_RATE, speed_quantity), np.where(flown, -down, np.nan), needed, False, lag_s=lag_s

@@ -409,8 +409,8 @@ def _without_aircraft(proposed: ColumnMap) -> ColumnMap:
 def _mended(
     table: Path, columns: Columns, proposed: ColumnMap, wrong: list[Finding], tried: list[ColumnMap]
 ) -> ColumnMap | None:
-    """The map with a change that leaves fewer contradictions; or else as many, but without the one that it mends, as
-    one mistake hides another; None where there is none that was not tried."""
+    """The map with a change that leaves fewer contradictions, or as many but without the one it fixes (one mistake can
+    hide another); None if no untried change does."""
     as_many = None
     for finding in wrong:
         best, fewest = None, len(wrong)
@@ -429,7 +429,8 @@ def _mended(
 
 
 def _changes(proposed: ColumnMap, wrong: Finding) -> Iterator[ColumnMap]:
-    """Other signs of a quantity of the finding, and other units of it and those of the same sensor together."""
+    """Proposes other signs for a quantity in the finding, and other units for it and its sensor's other quantities
+    together."""
     for quantity in wrong.quantities:
         if quantity not in proposed.columns:
             continue

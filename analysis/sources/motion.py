@@ -38,7 +38,7 @@ class Signals(Protocol):
     def true_airspeed(self) -> Array: ...
 
     def pressure_of_flight(self) -> Array:
-        """What lift is divided by: dynamic pressure, or what is proportional to it."""
+        """The divisor of lift: dynamic pressure, or a quantity proportional to it."""
         ...
 
     def climb(self) -> Array:

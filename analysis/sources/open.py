@@ -17,7 +17,7 @@ TABLES = (".csv", ".parquet", ".mat")  # suffixes of tables; their first bytes s
 
 
 def suffixes() -> tuple[str, ...]:
-    """Suffixes of the logs that are read, in lower case, those of readers of other packages too."""
+    """Suffixes of readable logs in lower case, including those of readers from other packages."""
     others = (suffix.lower() for installed_reader in installed_readers() for suffix in installed_reader.reader.suffixes)
     return tuple(dict.fromkeys((*SUFFIXES.values(), *others)))
 

@@ -222,7 +222,7 @@ def _place(gps: Table) -> dict[str, Channel]:
 
 
 def _date(gps: Table) -> Fix:
-    """The date alone: positions are those of a map's projection."""
+    """Only the date is used: positions are in a map projection."""
     fixed = _fixed(gps)
     nowhere, unix_s = np.full(int(fixed.sum()), np.nan), unix_of_week(gps["week"][fixed], 1e-3 * gps["week_ms"][fixed])
     return fix_of(gps["t_s"][fixed], nowhere, nowhere, unix_s=unix_s)

@@ -139,7 +139,7 @@ def start_unix_s(beginning: bytes) -> float | None:
         for data in log.data_list:
             topics.setdefault(data.name, []).append(_Topic(data.data, int(data.multi_id)))
         _, fix = _place(topics)
-    except Exception:  # whatever its bytes lead to: the analysis says what is wrong with it
+    except Exception:  # damage can raise any error here; the analysis reports what is wrong
         return None
     return None if fix.unix_at_zero_s is None else fix.unix_at_zero_s + 1e-6 * float(log.start_timestamp)
 

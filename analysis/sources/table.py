@@ -55,7 +55,7 @@ TABLE = "table"  # metadata of a log that was a table
 
 
 def log_of_table(path: Path, map_file: Path | None = None) -> Log:
-    """The log, by the map given or the one beside the table, or by the names that a known program gives columns.
+    """The log, by the map from the option or next to the table, or by the column names of a known program.
 
     Raises InputError, in one line, where the map is missing or wrong, or its quantities contradict each other.
     """

@@ -125,7 +125,8 @@ def _counted(head: Sequence[str], rows: Sequence[str], separator: str) -> list[s
 
 
 def _unique(names: Sequence[str]) -> tuple[str, ...]:
-    """Names without spaces around them; the second of equal ones has its number, an empty one that of its column."""
+    """Names without surrounding spaces; repeated names get a number, and an empty name gets the number of its
+    column."""
     seen: Counter[str] = Counter()
     unique = []
     for i, name in enumerate(names):

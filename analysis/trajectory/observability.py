@@ -381,9 +381,9 @@ def _worst_first(y: Array, covariance: Array) -> tuple[Array, dict[int, float]]:
     is right.
 
     y, covariance : estimates in prior standard deviations
-    The worst is given a prior of its size, and the others are judged by what they are then: an error that only took
-    the worst one's part does not contradict. The model is linear about the estimate. An error of which the data show
-    little has to be beyond what noise rarely makes of any: with a prior of its size little is known of it.
+    The worst error gets a prior of its size and the others are estimated again, so an error that only compensated for
+    the worst is not reported. The model is linear about the estimate. An error of which the data show little has to be
+    beyond what noise rarely makes of any: with a prior of its size little is known of it.
     """
     size, contradicted = np.ones(len(y)), dict[int, float]()
     rare = -special.ndtri(EVIDENCE.rare_false_alarms / (2 * len(y)))

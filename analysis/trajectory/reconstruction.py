@@ -80,7 +80,7 @@ class Trajectory:
     def with_prior(self, name: str, sigma: float) -> "Trajectory":
         """The trajectory by another prior standard deviation of a sensor error whose prior has the mean zero.
 
-        Posterior and prior are normal, so that the information of one prior can be replaced by that of another.
+        Posterior and prior are normal, so one prior's information can be subtracted and another's added.
         """
         i = SENSOR_ERRORS.index(name)
         information = np.linalg.inv(self.covariance)
@@ -280,7 +280,7 @@ def _solve(
 
 
 def _damping(damping: float, move: Array, last_move: Array) -> float:
-    """The share of a step (m,) that is taken, by the step before it, of which `damping` was taken.
+    """The fraction of a step (m,) to apply, from the previous step, of which the fraction `damping` was applied.
 
     Without a measured heading steps may oscillate between two points. Where the full step is l times too long, a step
     is 1 - l damping times the one before it, and the share 1/l makes the next one vanish (Aitken's acceleration).

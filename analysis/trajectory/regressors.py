@@ -1,8 +1,8 @@
 """Inputs of the measurement equations: regressors of the sensor errors, actual and predicted from past data.
 
 A regressor of a sensor error must be uncorrelated with the current gust. The aircraft's motion responds to gusts; a
-regressor that contains this response attributes the gust to the sensor. So actual values, which make the residuals
-exact, stand beside values predicted from past data, which are in the derivatives (instrumental variables).
+regressor that contains this response attributes the gust to the sensor. So the residuals use actual values, which are
+exact, and the derivatives use values predicted from past data (instrumental variables).
 """
 
 from typing import NamedTuple
@@ -245,10 +245,10 @@ class Regressors:
     ) -> tuple[dict[str, Array], dict[str, Array], Array]:
         """ALPHA_REGRESSORS, actual and predicted, and the predicted angle of attack at the center of gravity.
 
-        The angle's change by its slope [rad] is that of the probe's calibration for a relative change of dp_alpha.
-        The prediction uses predicted lift and its derivative, and the measured lift some blocks before. So stick
-        movements are predicted, and the current gust is not. Earlier reconstructed angles instead contain errors of
-        the states that last for seconds: an aircraft that flies at 7 m/s in gusts had a slope 4 % low (16 flights).
+        The change of the angle due to its slope [rad] follows from the probe's calibration for a relative change of
+        dp_alpha. The prediction uses predicted lift and its derivative, and the measured lift some blocks before. So
+        stick movements are predicted, and the current gust is not. Earlier reconstructed angles instead contain errors
+        of the states that last for seconds: an aircraft that flies at 7 m/s in gusts had a slope 4 % low (16 flights).
         """
         flying = self._flying
         at_probe = self._blocks["alpha_rad"] + self._by_upwash + self._by_rotation

@@ -130,7 +130,7 @@ def mean_updraft(trajectory: Trajectory, runs_s: list[tuple[float, float]], sun_
 
 
 class UpdraftByDay(NamedTuple):
-    """The mean updraft of a whole flight, judged by what the hour lets expect.
+    """Tests the mean updraft of a whole flight against what is usual at its time of day.
 
     z : the estimate, in the standard deviations that it has if the prior by the hour is right
     sigma_mps : standard deviation of the prior that the trajectory is given: the hour's, or one of the size that the

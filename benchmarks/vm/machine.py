@@ -111,7 +111,7 @@ class Machine:
         """Exit code and output of a command of the user pi."""
         self._commands += 1
         mark = f"end-of-command-{self._commands}:"
-        # One compound command: sudo has a terminal of its own and would take lines that wait in this one.
+        # One compound command, because sudo would read lines that wait in this terminal.
         self._console.sendall(f"{{ {command}\n}} </dev/null; code=$?; echo; echo '{mark}'$code\n".encode())
         match = self._wait(rf"(?s)(.*?)\r?\n{mark}(\d+)\r?\n", timeout_s)
         return int(match[2]), match[1].replace("\r", "").strip("\n")

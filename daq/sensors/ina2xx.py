@@ -87,7 +87,7 @@ INA228 = PowerMonitor(
     conversion_us=(50, 84, 150, 280, 540, 1052, 2074, 4120),
     continuous=0xB000,
     average_at=0,
-    conversion_at=(9, 6, 3),  # that of the temperature too, which is not measured
+    conversion_at=(9, 6, 3),  # including the temperature conversion, although temperature is not measured
 )
 
 

@@ -8,8 +8,8 @@ does not alias into 25 Hz samples. The magnetometer inside (AK8963) has its own 
 
 Each tick, the registers of ranges, filters and rate are read after the samples, now and then those of FIFO and bypass:
 samples of other settings are not recorded, and the settings are restored. A reply with a wrong bit must not look like
-that: what differs is read once more. In the samples, a damaged reply is recognized by the temperature, and by a sample
-that lies far from all the others.
+that: what differs is read once more. A damaged reply is recognized by its temperature, or by a sample far from all
+others.
 """
 
 import math
@@ -302,7 +302,7 @@ def mean(data: bytes) -> Counts:
 
 
 def has_outlier(column: Sequence[int]) -> bool:
-    """Whether one of the samples lies far beyond all others, as a wrong bit makes it."""
+    """Whether one sample is far from all others, as after a flipped bit."""
     lowest, low, *_, high, highest = sorted(column)
     return any(
         step > OUTLIER_COUNTS and step > OUTLIER_SPREADS * spread

@@ -191,7 +191,7 @@ class UBloxDriver:
             self._solved, self._counted_ns = 0, now_ns
 
     def _take(self, now_ns: int) -> tuple[list[bytes], int]:
-        """Read the port and take frames out of the buffer. A frame incomplete for too long is discarded."""
+        """Read the port and extract frames from the buffer. A frame incomplete for too long is discarded."""
         self._buffer += self._port.read_available()
         frames, rejected = take_frames(self._buffer)
         if frames or rejected or not self._buffer:

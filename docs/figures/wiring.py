@@ -20,7 +20,7 @@ BOARDS = (
     ("ADS1115, if needed", "0x48: ADDR to GND", "A0 to A3: at most 3.3 V"),
 )
 HIGH, LOW = "P1 +", "P2 −"
-# From each port of the probe to the barb of a transducer, whose sign is that of the pressure there.
+# From each port of the probe to a barb of a transducer; the sign is that of the pressure at the barb.
 HOSES = (
     ("lower", "alpha", HIGH),
     ("upper", "alpha", LOW),

@@ -35,7 +35,7 @@ for the words of a message; `…` stands for names and numbers.
 
 
 class Trouble(NamedTuple):
-    """Where it comes from, and what to do."""
+    """The cause, and what to do."""
 
     cause: str
     remedy: str
@@ -48,7 +48,7 @@ EXITS: Mapping[ExitCode, Trouble] = {
         "Do what the lines on stderr say.",
     ),
     ExitCode.BAD_INPUT: Trouble(
-        "The input cannot be used: one line on stderr says what, where, and what to do.",
+        "The input cannot be used: one line on stderr says what is wrong, where, and what to do.",
         "Change it; nothing was written.",
     ),
 }
@@ -166,13 +166,13 @@ REJECTED: Mapping[StrEnum, Trouble] = {
 MISTAKES: Mapping[Mistake, Trouble] = {
     Mistake.RANGE: Trouble("No aircraft has such values.", "Correct column or unit in the map."),
     Mistake.UNIT: Trouble(
-        "The ratio to what the laws of motion say is that of two units.", "Correct the unit in the map."
+        "The ratio to the value from the laws of motion is the ratio of two units.", "Correct the unit in the map."
     ),
     Mistake.SIGN: Trouble("It falls where it should rise.", "Write the column with a minus, or the other axis."),
     Mistake.DELAY: Trouble("It comes late against the others.", "Give its delay in the map."),
     Mistake.EXCHANGED: Trouble("Two columns fit each other's place.", "Exchange them in the map."),
     Mistake.UNRELATED: Trouble(
-        "It has nothing to do with what it is said to be.", "Name another column, or delete the line."
+        "Its values have nothing to do with the quantity it is mapped to.", "Name another column, or delete the line."
     ),
 }
 AREAS = {

@@ -1,4 +1,4 @@
-"""Options that are lists: what is typed, and what is refused in one line."""
+"""Options that are lists: how they are typed, and what is refused in one line."""
 
 import pytest
 

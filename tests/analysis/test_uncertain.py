@@ -13,7 +13,7 @@ OTHER = Uncertain(np.array([4.0, 5.0, 6.0]), 0.25 * np.eye(3), {"b": np.full(3, 
 
 
 def draws(of: Uncertain, errors: dict[str, np.ndarray], count: int) -> np.ndarray:
-    """(count, n) with own errors drawn anew and the shared ones given (count,) by name."""
+    """(count, n) with own errors redrawn and the shared ones given (count,) by name."""
     own = RNG.multivariate_normal(of.value, of.own, count)
     return own + sum(errors[name][:, None] * change for name, change in of.shared.items())
 

@@ -1,4 +1,4 @@
-"""Simulated flights with one defect each, of which the analysis is not told: the verdict names it."""
+"""Simulated flights with one defect each, unknown to the analysis: the verdict names it."""
 
 import msgspec
 import pytest

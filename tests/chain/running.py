@@ -38,7 +38,7 @@ def _read(path: Path, mtime_ns: int) -> Log:
 
 
 def installed(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run one of our commands in a process of its own; the caller looks at exit code and output."""
+    """Run one of our commands in its own process; the caller looks at exit code and output."""
     return subprocess.run([BIN / name, *map(str, arguments)], capture_output=True, text=True, timeout=120)
 
 
@@ -80,7 +80,7 @@ def succeeded(outcome: subprocess.CompletedProcess[str]) -> subprocess.Completed
 
 
 def commands_without_posix(*commands: list[str]) -> list[subprocess.CompletedProcess[str]]:
-    """Run our commands one after the other, in one process, as on a computer without POSIX."""
+    """Run our commands one after another, in one process, as on a computer without POSIX."""
     line = [sys.executable, "-X", "warn_default_encoding", WITHOUT_POSIX]
     ran = subprocess.run(line, input=json.dumps(commands), capture_output=True, text=True, timeout=300)
     assert ran.returncode == 0, ran.stderr

@@ -65,7 +65,7 @@ def test_a_log_without_a_needed_topic(flown: Path, tmp_path: Path, topic: str) -
 
 @pytest.mark.parametrize("topic", ["/imu", "/probe/alpha", "/rpm"])
 def test_a_log_without_a_topic_that_drag_needs_gives_electrical_power(flown: Path, tmp_path: Path, topic: str) -> None:
-    """The curve of what the battery gives, what drag would take by this method, and drag by the propeller's table."""
+    """The curve of battery power, the power for drag by this method, and drag by the propeller table."""
     rewritten(flown, tmp_path / "flight.mcap", without_topic=topic)
     done("analyze", tmp_path / "flight.mcap", "--quiet", "-o", tmp_path / "report")
     results = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))
@@ -139,7 +139,7 @@ def test_a_wrong_aircraft_file(flown: Path, tmp_path: Path, old: str, new: str, 
         ("--propeller", "apc-99x9", None, "neither a file nor one of"),
         ("--propeller", "apc-10x5e", None, "is it the propeller that was flown?"),
         ("--runs", "mine.toml", '[[run]]\nkind = "acceleration"\nend = "70 s"\n', "start is missing"),
-        # 2.4 s of one acceleration: what a parabola makes of it falls with lift.
+        # 2.4 s of one acceleration: the fitted parabola falls with lift.
         (
             "--runs",
             "mine.toml",

@@ -41,7 +41,7 @@ def test_analyze_begins_with_the_scale_of_another_flight(flown: Path, tmp_path: 
     done("analyze", flown / "log.mcap", "-o", tmp_path / "plain")
     new, plain = (json.loads((tmp_path / name / "results.json").read_text()) for name in ("new", "plain"))
     slowest = [results["slowest_flown"]["speed_mps"] for results in (new, plain)]
-    # What GPS shows of this flight takes back less than half of it.
+    # GPS corrects less than half of it in this flight.
     assert 1.006 < slowest[1] / slowest[0] < 1.013
     (scale,) = (error for error in new["path"]["sensor_errors"] if error["name"] == "V_scale")
     assert scale["assumed_sigma"] == pytest.approx(100 * np.hypot(0.006, 0.003), rel=0.01)

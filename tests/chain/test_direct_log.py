@@ -12,7 +12,7 @@ from flightpower.simulate import fly
 pytestmark = pytest.mark.xdist_group("chain")
 
 PASCAL = {f"/probe/{name}": 2 * p.range_Pa / (p.high_counts - p.low_counts) for name, p in BRIDGES.items()}
-# A count of each part in the units of its message; nothing is allowed where nothing stands here.
+# One count of each part in the units of its message; parts not listed must agree exactly.
 COUNT = {
     "/imu": {"specific_force": IMU.accel_count_mps2, "angular_rate": IMU.gyro_count_radps, "temperature_K": 1 / 333.87},
     "/mag": {"field": MAG_T},

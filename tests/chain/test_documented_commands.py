@@ -1,6 +1,6 @@
 """The commands of README, tutorial and docs run as they stand, and print what the tutorial shows.
 
-Which of them run here: those of the tutorial that have an output, and every other one that needs no log. Those of the
+These run here: the tutorial's commands that have an output, and every other command that needs no log. Those of the
 daemon: test_documented_daemon_commands.py. Those that need a log, and which are run elsewhere or not at all, and why:
 test_documented_commands_with_a_log.py. Names and options are checked of all.
 """
@@ -73,7 +73,7 @@ def quick_commands() -> list[str]:
 
 
 def test_the_other_commands_that_need_no_log_run_as_they_stand(walk: Walk) -> None:
-    """In the tutorial's folder: its files are what such a command reads. A file that exists is not in the way."""
+    """It runs in the tutorial's folder, whose files the command reads. A file that exists is not in the way."""
     for command in quick_commands():
         written = re.search(r"(?:-o|--output|>) (\S+)", command)
         if written:

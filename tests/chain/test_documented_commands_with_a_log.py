@@ -1,7 +1,7 @@
 """Every command of README, docs and systemd/README.md is run by a test, or listed here with the reason why not.
 
-Here run those that need a log, on that of the tutorial. Those of the tutorial, and those that need no log:
-test_documented_commands.py; those of the daemon: test_documented_daemon_commands.py.
+Commands that need a log run here, on the tutorial's log. Commands of the tutorial and commands without a log: see
+test_documented_commands.py; the daemon's: test_documented_daemon_commands.py.
 """
 
 import json

@@ -49,7 +49,7 @@ class ReadersClock:
 
 
 def until(results):
-    """What `found()` gives once it gives something; fails when that takes too long."""
+    """Waits until `found()` returns something, and fails if that takes too long."""
     give_up_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < give_up_s:
         if result := results():

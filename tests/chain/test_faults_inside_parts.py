@@ -1,6 +1,6 @@
 """Faults inside parts, in flight: nothing wrong is recorded as ok, the crew hears of it within 5 s, then it is over.
 
-All of them are in `benchmarks/injected_faults.py`; here are those that each stand for a kind.
+`benchmarks/injected_faults.py` has all faults; this file has one of each kind.
 """
 
 import importlib.util

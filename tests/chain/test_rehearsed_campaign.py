@@ -10,7 +10,7 @@ import pytest
 from flightpower.sim.truth import read_truth
 from tests.documented_commands import ROOT, do, every_one_of, run, same, steps_in
 
-# The errors of an installation are also seen by tests/sim/test_command_line.py, the comparison by those of flights.
+# tests/sim/test_command_line.py also tests the errors of an installation, and tests/analysis/flights the comparison.
 pytestmark = [pytest.mark.xdist_group("chain"), pytest.mark.thorough]
 
 PAGE = ROOT / "docs" / "use" / "many-flights.md"

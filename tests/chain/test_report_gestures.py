@@ -152,7 +152,7 @@ READ = "document.querySelector('#{} .readout').innerText"
 
 
 def test_the_cursor_reads_every_line_at_its_speed(report: Browser, flown: Path) -> None:
-    """With the pointer and with the keyboard; the values are those of the results."""
+    """It works with pointer and keyboard, and shows the values of the results."""
     results = msgspec.json.decode((flown / "log.report" / "results.json").read_bytes(), type=Results)
     V, P = np.array([(point.speed_mps, point.power_W) for point in results.power_required]).T
     x, y = place(report, "power", float(V.mean()), 50.0)

@@ -1,4 +1,4 @@
-"""What the aircraft told the pilot during the demonstration flight, against the analysis afterwards."""
+"""What the aircraft reported to the pilot during the demonstration flight agrees with the later analysis."""
 
 from collections import defaultdict
 from pathlib import Path

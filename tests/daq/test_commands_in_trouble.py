@@ -166,7 +166,7 @@ def test_a_card_that_stays_full_costs_only_the_rest(tmp_path, counter):
     ("nr_inodes=1", "remount,nr_inodes=50", "No space left on device"),
 ])  # fmt: skip
 def test_a_card_that_takes_no_file_at_power_on(tmp_path, counter, option, cure, cause):
-    """The daemon waits and tells, as with a full one; what was measured meanwhile is in the log."""
+    """The daemon waits and reports it, as with a full disk; the measurements of that time are in the log."""
     with card(tmp_path, option) as logs, running(tray_file(tmp_path, counter.path)) as (daemon, lines):
         wait_for(lambda: any("kept in memory" in line and cause in line for line in lines))
         assert daemon.poll() is None and not list(logs.iterdir())

@@ -176,7 +176,7 @@ def test_an_attitude_that_cannot_be_is_corrupt(angles):
     [(2, 65535, Status.CORRUPT), (3, 300, Status.CORRUPT), (7, 65535, Status.OK), (2, 0, Status.OK)],
 )
 def test_what_is_no_pulse_of_a_servo_is_no_angle(output, pulse, status):
-    """Outputs 2 and 3 move elevator and throttle, 7 nothing: another one that is not used hides nothing."""
+    """Outputs 2 and 3 move elevator and throttle; output 7 is unused and hides nothing."""
     message = servo_controls([*PULSES[: output - 1], pulse, *PULSES[output:]], NEXSTAR)
     assert message.status is status
     if status is Status.OK:

@@ -120,7 +120,7 @@ def test_an_unknown_honeywell_part_is_refused_and_supported_ones_are_named(part)
 
 
 class RepliesBus(BareBus):
-    """Answers with these replies, one after the other."""
+    """Answers with these replies, one after another."""
 
     def __init__(self):
         super().__init__(b"")

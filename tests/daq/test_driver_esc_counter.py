@@ -190,7 +190,7 @@ def test_earlier_firmware_is_read_without_counts():
 
 
 def legacy_stream(periods: list[int]) -> list[int | None]:
-    """The period told in each tick, of one legacy frame a tick."""
+    """The period reported in each tick, from one legacy frame a tick."""
     port = ScriptedPort()
     sensor = EscCounterDriver(port, pole_pairs=7)
     bring_up(sensor)
@@ -209,7 +209,8 @@ def test_one_wrong_bit_in_a_legacy_period_is_withheld(bit):
 
 
 def test_a_motor_that_speeds_up_within_a_few_frames_is_followed():
-    """From 100 to 160 rev/s by a fifth each frame, and then steady: every second period is told, then each."""
+    """Speed rises from 100 to 160 rev/s by a fifth each frame and then stays: every second period is reported, then
+    every one."""
     periods = [round(14286 / 1.17**i) for i in range(4)] + [8920, 8915]
     stream = legacy_stream([14286, 14280, *periods])
     assert stream[-2:] == [8920, 8915] and [stream[i] for i in (1, 2, 4)] == [14280, 14286, periods[2]]

@@ -56,7 +56,7 @@ def read(sensor: MPU9250Driver) -> Imu:
 
 
 def test_the_part_is_given_the_time_of_its_datasheet_to_start():
-    """From sleep the gyroscope takes 35 ms (PS 3.1), for which it gives zeros."""
+    """The gyroscope needs 35 ms to wake (PS 3.1) and gives zeros meanwhile."""
     chip = Chip()
     waits_s = {0x80: 0.0, 0x01: 0.0}  # by power management: after the reset, after waking
     for wait_s in MPU9250Driver(chip, ADDRESS).start():

@@ -43,7 +43,7 @@ PVT = nav_pvt()
 
 
 def solution_at(tick: int) -> bytes:
-    """A solution of its own for each tick, a tenth of a second after that of the tick before."""
+    """Each tick has its own solution, a tenth of a second after the previous one."""
     return nav_pvt(iTOW=123456000 + 100 * tick)
 
 
@@ -322,7 +322,7 @@ def test_silence_is_said_and_the_receiver_configured_again():
 
 
 def test_a_solution_that_the_receiver_repeats_is_none_and_the_receiver_is_configured_again():
-    """Always of one time of week: an old value would stand in the log as a new one."""
+    """The time of week never changes: an old value would be logged as a new one."""
     port = ScriptedPort()
     sensor = UBloxDriver(port, reopen=lambda baud: port)
     bring_up(sensor)

@@ -106,7 +106,7 @@ def test_the_kernel_s_timeout_is_in_units_of_ten_milliseconds_rounded_up(tmp_pat
 
 @pytest.mark.parametrize("size", [1, 40, 1400, 65_000])
 def test_a_flood_of_datagrams_ends_at_each_read_and_costs_nothing_that_was_before_it(size):
-    """One thread reads all ports: a read without an end would cost the others' readings, too."""
+    """One thread reads all ports, so an endless read would also lose the readings of the others."""
     port = linux_bus.UdpPort("127.0.0.1", 0)
 
     class Flood:

@@ -289,7 +289,8 @@ def told_again(session: RecordingSession) -> list[str]:
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_minute_of_a_fault_leaves_few_files_and_every_tick_once(tmp_path, faulty, hurried, monkeypatch, fault):
-    """It is told at once and nothing better is said meanwhile; afterwards all that waited is saved, in one place."""
+    """The daemon reports it at once and does not report success meanwhile; afterwards all waiting data are saved, in
+    one place."""
     session = RecordingSession(tmp_path)
     session.run_until(lambda: session.tick > 20 and session.files._current.holds_messages)
     for name, number in FAULTS[fault].items():

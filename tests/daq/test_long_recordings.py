@@ -105,7 +105,7 @@ def test_each_file_is_complete_by_itself(split):
 
 
 def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, one_file):
-    """Channels on the grid are equal, but for the ends, where splines have less to lean on."""
+    """Channels on the grid are equal, except the ends, where splines have less to lean on."""
     import numpy as np
 
     from flightpower.analysis.sources.daemon import synchronize
@@ -251,12 +251,12 @@ def test_nothing_waits_in_a_chunk_for_half_a_second(tmp_path, rate_Hz):
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_changes_of_file_leave_no_memory_in_use():
-    """Two hours on the simulated clock in 24 files, in a process of its own, weighed by the kernel.
+    """Two hours on the simulated clock in 24 files, in its own process, weighed by the kernel.
 
-    After the sixth file what the allocator takes once it has taken, but for single steps of up to 400 KiB when the
-    disk's thread was late. What is kept grows in both halves of the rest. In each, a single number kept at each tick
-    would be 24 bytes of 13,500 ticks, 316 KiB; a file's index kept when the file is finished (750 chunks of two sensors
-    and three topics of our own, 131 bytes each), 863 KiB.
+    After the sixth file memory stays level, except for single steps of up to 400 KiB when the disk thread was late.
+    What is kept grows in both halves of the rest. In each, a single number kept at each tick would be 24 bytes of
+    13,500 ticks, 316 KiB; a file's index kept when the file is finished (750 chunks of two sensors and three topics of
+    our own, 131 bytes each), 863 KiB.
     """
     command = [sys.executable, BENCHMARK, "day", "--rate", "5", "--hours", "2", "--file-min", "5"]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=600)

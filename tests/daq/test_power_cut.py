@@ -54,7 +54,7 @@ def test_chunks_are_closed_twice_a_second(flight):
 
 
 def test_the_statistics_of_a_mended_log_count_every_message(flight, tmp_path):
-    """Also those of a last chunk that came through without its message indices: it gets back what stood there."""
+    """This includes a last chunk whose message indices were lost: they are written again."""
     data, ends = flight
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(data)

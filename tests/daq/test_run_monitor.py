@@ -345,7 +345,7 @@ def test_in_steady_flight_the_interval_is_what_the_aircraft_file_states(thrust_s
 
 
 def test_thrust_on_a_stand_is_a_prior_of_the_in_flight_estimate():
-    """With a stand and a slope that are exactly known, thrust is known: 3 % more of it is 3 % more power."""
+    """With an exact thrust stand and an exact slope, 3 % more thrust means 3 % more power."""
     uncertainty = Uncertainty(
         thrust_slope=1e-5,
         airspeed_scale_fraction=1e-5,

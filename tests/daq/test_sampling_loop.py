@@ -1,4 +1,4 @@
-"""The grid of ticks, a sensor's life in the loop, and what is told about it; all on a clock moved by hand."""
+"""The grid of ticks, sensors that start and fail in the loop, and the reports on them, on a simulated clock."""
 
 import errno
 import threading

@@ -1,4 +1,4 @@
-"""A second IMU, receiver, barometer or airspeed transducer beside the first: its own topic, its own health."""
+"""A second IMU, receiver, barometer or airspeed transducer has its own topic and its own health."""
 
 from pathlib import Path
 

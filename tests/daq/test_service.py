@@ -194,7 +194,7 @@ def test_no_device_has_to_exist_when_the_service_starts(device, permitted):
 
 
 def test_the_numbers_are_those_of_this_kernel():
-    """Where such devices are here."""
+    """Where this machine has such devices."""
     from flightpower.daq.systemd_unit import NUMBERS
 
     for path in Path("/dev").iterdir():

@@ -1,4 +1,5 @@
-"""A bus that needs most of a tick, or more: what it answered is logged with its own time and tick, and it is told."""
+"""A bus that needs most of a tick or more: its answers are logged with their own time and tick, and the delay is
+reported."""
 
 import threading
 

@@ -451,7 +451,7 @@ def sent(readings, system, **config):
 
 
 def test_beside_an_autopilot_it_is_a_companion_of_the_same_system():
-    """Nothing that the autopilot sends as well: a ground station could not tell which is which."""
+    """The daemon sends no message that the autopilot also sends, since a ground station could not distinguish them."""
     messages = sent(READINGS, 7, vehicle=False)
     assert {(m.get_srcSystem(), m.get_srcComponent()) for m in messages} == {(7, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)}
     kinds = {m.get_type() for m in messages}

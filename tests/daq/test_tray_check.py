@@ -231,7 +231,7 @@ def test_a_silent_line_is_listened_to_as_long_as_its_part_may_take(driver, port,
 
 @pytest.mark.parametrize(("driver", "part"), [("ms5611", "baro"), ("ms5805", "static")])
 def test_a_barometer_says_its_own_coefficient_and_checksum(driver: str, part: str):
-    """A part is told from another of its kind by what the factory wrote into it."""
+    """Two parts of one type are distinguished by what the factory wrote into them."""
     clock = SimulatedClock()
     fake = FakeTray(SteadySensorTruth(), clock)
     clock.advance_ns(2 * 10**9)

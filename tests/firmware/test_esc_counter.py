@@ -180,7 +180,7 @@ TRAINS = {
 
 @pytest.mark.parametrize("train", TRAINS)
 def test_a_period_is_right_within_two_percent_or_marked(counter, train):
-    """But for an echo in the middle of each period, which no counter can tell from twice the speed."""
+    """The exception is an echo in the middle of each period, which no counter can distinguish from twice the speed."""
     sent = counter(TRAINS[train], 400_000)
     assert len(sent.samples) > 5
     assert sent.believed_us == pytest.approx(5000, rel=0.02)

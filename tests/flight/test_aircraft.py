@@ -1,4 +1,4 @@
-"""Aircraft files: those shipped, and what is said of a broken one."""
+"""Shipped aircraft files, and the messages on broken ones."""
 
 import dataclasses
 import re

@@ -1,4 +1,5 @@
-"""The shipped tables are of what their heads say, and what taking another one may cost contains what it does cost."""
+"""The shipped tables are what their headers say, and the stated error of using another table contains the actual
+error."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""UTC of a log from what the satellites said in it."""
+"""UTC of a log follows from its satellite messages."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Quantities with units to SI, and what is said about those that are not."""
+"""Quantities with units become SI values; wrong ones are refused with a message."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""What a daemon does to a bus, with smbus2 alone; prints what it saw. Run by test_fake_fuse_i2c.py."""
+"""Does to a bus what the daemon does, with smbus2 alone, and prints what it saw. Run by test_fake_fuse_i2c.py."""
 
 import fcntl
 import json

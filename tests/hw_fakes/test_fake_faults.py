@@ -1,4 +1,4 @@
-"""Each fault does what it says, for as long as it says, and no longer."""
+"""Each fault does what its name says, for its duration and no longer."""
 
 import pytest
 from analytic_sensor_truth import AnalyticSensorTruth, ramp

@@ -36,7 +36,7 @@ def propeller(nexstar):
 
 
 def test_electrical_power_is_shaft_power_and_losses(propulsion, propeller):
-    """At steady speed: battery output = propeller + friction + heat in the winding; heat in the battery besides."""
+    """At steady speed: battery output = propeller + friction + heat in the winding; plus heat in the battery."""
     for V, n in ((0.0, 90.0), (15.0, 100.0), (24.0, 125.0)):
         throttle = float(throttle_for(propulsion, propeller, V=V, n=n, rho=RHO))
         assert 0 < throttle <= 1.2

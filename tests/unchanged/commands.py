@@ -131,7 +131,7 @@ def larger_errors() -> Contents:
 
 
 def pool() -> Contents:
-    """Three flights of one aircraft, and one of them against the others."""
+    """Three flights of one aircraft pooled, and one flight compared with the other two."""
     with new_folder() as folder:
         for name, log, options in (
             ("a/demo", demo_log(), ()),
@@ -279,7 +279,7 @@ duration = "10 s"
 
 
 def option_defaults() -> Contents:
-    """What every command does unless it is told otherwise."""
+    """What every command does by default."""
     option_defaults: dict[str, object] = {}
 
     def collect(program: Any, path: str) -> None:

@@ -71,7 +71,7 @@ def numbers_printed(lines: Iterable[str]) -> list[float]:
 
 
 def store(name: str, value: object) -> None:
-    """Stores a result in place of the one before; what is unchanged stays as it was stored."""
+    """Stores a result in place of the previous one; unchanged values keep their stored digits."""
     before = json.loads(_path(name).read_text("utf-8")) if _path(name).exists() else {}
     after = condensed(value)
     unchanged = {path for path in after if path in before and same(before[path], after[path])}

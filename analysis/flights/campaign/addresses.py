@@ -183,7 +183,7 @@ def _answer_of(address: str, ask: Callable[[], T]) -> T:
                 cause = (
                     message
                     if message not in ("", printable(address))
-                    else "nothing answers there, or there is no such file"
+                    else "no server answers there, or there is no such file"
                 )
                 raise InputError(f"{printable(address)}: cannot be read ({cause})") from None
             time.sleep(pause_s)

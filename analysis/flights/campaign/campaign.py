@@ -166,7 +166,7 @@ def _plan(logs: Sequence[Log], output: Path, work: Work, jobs: int, campaign: Ca
 def _rename(output: Path, logs: Mapping[str, LogFile], earlier: Mapping[Path, Record]) -> list[str]:
     """Give the earlier folders of the logs the names they have now: a log was moved, or has got a namesake.
 
-    logs : by name. The folder of another log that has such a name is put aside, with a line.
+    logs : by name. A folder with that name from another log is moved aside and reported.
     Raises OSError, InputError.
     """
     notes = []
@@ -225,7 +225,7 @@ def read_flights(folders: Sequence[Path]) -> list[Results]:
     flights = []
     for folder in folders:
         content = read_results(folder / RESULTS)
-        values = content.autopilot_parameters  # of which a pool gives the mean
+        values = content.autopilot_parameters  # a pool has their mean instead
         flights.append(structs.replace(without_details(content), log=folder.name, autopilot_parameters=values))
     return flights
 

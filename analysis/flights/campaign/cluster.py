@@ -73,7 +73,7 @@ def _absolute(path: Path) -> Path:
 
 
 def analyze_parcel(parcel: Parcel) -> Returned:
-    """On the worker: the job in a process of its own, as on one computer.
+    """Runs on the worker: the job in its own process, as on one computer.
 
     Paths are those of the sender below a temporary folder, whose name is taken out of everything that returns.
     """

@@ -218,7 +218,7 @@ def edited_runs(folder: Path, record: Record | None) -> Path | None:
 
 
 def partial_folder(output: Path, name: str) -> Path:
-    """A new folder beside that of the flight, for results that are not complete. Raises InputError."""
+    """A new folder next to the flight's folder, for incomplete results. Raises InputError."""
     with _as_input_error(output):
         return Path(mkdtemp(prefix=f".{name}-", suffix=PARTIAL, dir=output))
 

@@ -179,7 +179,7 @@ def processors(analyze: Analyze, count: int, step: Callable[[Job, str], None]) -
 
 
 class OwnProcesses:
-    """Runs each job in a process of its own, so that memory stays flat and a crash costs one job."""
+    """Runs each job in its own process, so that memory stays flat and a crash costs one job."""
 
     def __init__(self, analyze: Analyze, step: Callable[[Job, str], None]):
         self._analyze, self._step = analyze, step

@@ -7,10 +7,10 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class CampaignLimits(Settings):
-    """What one analysis among many may take, and how a cluster is kept busy."""
+    """Limits of one analysis among many, and how a cluster is kept busy."""
 
     memory_GB: float = setting(
-        4.0, "GB", "of one analysis (2^30 bytes each): a flight of two hours takes a quarter of it"
+        4.0, "GB", "of one analysis (2^30 bytes each): a flight of two hours needs a quarter of it"
     )
     connect_s: float = setting(
         10.0, "s", "a scheduler or a store of logs that does not answer within this is not there"

@@ -1,6 +1,6 @@
 """Scale and zero of the airspeed, and the wind, from airspeed against GPS ground speed on changing headings.
 
-The horizontal wind is constant but for a linear trend. What it does besides is in the residuals, which are correlated
+The horizontal wind is constant except for a linear trend. Its other changes are in the residuals, which are correlated
 over seconds; their most likely standard deviation and correlation time are estimated too (`most_likely_noise`).
 
 `most_probable` gives the maximum a posteriori parameters here, and those of the energy balance in `fit`.

@@ -119,8 +119,8 @@ def _lags(windows: Windows) -> Array:
 def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Array:
     """Covariance of two weighted means of first-order noise of variance 1, whose windows are `lags` apart.
 
-    It is that of a process at every lag: cut off at a long one, it would be the covariance of nothing, with eigenvalues
-    far below zero. Where windows no longer overlap it falls by exp(-lag / time_s).
+    It is a valid process covariance at every lag; truncated at a long lag it would have eigenvalues far below zero.
+    Where windows no longer overlap it falls by exp(-lag / time_s).
     """
     step = float(windows.offsets_s[1] - windows.offsets_s[0])
     overlap = np.convolve(weight, weight[::-1])  # sum over the pairs of offsets with one difference

@@ -100,8 +100,8 @@ def most_probable_fit(
     """Maximum a posteriori parameters, and the sizes of errors by maximum likelihood, in turns. measured: of
     `most_probable`. least_share: error of the efficiency's form, of which a flight shows too little.
 
-    What the balance with the accelerometer contains besides the motion of the air is the error of the angle of attack,
-    and so is what the sum of both balances contains besides the error of the efficiency's form.
+    Apart from the motion of the air, the balance with the accelerometer contains the error of angle of attack; apart
+    from the error of the efficiency's form, so does the sum of both balances.
     """
     mean, sigma = (pack(balance.names, {name: bounds[part] for name, bounds in prior.items()}) for part in (0, 1))
     windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))
@@ -259,7 +259,8 @@ class Estimate(NamedTuple):
         return np.array(rows)
 
     def quantity(self, function: Quantity, gradient: Array | None = None) -> Uncertain:
-        """A quantity with its errors; those that the whole flight shares by their source. gradient: of it, if known"""
+        """A quantity with its errors; errors common to the whole flight are kept by source. gradient: of the quantity,
+        if known"""
         gradient = self.gradient(function) if gradient is None else gradient
         p = self.named()
         value = function(p, self.conditions)

@@ -26,7 +26,7 @@ class _Noted(NamedValues):
 class Kept(Generic[T]):
     """A function of parameters, computed again only when one that it has read has another value.
 
-    It may call other such functions: what they read counts as read by it. The value from which a derivative starts
+    It may call other such functions; their reads count as its own. The value from which a derivative starts
     stays while each of the parameters that were read is moved once.
     """
 

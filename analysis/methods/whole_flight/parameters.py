@@ -1,6 +1,6 @@
 """Parameters of an energy balance by name, and the errors that a whole flight shares.
 
-A balance says which parameters its vector has, by `names`; `pack` and `unpack` are the only ones that go by places.
+A balance lists the parameters of its vector in `names`; only `pack` and `unpack` use positions.
 
 The natural logarithms of CD0, K, x at the greatest efficiency, fall and angle over C_L, and the logit of the
 efficiency, keep them possible. LIFT are sideslip over C_Y, and those of the angle of attack, alpha_0
@@ -34,8 +34,8 @@ Prior = Mapping[str, tuple[float, float]]  # mean and standard deviation by para
 class Source(StrEnum):
     """An error that the whole flight shares, as pools of results name it.
 
-    Errors of the airspeed, or of the wind where no sensor measures it, are correlated: each is what it has alone, and
-    what goes with it of those that follow.
+    Errors of airspeed (or of wind, without an airspeed sensor) are correlated: each source contains its own part and
+    the correlated part of the sources after it.
     """
 
     AIRSPEED = "airspeed"  # its scale

@@ -96,7 +96,7 @@ PRIOR = DragAndEfficiencyPrior()
 class BalanceWindows(Settings):
     """Windows of the energy balance."""
 
-    length_s: float = setting(8.0, "s", "shorter ones hold gusts alone, longer ones average maneuvers away")
+    length_s: float = setting(8.0, "s", "shorter ones contain only gusts, longer ones average maneuvers away")
     most: int = setting(400, "1", "a matrix of twice this size is inverted several times")
 
     @property

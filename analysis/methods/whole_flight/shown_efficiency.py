@@ -2,7 +2,7 @@
 
 What the motor takes raises, accelerates and pushes the aircraft: how energy and drag change with the measured power
 gives the efficiency. The curve's own estimate has a prior of it, which a wrong current would fight. Here the measured
-power has a scale besides, of which nothing is assumed: the efficiency of the measured power is then the data's.
+power also has a scale without a prior, so the efficiency follows from the data alone.
 """
 
 from collections.abc import Sequence

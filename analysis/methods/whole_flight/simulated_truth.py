@@ -1,4 +1,5 @@
-"""Compares what was measured and found with the truth in a log of ArduPilot's own simulation; nothing of it is used."""
+"""Compares measurements and results with the truth in a log of ArduPilot's own simulation; the analysis does not use
+that truth."""
 
 from dataclasses import dataclass
 

@@ -122,7 +122,7 @@ class ThrustBalance(EnergyBalance):
 
 
 def _powered(samples: Samples, c: FlightConditions) -> list[slice]:
-    """Where the motor takes so much power that its speed follows from it: not where it idles."""
+    """True where the motor draws enough power to determine its speed; false where it idles."""
     power_W = samples.power_W - c.idle_power_W
     flown = np.zeros(len(power_W), dtype=bool)
     for rows in samples.stretches:

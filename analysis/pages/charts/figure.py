@@ -66,7 +66,7 @@ class Axis:
     step: float | None = None
     most_ticks: int = 9
     grid: bool = True
-    decimals: int | None = None  # None for those that tell a hundredth of the range
+    decimals: int | None = None  # None: enough decimals to resolve a hundredth of the range
 
     @property
     def title(self) -> str:

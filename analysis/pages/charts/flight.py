@@ -100,7 +100,7 @@ def consistency(agreement: Consistency, overlaid: int = 600) -> Figure:
 
 
 def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str, Array]) -> list[Figure]:
-    """One run: measurement and fitted model, and their difference beside them."""
+    """One run: measurement and fitted model, and next to them their difference."""
     height_px = 130 * len(measured) + 60
     fit = Figure(len(measured), height_px=height_px, x=Axis(f"time, s ({run})", most_ticks=5))
     differences = Figure(len(measured), height_px=height_px, x=Axis("time", "s", most_ticks=5))

@@ -68,7 +68,7 @@ class Scale:
         return [(float(self.share(value)), f"{float(f'{value:.10g}'):g}".replace("-", "−")) for value in values]
 
     def digits(self) -> int:
-        """Those of the axis, or such that they resolve a hundredth of the range."""
+        """The decimals set for the axis, or enough to resolve a hundredth of the range."""
         if self.axis.decimals is not None:
             return self.axis.decimals
         return int(np.clip(2 - np.floor(np.log10(self.hi - self.lo)), 0, 6))

@@ -1,4 +1,4 @@
-"""The curve of another method beside that of the report, as far as the flight allows it."""
+"""The curve by another method, drawn next to the report's curve if the flight allows that method."""
 
 from flightpower.analysis.curve import Condition
 from flightpower.analysis.flight import Reconstructed

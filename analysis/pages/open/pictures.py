@@ -45,7 +45,7 @@ class Stretch(NamedTuple):
 
 
 def strips(rows: Sequence[Row], channels: Mapping[str, Channel], events: Sequence[Event], end_s: float) -> str:
-    """Time histories one above the other, those of named channels below them; modes and messages at the bottom."""
+    """Stacked time histories, then the named channels; modes and messages at the bottom."""
     rows = [row for row in rows if np.isfinite(row[1]).any()]
     rows += [(channel.t_s, channel.value, Axis(name)) for name, channel in channels.items()]
     rows = [_between(row, end_s) for row in rows]

@@ -44,7 +44,7 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; frame-src 'self';"
     " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-# Without allow-same-origin a report has an origin of its own, which this server refuses.
+# Without allow-same-origin a report has its own origin, whose requests this server refuses.
 REPORT_POLICY = (
     "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline';"
     " img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
@@ -226,7 +226,8 @@ def _refuse_polar(path: Path) -> None:
 
 
 def _drafted_map(table: Path) -> str:
-    """A map of a table's columns by their names, written beside it where there is none; what to do with it."""
+    """Drafts a map of a table's columns from their names, next to the table, if there is none; returns what to do with
+    it."""
     if map_files(table, None):
         return ""
     from flightpower.analysis.sources.map_draft import draft

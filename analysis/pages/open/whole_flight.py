@@ -1,6 +1,6 @@
 """A flight whose energy balance gives its curve: of an autopilot, of a table, or of a log without sensors of drag.
 
-Weight and size are typed beside the curve; until they are known, a guess from the flight stands for them. Stretches
+Weight and size are typed next to the curve; until then a guess from the flight is used. Stretches
 can be left out by hand.
 """
 

@@ -228,8 +228,9 @@ def stall_margin(results: Results) -> str:
 def next_flight(results: Results, sources: Sources | None = None) -> list[str]:
     """What to fly next, the most useful first.
 
-    The sentences of the results come first: they say what narrows the interval most. How many more runs halve it is
-    told only where they say nothing, and what a sensor error lacked only where they do not name that error.
+    The sentences of the results come first: they say what narrows the interval most. The number of runs that halve it
+    is given only where these say nothing, and the missing excitation of a sensor error only where they do not name that
+    error.
     """
     advice = list(results.next_flight)
     to_halve = halving(results, sources)

@@ -26,7 +26,7 @@ class CurveSection(NamedTuple):
     drag: HtmlTable | None  # of a curve of electrical power, where thrust is known
     thrust_basis: str
     parameters: HtmlTable
-    stand: str  # thrust on the stand; "" without one
+    stand: str  # thrust on the stand; "" if there is no stand
 
 
 def curve_section(results: Results) -> CurveSection:
@@ -57,7 +57,7 @@ def curve_section(results: Results) -> CurveSection:
 
 
 def _stand(results: Results) -> str:
-    """What was known of thrust at rest before the flight, and what the flight makes of it."""
+    """Thrust at rest as known before the flight and as estimated with the flight."""
     measurements = results.pooling.prior_measurements if results.pooling else UNSET
     ratio = {p.name: p for p in results.parameters}.get("static_thrust_ratio")
     if ratio is None or not measurements:

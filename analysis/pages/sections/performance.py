@@ -106,7 +106,7 @@ def autopilot_section(results: WithCurves) -> AutopilotSection | None:
 
 
 def _number(value: float) -> str:
-    """Whole from 100 on, three decimals below 1."""
+    """No decimals from 100 up, three decimals below 1."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3f}" if abs(value) < 2 else f"{value:.1f}"
 
 

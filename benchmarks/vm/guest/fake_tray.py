@@ -32,7 +32,7 @@ LARGEST = 1 << 16
 
 
 class CuseI2C(FuseI2C):
-    """`FuseI2C` as a character device. The requests are the same, but for the first."""
+    """`FuseI2C` as a character device. All requests except the first are the same."""
 
     def __init__(self, bus: I2CBus, bit_rate_Hz: float = 400e3):
         import ctypes

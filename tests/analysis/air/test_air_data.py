@@ -1,4 +1,5 @@
-"""Air data of a flight that lacks something: what is left stays right, what is gone is said, and nothing breaks."""
+"""Air data of a flight with missing sensors: the rest stays right, the missing ones are reported, and nothing
+breaks."""
 
 import flights
 import numpy as np

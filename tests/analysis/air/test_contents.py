@@ -1,4 +1,4 @@
-"""What a log holds beside its measurements, and what follows from where its propeller table comes from."""
+"""What a log holds in addition to measurements, and what the source of its propeller table implies."""
 
 from pathlib import Path
 
@@ -32,7 +32,7 @@ def test_thrust_of_a_computed_table_is_as_uncertain_as_the_file_says_or_as_such_
 
 
 def test_a_damaged_propeller_table_in_a_log_is_said_to_be_the_log_s() -> None:
-    """Not that of the shipped table of this name, of which nothing is wrong."""
+    """The message does not name the shipped table of this name, which is fine."""
     table = load_propeller("apc-12x8e").to_csv().replace("0.10", "0.x0", 1)
     log = Log(Path("flight.mcap"), attachments={
         "aircraft.toml": load_aircraft("nexstar").text.encode(),

@@ -1,4 +1,4 @@
-"""Magnetometer and surfaces: what was put in is found again, within what the result says of itself."""
+"""Magnetometer and surfaces: what was put in is found again, within the uncertainty that the result states."""
 
 from dataclasses import replace
 
@@ -150,7 +150,7 @@ def test_neighboring_samples_count_as_one() -> None:
 
 
 def pulses(*held: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Pulses (seconds, us) held one after the other, at 25 Hz."""
+    """Pulses (seconds, us) held one after another, at 25 Hz."""
     pulse_us = np.concatenate([np.full(round(25 * seconds), us) for seconds, us in held])
     return np.arange(len(pulse_us)) / 25, pulse_us
 

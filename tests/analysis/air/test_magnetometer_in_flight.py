@@ -1,4 +1,4 @@
-"""Whether a calibrated magnetometer is to be trusted in flight: its field's strength tells."""
+"""The strength of its field shows whether a calibrated magnetometer can be trusted in flight."""
 
 import msgspec
 import numpy as np

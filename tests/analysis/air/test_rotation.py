@@ -136,7 +136,7 @@ def test_the_specific_force_is_that_of_the_center_of_gravity(nexstar: Aircraft) 
 
 
 def test_known_offsets_by_vibration_and_the_boom_s_bending_are_taken_out(nexstar: Aircraft, propeller) -> None:
-    """At 120 rev/s 1.44 of the offset at 100; under 1 g the probe reads more by what its boom bends under 1 g."""
+    """The offset at 120 rev/s is 1.44 times that at 100; under 1 g the reading grows by the bending of the boom."""
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0).assign(n_revps=120.0)
     table.loc[:20.0, "n_revps"] = np.nan  # the motor stands
     installation = replace(nexstar.installation, accelerometer_vibration_mps2=(0.1, -0.2, 0.3))
@@ -219,7 +219,7 @@ def test_quotients_are_over_a_mean_dynamic_pressure(
 
 
 def test_thrust_and_advance_ratio_are_those_of_a_turning_propeller(nexstar: Aircraft, propeller: Propeller) -> None:
-    """J = V/(n D); a motor below one revolution a second stands, and its propeller gives nothing that a table tells."""
+    """J = V/(n D); a motor below one revolution a second counts as stopped, and no table covers its propeller."""
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
     table["n_revps"] = np.select([np.arange(1500) < 500, np.arange(1500) < 1000], [0.9, 1.1], 90.0)
     air = air_data(table, nexstar, LINEAR_PROBE, propeller, speed_scale(nexstar)).table

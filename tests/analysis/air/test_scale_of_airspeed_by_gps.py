@@ -43,7 +43,7 @@ def test_a_reading_that_is_high_by_the_scale_gives_the_airspeed() -> None:
 
 def test_the_speeds_of_an_energy_balance_are_those_of_the_flight(tmp_path: Path) -> None:
     """A pitot that reads 5 % high, without GPS: the slowest speed flown is 5 % high without the calibration, and right
-    with it. With GPS the flight itself shows what is left: nothing, and its prior is that of the calibration."""
+    with it. With GPS the flight shows that no scale error is left, and the prior is the calibration's."""
     high = flown_table().assign(tas_mps=lambda t: (1 + SCALE) * t["tas_mps"])
     calibration = scale_file(tmp_path)
 

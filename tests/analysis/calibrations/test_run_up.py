@@ -1,4 +1,4 @@
-"""`calibrate run-up`: what was put into a simulated run-up is found again, within what the result says of itself."""
+"""`calibrate run-up`: the values of a simulated run-up are recovered within their stated uncertainty."""
 
 from dataclasses import replace
 

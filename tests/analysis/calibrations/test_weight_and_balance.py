@@ -60,7 +60,7 @@ def test_a_scale_worse_than_two_per_cent_is_said_to_be() -> None:
 
 
 def test_repeated_readings_average_and_their_scatter_counts_where_it_is_larger() -> None:
-    """Four readings halve the error of one, be it the stated one or that of their scatter."""
+    """Four readings halve the error of one reading, both the stated error and the one estimated from scatter."""
     exactly = ScaleErrors(reading_kg=0.005, gain=0.0, position_m=0.0)
     four = weighed([Support(0.1, (2.0,) * 4), Support(0.5, (2.0,) * 4)], exactly)
     assert four.mass_error_kg == pytest.approx(0.005 / 2 * np.sqrt(2))

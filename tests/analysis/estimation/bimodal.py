@@ -56,7 +56,8 @@ class Bimodal(NamedTuple):
 
 
 def cases(seed: int) -> dict[str, Bimodal]:
-    """With white noise and with colored noise, whose residuals are never white: the verdict alone does not tell."""
+    """With white noise and with colored noise, whose residuals are never white, so the verdict alone cannot
+    distinguish them."""
     bimodals = {}
     for kind, color in (("white", 0.0), ("colored", 0.8)):
         bimodals |= {

@@ -65,7 +65,7 @@ def test_the_curvature_is_the_hessian_of_the_cost(noise):
 
 
 def test_outputs_that_contradict_each_other_converge_quadratically():
-    """With the information matrix alone these take 16 to 23 iterations: each step is wrong by the same factor."""
+    """With only the information matrix these need 16 to 23 iterations: each step is off by the same factor."""
     fits = [fit_output_error(CONTRADICTORY, contradictory(seed, factor=1.6)) for seed in range(6)]
     assert all(fit.verdict.ok for fit in fits)
     assert max(fit.iterations for fit in fits) <= 13

@@ -74,7 +74,7 @@ def test_an_unstable_aircraft_keeps_the_least_noise_of_the_state_with_the_highes
 
 
 def test_noise_starts_near_the_truth():
-    """From predictions with the true parameters; the rates' own noise is small beside that of turbulence."""
+    """From predictions with the true parameters; the noise of the rates is small compared with turbulence."""
     segment = twins.in_turbulence(4)
     predictions = noise_from_predictions(
         twins.TURBULENCE, [segment], twins.TURBULENCE_NOISE, twins.TURBULENCE_TRUTH, "linear"
@@ -95,7 +95,7 @@ def test_innovations_that_are_not_white_are_named():
 
 @pytest.mark.parametrize("seed", [0, 1, 3])
 def test_an_unstable_aircraft_in_light_noise_is_found_from_starts_off_by_a_factor_of_two(seed):
-    """There is no process noise: it is dropped, but for the little that keeps the filter stable."""
+    """There is no process noise: it is dropped, except for the little that keeps the filter stable."""
     rng = np.random.default_rng(seed)
     start = {name: value * rng.uniform(0.5, 2.0) for name, value in twins.UNSTABLE_TRUTH.items()}
     fit = fitted(

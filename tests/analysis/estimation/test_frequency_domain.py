@@ -52,7 +52,7 @@ def test_drift_and_vibration_outside_the_band_do_no_harm():
 
 
 def test_the_whole_band_gives_what_time_gives():
-    """All frequencies are an orthonormal change of coordinates, but for mean and Nyquist frequency."""
+    """All frequencies are an orthonormal change of coordinates, except mean and Nyquist frequency."""
     full_band = fit_output_error(SHORT_PERIOD, noisy(1), band_Hz=(0.0, 12.4))
     in_time = fit_output_error(SHORT_PERIOD, noisy(1))
     assert np.all(np.abs(full_band.values - in_time.values)[:4] < 0.5 * np.sqrt(np.diag(in_time.covariance))[:4])

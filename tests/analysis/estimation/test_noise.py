@@ -1,4 +1,4 @@
-"""Noise of Student's t distribution: its scale, its likelihood and what one sample tells."""
+"""Noise of Student's t distribution: its scale, its likelihood and the information in one sample."""
 
 import numpy as np
 import pytest

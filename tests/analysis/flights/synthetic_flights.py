@@ -29,7 +29,7 @@ BY_OTHERS[:, 3:] = np.array(
         [0.02, 0.002, 1e-4, 0.05, 0.06, 0, 0.05, 0.03],
     ]
 )
-# Change of thrust scale and slope by the errors of the installation: drag and thrust are told apart by airspeed.
+# Change of thrust scale and slope by the errors of the installation: drag and thrust are distinguished by airspeed.
 THRUST_BY_ERRORS = np.array([[0, 0, 0, -0.26, 0.30], [0.1, 0, 0, -1.45, 0.19], [0, 0, 0, 0, 0]])
 CHANGES = {"weight": np.r_[1e-4, -4e-5, 1.2e-4, 2e-3, np.zeros(M - 4)]}
 

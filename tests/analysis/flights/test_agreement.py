@@ -226,7 +226,7 @@ def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
 
 
 def test_a_trend_is_told_over_the_range_flown_alone() -> None:
-    """Flights within 0.1 K say nothing of a kelvin: the change is that of 0.1 K, as uncertain as the flights."""
+    """Flights within 0.1 K cannot show a change per kelvin: it is given per 0.1 K, as uncertain as the flights."""
     flights = [
         SimpleNamespace(
             start_unix_s=None,

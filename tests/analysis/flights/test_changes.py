@@ -1,4 +1,4 @@
-"""Changes of an airframe: told soon, told apart, and seldom where nothing changes."""
+"""Changes of an airframe are reported soon, by kind, and rarely where nothing changed."""
 
 import fleet as benchmark
 import numpy as np

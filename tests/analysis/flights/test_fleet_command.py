@@ -145,7 +145,7 @@ def test_what_cannot_be_used_is_one_line(
 
 
 def test_flights_of_electrical_power_are_a_fleet_by_aircraft_and_autopilot(tmp_path: Path) -> None:
-    """Two boards of one name are two rows, each with the pool of its own flights; a flight added twice is one."""
+    """Two boards with one name give two rows, each with its own pool; a flight added twice counts once."""
     rng = np.random.default_rng(5)
     for i, vehicle in enumerate(("1", "1", "2")):
         (item,) = flights_with_errors(rng, 1, 0.0, vehicle=vehicle)

@@ -1,4 +1,5 @@
-"""Numbers of a fleet by their size: scatter among airframes, what is known of another, which flights are one pool."""
+"""Sizes of a fleet's figures: the scatter among airframes, the prediction for a new airframe, and which flights form a
+pool."""
 
 from pathlib import Path
 

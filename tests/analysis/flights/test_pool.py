@@ -74,7 +74,7 @@ def without_weight(estimate) -> np.ndarray:
 
 
 def test_an_estimate_less_certain_than_its_prior_keeps_its_covariance() -> None:
-    """What the data say, and what they add to the prior's uncertainty, are the estimate again."""
+    """The data's information combined with the prior's gives the estimate again."""
     prior = np.diag([4.0, 1.0])
     covariance = np.linalg.inv(prior) * 1.5
     data = _without_prior(covariance, prior)

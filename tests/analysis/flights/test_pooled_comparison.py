@@ -129,7 +129,7 @@ def test_thrust_that_is_the_same_is_seldom_denied() -> None:
 
 
 def test_from_one_day_to_another_a_part_of_thrust_is_not_shared() -> None:
-    """As much as a fifth of the variance that two propellers of the table would have, less what the flights tell."""
+    """A fifth of the variance that two propellers of the table would have, less the part that the flights determine."""
     a, b = pools(2, 1.0, flights=1, noise=3.0)
     half = {}
     for name, same_propeller, same_day in (("day", True, True), ("days", True, False), ("propellers", False, False)):
@@ -293,7 +293,7 @@ def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_th
 
 @pytest.mark.parametrize("seeds", [25, pytest.param(60, marks=pytest.mark.thorough)])
 def test_two_flights_that_deny_their_installation_are_both_mounted_anew(seeds: int) -> None:
-    """Six flights, of which one denies it: that one alone."""
+    """Only the one of six flights that contradicts it is named."""
     covered, contradicted, V = [], [], np.array([12.0, 16.0, 20.0])
     for seed in range(seeds):
         rng = np.random.default_rng(seed)

@@ -98,7 +98,7 @@ def test_steady_points_are_found_in_every_long_hold_and_nowhere_else(probe) -> N
 def test_each_acceleration_and_deceleration_flown_is_found_as_one(
     probe, plan: str, count: int, turbulence_kt: float
 ) -> None:
-    """In gusts, too, that change the sign of what speed does every few seconds."""
+    """This holds even in gusts that make speed rise and fall every few seconds."""
     flight = flown(probe, plan, turbulence_kt)
     result = find(flight.table, flight.still).of("acceleration", "deceleration")
     segments = flight.segments[flight.segments["kind"] == "run"]

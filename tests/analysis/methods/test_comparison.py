@@ -154,7 +154,7 @@ def test_a_wrong_propeller_table_is_named_by_every_pair_that_disagrees(probe, tm
 
 
 def with_steady_points() -> str:
-    """The demonstration's plan with four steady points, to and fro, before its descent."""
+    """The demonstration's plan with four steady points, back and forth, before its descent."""
     text = (resources.files("flightpower.sim") / "plans" / "accel-decel.toml").read_text("utf-8")
     before, after = text.rsplit('[[segment]]\nkind = "climb"', 1)
     holds = "".join(

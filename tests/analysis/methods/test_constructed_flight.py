@@ -297,7 +297,7 @@ def test_drag_with_a_quartic_term_is_a_doubt_and_the_interval_covers_it() -> Non
     CL = 2 * W / (AT.rho * V**2 * AT.wing_area_m2)
     true = power(polar()) + AT.rho * V**3 * AT.wing_area_m2 / 2 * 0.02 * CL**4
     assert np.all(np.abs(results - true) < 1.96 * error + 0.003 * true)
-    assert np.all(error < 0.1 * true), "wider by what the term changes, which is less than all of it"
+    assert np.all(error < 0.1 * true), "wider by the change of the term, which is less than the whole interval"
     assert not estimate_polar(measured(f), runs, AIRCRAFT, PROPELLER).warnings
 
 
@@ -402,7 +402,7 @@ def test_a_method_s_interval_contains_the_errors_that_the_aircraft_file_states()
 
 @pytest.mark.parametrize(("key", "name"), [("thrust_scale_fraction", "thrust_scale"), ("thrust_slope", "thrust_slope")])
 def test_twice_the_stated_error_of_thrust_widens_the_interval(key: str, name: str) -> None:
-    """One deceleration with noise, which tells little of thrust."""
+    """One deceleration with noise, which determines thrust poorly."""
     f, runs = accelerations_and_decelerations()
     noise = 0.3 * np.random.default_rng(0).standard_normal(len(f))
     trajectory = measured(f.assign(ax=f["ax"] + noise))

@@ -1,4 +1,4 @@
-"""The cross-check knows its own errors: wrong instruments and moving air are inside what it says of itself."""
+"""The cross-check knows its own errors: wrong instruments and moving air are inside its stated uncertainty."""
 
 from dataclasses import replace
 
@@ -60,7 +60,7 @@ def test_vibration_neither_looks_like_gusts_nor_hides_them(flown, nexstar, prope
 
 
 def test_thrust_on_a_stand_is_a_prior_of_the_cross_check(flown, nexstar, propeller):
-    """One that says 1.1 nearly exactly moves the power by some percent, since the slope takes most of it."""
+    """A prior of almost exactly 1.1 moves power by a few percent, since the slope absorbs most of it."""
     exact = replace(nexstar.uncertainty, static_thrust_ratio_fraction=1e-4, thrust_curvature_fraction=0.0)
     on_stand = replace(nexstar, propulsion=replace(nexstar.propulsion, static_thrust_ratio=1.1), uncertainty=exact)
     (_, _, without), (_, _, with_stand) = (checked(flown(2, 0.0), item, propeller) for item in (nexstar, on_stand))

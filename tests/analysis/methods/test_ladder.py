@@ -1,4 +1,4 @@
-"""The best method that a flight allows gives its curve; what fails takes none of the simpler ones with it."""
+"""The best method that a flight allows gives its curve; if it fails, simpler ones still run."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -181,7 +181,7 @@ def test_only_a_curve_not_to_be_trusted_on_a_path_in_misfit_gives_way(
 
 
 def test_an_interval_is_compared_over_the_lift_coefficients_of_both_curves() -> None:
-    """The wider one at small lift coefficients is the narrower one where the other was flown, too."""
+    """The interval that is wider at small lift coefficients is the narrower one where both were flown."""
     other = Polar(GOOD, np.diag([1e-4, 0, 0])), (0.5, 1.5)
     assert narrower((Polar(GOOD, np.diag([0.25e-4, 0, 0])), (0.2, 1.0)), other)
     assert not narrower((Polar(GOOD, np.diag([4e-4, 0, 0])), (0.2, 1.0)), other)

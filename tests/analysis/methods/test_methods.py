@@ -32,7 +32,7 @@ NO_COVARIANCE = np.zeros((3, 3))
 
 
 def joined(parts: list[pd.DataFrame], kind: str) -> tuple[pd.DataFrame, list[Maneuver]]:
-    """Parts of a flight one after the other, and each as a run."""
+    """Parts of a flight one after another, and each as a run."""
     runs, start = [], 0.0
     for part in parts:
         part.index = part.index + start

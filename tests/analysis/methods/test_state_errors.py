@@ -32,7 +32,8 @@ def segments_along(noise: np.ndarray, states: np.ndarray) -> list[Segment]:
 
 
 def flown(noise: np.ndarray, draws: np.ndarray, sigma: float):
-    """Fit, trajectory of which each state has an independent error `sigma` in each block, and what gives segments."""
+    """A fit, a trajectory whose states have independent errors `sigma` in each block, and a function that makes
+    segments."""
     states = np.zeros((len(T_S), 2))
     fit = fit_output_error(POLAR_FIT, segments_along(noise, states))
     trajectory = SimpleNamespace(

@@ -25,7 +25,7 @@ RUN = Maneuver(STEADY, slice(None), 0.0, SECONDS, SPEED, SPEED, 0.0)
 
 
 def table(**columns) -> pd.DataFrame:
-    """A level, steady flight along the body's x axis, but for the columns that are given."""
+    """A level, steady flight along the body's x axis, except the columns that are given."""
     t = np.arange(0.0, SECONDS + STEP_S / 2, STEP_S)
     still = {
         "thrust_x_over_m_mps2": 1.0, "alpha": 0.0, "V": SPEED, "Vdot": 0.0, "gamma": 0.0, "climb": 0.0, "bank": 0.0,

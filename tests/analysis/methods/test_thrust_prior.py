@@ -87,7 +87,7 @@ def test_a_flight_is_estimated_as_by_the_correlated_prior() -> None:
 
 
 def test_a_parameter_that_is_fixed_counts_with_its_value() -> None:
-    """With the scale fixed at 0.01, the stand measures the slope: as a prior of it alone."""
+    """With the scale fixed at 0.01, the stand measures only the slope and acts as a prior of it."""
     measurement = PriorMeasurement(
         name="stand", coefficients={"thrust_scale": 1, "thrust_slope": -0.5}, value=0.03, sigma=0.02
     )
@@ -103,7 +103,7 @@ def test_a_parameter_that_is_fixed_counts_with_its_value() -> None:
 
 
 def test_a_stand_that_the_flight_contradicts_is_named_and_widens_the_interval() -> None:
-    """Thrust of the flight is that of a slope of -0.04, which is 1.03 at rest; the stand says 1.4."""
+    """The flight's thrust has a slope of -0.04, which gives 1.03 at rest; the stand says 1.4."""
     wrong, right = (fitted(on_stand(ratio), noise_mps2=0.002) for ratio in (1.4, 1.03))
     assert not rejected_assumptions(right)
     (rejected,) = rejected_assumptions(wrong)
@@ -132,7 +132,7 @@ def test_results_have_the_stand_for_pools_and_thrust_at_rest(probe) -> None:
     without = pooling_statistics(
         estimate_polar(measured(f), runs, NEXSTAR, PROPELLER), (0.3, 1.0), NEXSTAR, PROPELLER, Calibrations(probe)
     )
-    assert b"prior_measurements" not in msgspec.json.encode(without), "as it was before there were stands"
+    assert b"prior_measurements" not in msgspec.json.encode(without), "as before thrust stands were supported"
 
 
 def test_thrust_that_is_not_corrected_is_off_by_what_the_stand_says() -> None:

@@ -1,4 +1,4 @@
-"""The card: it warns of what the field cannot mend, and has what is filled in and ticked off there."""
+"""The card warns of what cannot be fixed in the field, and has the blanks and check boxes to use there."""
 
 from dataclasses import replace
 from types import SimpleNamespace

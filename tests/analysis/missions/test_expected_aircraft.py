@@ -230,7 +230,7 @@ def test_a_run_without_thrust_stays_at_half_the_stall(nexstar: ExpectedAircraft)
 
 
 def test_a_plan_knows_that_a_table_was_computed(aircraft: Aircraft) -> None:
-    """Where the aircraft file does not say how far thrust may be from it."""
+    """For an aircraft file that does not state the uncertainty of thrust."""
     silent = replace(aircraft, keys=aircraft.keys - {"uncertainty.thrust_scale", "uncertainty.thrust_slope"})
     assert expected_aircraft(aircraft, HEIGHT_M).aircraft.uncertainty == aircraft.uncertainty
     assert expected_aircraft(silent, HEIGHT_M).aircraft.uncertainty.thrust_scale_fraction == pytest.approx(

@@ -347,7 +347,7 @@ def test_too_little_time_is_refused(nexstar: ExpectedAircraft):
 
 
 def test_a_flight_without_a_run_has_no_interval(nexstar: ExpectedAircraft) -> None:
-    """As an aircraft plans that is too slow beside its stall to accelerate: one line, not a singular matrix."""
+    """An aircraft too close to its stall to accelerate gets a one-line message, not a singular matrix."""
     V = nexstar.cruise_mps
     history = fly([Stand(30.0), TakeOff(V), Hold(60.0, V), Land(V), Stand(30.0)], nexstar, HEIGHT_M, 3.0)
     with pytest.raises(InputError, match=r"^nexstar: no acceleration or deceleration is clear enough .* [0-9.]+ m/s"):
@@ -356,7 +356,8 @@ def test_a_flight_without_a_run_has_no_interval(nexstar: ExpectedAircraft) -> No
 
 @pytest.mark.thorough
 def test_a_slow_aircraft_in_wind_uses_its_time_and_stays_in_sight() -> None:
-    """9 m/s of wind at 7 to 13 m/s: pieces take twice the time that they take alone. The card warns."""
+    """9 m/s of wind at airspeeds of 7 to 13 m/s: each piece needs twice the time it needs alone. The card
+    warns."""
     light = expected_aircraft(load_aircraft("light-1kg"), HEIGHT_M)
     plan = plan_flight(light, Request(15.0, 12.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
     assert 0.9 * 900 < plan.seconds <= 900

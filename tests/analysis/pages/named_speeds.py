@@ -18,7 +18,8 @@ ROUNDED = 0.051  # speeds are written to a tenth of a meter per second
 
 
 def below_slowest(results: Results, *, figures: bool = True) -> list[str]:
-    """Every speed of results and report below the slowest one flown, or that of the same lift coefficient, in words."""
+    """Describes every speed in results and report below the slowest speed flown, or below that of the same lift
+    coefficient."""
     named = [*_speeds(results), *(_drawn_speeds(results) if figures else ())]
     return [f"{where}: {V:.2f} m/s" for where, V, slowest in named if V < slowest]
 

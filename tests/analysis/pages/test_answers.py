@@ -1,4 +1,4 @@
-"""The headline answers in words, on the terminal too."""
+"""The headline answers in words, on the page and the terminal."""
 
 import io
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Figures show what their axes say."""
+"""Figures show the quantities named on their axes."""
 
 from types import SimpleNamespace
 

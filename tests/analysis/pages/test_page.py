@@ -127,7 +127,7 @@ def test_methods_that_agree_are_said_to_agree(results: Results) -> None:
     agreeing = replace(results, disagreements=[])
     assert "All methods agree within their intervals." in page.render(agreeing, drawings(results), {})
     differing = page.render(replace(agreeing, cross_check_differs=True), drawings(results), {})
-    assert "All methods agree within their intervals, but for the cross-check: see the warning above." in differing
+    assert "All methods agree within their intervals, except the cross-check: see the warning above." in differing
 
 
 def test_a_curve_is_dashed_where_it_is_flagged_and_solid_elsewhere(results: Results) -> None:

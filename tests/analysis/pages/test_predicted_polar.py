@@ -106,7 +106,8 @@ def test_the_polar_of_an_airfoil_is_refused_by_its_transition(tmp_path: Path, te
 
 
 def test_drag_below_the_least_induced_drag_of_the_span_is_refused(tmp_path: Path) -> None:
-    """A table of lift and drag alone: elliptic lift takes C_L^2/(pi AR), whatever the airfoil; more is taken."""
+    """A table with only lift and drag: elliptic lift alone costs C_L^2/(pi AR) whatever the airfoil, and a polar with
+    less drag is refused."""
     aspect_ratio = 6.6
     CL = np.linspace(-0.2, 1.2, 15)
 

@@ -1,4 +1,4 @@
-"""Colors that can be told apart on white, on a dark page and with color blindness; thinning that keeps what is seen."""
+"""Colors distinguishable on white, on a dark page and with color blindness; thinning that keeps the visible shape."""
 
 from itertools import combinations
 
@@ -7,7 +7,7 @@ import pytest
 
 from flightpower.analysis.pages.charts.style import GRAY, INK, ON_DARK, PALETTE, PAPER, RUN_COLOR, thinned
 
-# From linear RGB to what is seen: Machado, Oliveira and Fernandes (2009), severity 1.
+# From linear RGB to perceived color: Machado, Oliveira and Fernandes (2009), severity 1.
 SEEN = {
     "normal": np.eye(3),
     "protanopia": np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],

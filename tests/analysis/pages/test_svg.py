@@ -1,4 +1,5 @@
-"""The drawing of a figure: every mark lies where the axes say, and who does not see it is told what it shows."""
+"""The drawing of a figure: every mark lies where the axes put it, and a text says what it shows to readers who cannot
+see it."""
 
 import re
 import xml.etree.ElementTree as ET

@@ -159,7 +159,7 @@ def test_a_sensor_error_says_by_which_of_two_reasons_it_is_not_to_be_trusted(
 
 
 def test_an_updraft_that_the_curve_is_corrected_for_is_told(results: Results) -> None:
-    """At a limit of its own, of 1 % of flights by day; what is written can be read again."""
+    """It has its own limit, exceeded by 1 % of daytime flights; written results can be read back."""
     (evidence,) = with_trust(
         drag(replace(results, path=path(updraft=-2.6, V_scale=-2.6)), statistics=statistics())
     ).evidence
@@ -261,7 +261,7 @@ def test_a_page_says_what_is_in_doubt_where_it_changes() -> None:
 def test_readings_are_doubted_only_in_runs(
     results: Results, compared: Comparison, after_s: float, shared_s: float
 ) -> None:
-    """The receiver's faults are those of an aid, and told by the trajectory."""
+    """The GPS receiver only aids the trajectory, so the trajectory reports its faults."""
     figures = [e.figure for e in evidence_against(doubted(results, compared, after_s))]
     assert figures == [shared_s] * (shared_s > 0)
 
@@ -344,7 +344,7 @@ def test_a_mass_that_no_wing_carries_at_the_slowest_speed_is_doubted(
 def test_a_method_that_the_runs_allow_and_that_fails_is_told_first(
     results: Results, reasons: list[MethodRejection], is_reported: bool
 ) -> None:
-    """Not one that was not flown, and not where another one of them gives the curve."""
+    """A method without flown runs is not named, nor is any if another of them gives the curve."""
     tried = [
         MethodTried(name=f"m{i}", title=f"Method {i}", reason=reason, text=reason) for i, reason in enumerate(reasons)
     ]

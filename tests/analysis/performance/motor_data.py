@@ -46,7 +46,7 @@ def incidence_of(nexstar: Aircraft) -> ParameterVector:
 
 
 def steady_points(nexstar: Aircraft, propeller: Propeller, seconds: float = 20.0) -> pd.DataFrame:
-    """Steady points one after the other: five speeds, each at the motor speed of some advance ratio."""
+    """Steady points one after another: five speeds, each at the motor speed of some advance ratio."""
     V = np.repeat([12.0, 14.0, 16.5, 19.5, 22.5], round(seconds / STEP_S))
     n = V / (np.repeat([0.56, 0.62, 0.66, 0.66, 0.62], round(seconds / STEP_S)) * propeller.diameter_m)
     throttle = throttle_for(nexstar.propulsion, propeller, V=V, n=n, rho=RHO)
@@ -59,7 +59,7 @@ def full_throttle_run(nexstar: Aircraft, propeller: Propeller, seconds: float = 
 
 
 def at_throttle(nexstar: Aircraft, propeller: Propeller, V, throttle: float) -> pd.DataFrame:
-    """The motor where its torque and the propeller's balance, at speeds V (n,) one after the other."""
+    """The motor where its torque and the propeller's balance, at speeds V (n,) one after another."""
     low, high = np.full_like(V, 20.0), np.full_like(V, 200.0)
     for _ in range(60):
         n = (low + high) / 2

@@ -1,4 +1,4 @@
-"""What is said of turbulence, and when one run alone is not believed."""
+"""What the results say about turbulence, and when a single run is not trusted."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""What stands beside the curve of electrical power: endurance, range, best speeds and their intervals."""
+"""The results that come with a curve of electrical power: endurance, range, best speeds and their intervals."""
 
 from types import SimpleNamespace
 

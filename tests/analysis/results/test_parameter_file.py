@@ -111,7 +111,7 @@ def test_no_airspeed_is_below_the_stall_margin(firmware: For, stall_mps: float |
 
 @pytest.mark.parametrize("firmware", For)
 def test_where_no_stall_is_known_the_slowest_flown_stands_for_it(firmware: For) -> None:
-    """As for a route: an autopilot's log tells no largest lift coefficient. 12 m/s true are 11.83 m/s equivalent."""
+    """An autopilot's log does not show the largest lift coefficient. 12 m/s true are 11.83 m/s equivalent."""
     points = [PowerPoint(speed_mps=v, power_W=80.0, power_lo_W=70.0, power_hi_W=90.0) for v in (12.0, 22.0)]
     result = results()
     curve = CurveResult(condition=result.test, points=points)

@@ -1,4 +1,4 @@
-"""What tells a vehicle in a dataflash log."""
+"""How a dataflash log identifies its vehicle type."""
 
 import numpy as np
 

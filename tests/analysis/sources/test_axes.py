@@ -129,7 +129,7 @@ def blended(wanted: pd.Series, correlation: float) -> np.ndarray:
 
 
 def judged(table: pd.DataFrame) -> str:
-    """What is said of a table; nothing where it is not refused."""
+    """The message on a table; empty if it is accepted."""
     try:
         check_axes(table, "flight.mcap")
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Zeros come from standing still, or from what was measured before; what they moved is told and taken out."""
+"""Zeros come from standing still or from an earlier measurement; their drift is reported and removed."""
 
 import json
 

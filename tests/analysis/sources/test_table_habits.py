@@ -408,7 +408,7 @@ def test_a_matlab_vector_without_numbers_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("decimals", "sign"), [(0, 1), (1, 1), (2, -1), (3, -1)])
 def test_jeti_marks_south_and_west_by_the_second_bit(decimals: int, sign: int) -> None:
-    """The first one tells longitude from latitude. 11 degrees and 30.5 minutes."""
+    """The first bit distinguishes longitude from latitude; the value is 11 degrees and 30.5 minutes."""
     packed = (11 << 16) + 30_500
     columns = read_jeti(f"000000000;7;0;MGPS;\n000000000;7;2;Place; \n000000100;7;2;9;{decimals};{packed}\n")
     assert columns["MGPS Place [°]"] == pytest.approx([sign * (11 + 30.5 / 60)])

@@ -359,7 +359,7 @@ def test_a_mistake_is_refused_with_its_name(written: Log, change: Change, messag
 
 
 def test_a_number_beyond_all_limits_is_damage() -> None:
-    """1e300 V made NumPy overflow in the checks; beside it the other voltage stays."""
+    """1e300 V made NumPy overflow in the checks; the other voltage stays usable."""
     entries = entries_of([LogEntry(i, i, Battery(voltage_V=x, current_A=5.0)) for i, x in enumerate((15.0, 1e300))])
     np.testing.assert_array_equal(values(entries, "voltage_V"), (15.0, np.nan))
 

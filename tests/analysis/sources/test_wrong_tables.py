@@ -1,4 +1,4 @@
-"""Tables wrong in a new way each: told in one line, and never a curve."""
+"""Each table is wrong in another way: it is refused in one line and never gives a curve."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -87,7 +87,7 @@ WRONG: dict[str, Callable[[Table], Table]] = {
     "GPS 2 s late": late(*GROUND, seconds=2.0),
     "motor speed 2 s late": late("motor_speed", seconds=2.0),
     # Several flights or aircraft in one.
-    "two flights one after the other": lambda t: pd.concat([t, t]),
+    "two flights one after another": lambda t: pd.concat([t, t]),
     "rows of two aircraft in turns": lambda t: pd.concat([t, t.assign(tas_mps=25.0)]).sort_values("t_s"),
     "gyros of another flight": of_another_flight(*GYROS),
     "GPS of another flight": of_another_flight(*GROUND),

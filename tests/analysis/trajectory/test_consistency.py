@@ -154,7 +154,7 @@ def test_bias_slope_and_gust_are_taken_out_of_alpha_and_airspeed(exact, gust_u, 
 
 
 def test_perfect_sensors_agree(exact) -> None:
-    """But for means of the climb angle over three seconds in a turn, of which only near-level parts count."""
+    """Means of the climb angle over three seconds in a turn are the exception: only near-level parts count."""
     before, after = consistency(trajectory_of(exact.table, exact.states, {}))
     assert before[SPEED].abs().max() < 0.02 and after[SPEED].abs().max() < 0.02
 

@@ -158,7 +158,7 @@ def test_the_intensity_of_simulated_gusts_is_found() -> None:
 
 @pytest.mark.parametrize("overshoot", [1.95, 3.0, 6.0])
 def test_an_oscillating_iteration_is_damped(monkeypatch, overshoot: float) -> None:
-    """Each step overshoots to the other side of the solution: the right share of it from then on converges.
+    """Each step overshoots to the other side of the solution: a suitable fraction of each later step converges.
 
     With half of it, an iteration whose steps are four times too long or more goes ever further away.
     """

@@ -115,7 +115,7 @@ def test_a_full_test_flight_determines_every_error_but_two(corrected_flight) -> 
     )
     undetermined = {error.name for error in errors if not error.determined}
     assert "updraft" in undetermined, "it is known better before sunrise"
-    assert undetermined <= {"updraft", "alpha_per_g"}, "how little the boom bends is hardly told beside the scales"
+    assert undetermined <= {"updraft", "alpha_per_g"}, "the scales hide how little the boom bends"
     assert sensor_error_notes(errors) == []
 
 
@@ -134,7 +134,7 @@ def test_in_gusts_turns_determine_the_airspeed_scale_and_one_heading_does_not(
 ) -> None:
     """Two and a half minutes in W20 = 6 kt, with and without turns; all else alike.
 
-    In calm air one heading is enough: a change of speed is measured by accelerometers too.
+    In calm air one heading is enough, because accelerometers also measure a change of speed.
     """
     plan = tmp_path / "plan.toml"
     plan.write_text(UP + (LEG + TURN if turns else LEG) * 6, "utf-8")
@@ -193,11 +193,11 @@ def test_the_standard_error_of_a_mean_allows_for_slow_changes() -> None:
     )  # of 20 batches: 16 %, 1 sigma
     wave = pd.Series(np.sign(np.sin(np.pi * t / 20)), index=t)
     assert difference_check(wave).mean_standard_error > 5 * wave.std() / np.sqrt(len(t))
-    assert difference_check(white[:50]) is None, "one batch says nothing of the scatter between them"
+    assert difference_check(white[:50]) is None, "one batch does not show the scatter between batches"
 
 
 def test_each_error_is_shown_in_its_unit():
-    """The factor is what one SI unit (rad, s, 1) is in the unit that stands beside the number."""
+    """The factor converts one SI unit (rad, s, 1) to the unit printed after the number."""
     in_unit = {
         "deg": 180 / np.pi,
         "deg/s": 180 / np.pi,
@@ -214,7 +214,7 @@ def test_each_error_is_shown_in_its_unit():
 
 
 def test_each_error_has_a_title_a_prior_and_a_culprit():
-    """What a new sensor error needs besides its equation, in the folders that tell of it."""
+    """A new sensor error needs more than its equation: every folder that reports on it must know it."""
     for table in (observability.SENSOR_ERROR_KINDS, trust.CULPRIT):
         assert set(table) == set(SENSOR_ERRORS)
     assert set(SENSOR_ERRORS) <= set(PRIOR_SIGMA)

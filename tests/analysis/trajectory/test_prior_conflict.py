@@ -51,7 +51,7 @@ def test_one_error_beyond_its_prior_is_named_and_gets_a_wider_one() -> None:
 
 
 def test_errors_all_twice_their_priors_are_a_conflict_by_that_factor() -> None:
-    """But for the updraft: its prior is of the air, not of the installation."""
+    """Except for the updraft: its prior is of the air, not of the installation."""
     conflict = prior_conflict(estimated(np.resize([2.0, -2.0], len(PRIOR)), known_to=0.05))
     assert conflict.z == {}
     of_air = np.array(SENSOR_ERRORS) == "updraft"
@@ -95,8 +95,8 @@ def test_what_the_solver_s_last_step_moves_is_no_conflict() -> None:
 
 
 def test_an_error_that_took_a_part_of_the_worst_one_s_is_no_conflict() -> None:
-    """Data show the sum of two errors, and one of them by itself, too. The other is wrong, by 30 prior standard
-    deviations, and the first is drawn away from zero with it; but data of that one alone, which are right, say zero."""
+    """The data determine the sum of two errors and also one of them alone. The second is wrong by 30 prior standard
+    deviations and pulls the first away from zero, although good data on the first alone say zero."""
     wrong, attributed = SENSOR_ERRORS.index("alpha_per_g"), SENSOR_ERRORS.index("alpha_scale")
     design = np.zeros((2, len(PRIOR)))
     design[0, [wrong, attributed]], design[1, attributed] = 0.3, 0.2

@@ -80,7 +80,7 @@ def test_short_gusts_are_reconstructed_with_their_own_length(probe) -> None:
     ("world", "scale"), [pytest.param("study", 0.0, marks=pytest.mark.thorough), ("imu-scale", 0.02)]
 )
 def test_turns_and_runs_show_the_scales_of_the_imu(probe, world: str, scale: float) -> None:
-    """GPS shows how far the aircraft turned, and how much it was accelerated; twice the prior stands out of it."""
+    """GPS shows how far the aircraft turned and accelerated, so an error of twice the prior is noticed."""
     aircraft, errors = load_aircraft("nexstar"), flights.draw_errors(load_world(world).errors, 2)
     _, _, table = flights.flown(aircraft, errors, "two-pairs", 2, 3.0)
     air, still, _ = flights.air_of(table, aircraft, probe)
@@ -146,7 +146,7 @@ def test_a_whole_calm_flight_is_found_again(calm, seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("flights", [1, pytest.param(4, marks=pytest.mark.thorough)])
 def test_gusts_are_not_attributed_to_sensor_errors(probe, flights: int) -> None:
-    """W20 = 15 kt: each error within what it says of itself, over flights, and none of them one-sided.
+    """W20 = 15 kt: each error within its stated uncertainty, over flights, and none of them one-sided.
 
     The aircraft answers to gusts; a smoother that takes the answer for a sensor's error is off by 0.6 deg on every
     flight. z = error / standard error is then normal with unit variance: n flights lie within sqrt(n) 2.6 in sum and

@@ -27,7 +27,8 @@ RISING_MPS = 0.3
 
 
 def states(wind_mps: float, duration_s: float) -> pd.DataFrame:
-    """To and fro over the same ground at one height, turning every RUN_S, while wind from the north carries the air."""
+    """Back and forth over the same ground at one height, turning every RUN_S, while wind from the north carries the
+    air."""
     t_s = np.arange(0.0, duration_s, 0.2)
     over_ground = np.where((t_s // RUN_S) % 2 == 0, SPEED_MPS, -SPEED_MPS)
     columns = {"v_north": over_ground, "v_east": 0.0, "wind_north": -wind_mps, "wind_east": 0.0}
@@ -143,8 +144,8 @@ def test_a_flight_at_several_speeds_shows_a_steady_updraft(in_rising_air):
 
 
 def test_by_day_air_that_rose_is_not_taken_for_an_offset_of_the_angle_of_attack(in_rising_air):
-    """The prior of noon, 0.1 m/s, is denied, and one that allows the updraft finds it; before sunrise there are no
-    eddies, and a flight without an updraft denies nothing."""
+    """The flight contradicts the noon prior, 0.1 m/s, and a wider prior finds the updraft; before sunrise there are no
+    eddies, and a flight without an updraft contradicts nothing."""
     result = reconstructed(in_rising_air, Uncertainty().updraft_mps)
     by_day = updraft.updraft_by_day(result, NOON)
     assert by_day.contradicted and by_day.z > 2.5 and 0.1 < by_day.sigma_mps < 0.6

@@ -1,4 +1,4 @@
-"""Many logs: what is done stays, what fails costs its own flight only, and a folder is complete or not there."""
+"""Many logs: finished analyses stay, a failure costs only its own flight, and a folder is complete or absent."""
 
 import os
 import signal

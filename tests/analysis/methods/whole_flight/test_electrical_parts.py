@@ -1,4 +1,4 @@
-"""Parts of the estimate from an ordinary flight, each against what physics says of it."""
+"""Parts of the estimate from an ordinary flight, each checked against physics."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -144,7 +144,7 @@ def test_the_efficiency_s_argument_is_that_of_flight_under_power() -> None:
 
 
 def test_level_power_is_not_known_beyond_what_a_motor_gives() -> None:
-    """At 200 m/s drag takes 96 kW; a motor of 100 kW gives 60."""
+    """At 200 m/s drag needs 96 kW; a motor of 100 kW delivers 60."""
     with np.errstate(divide="ignore"):
         power = level_power(np.array([V_MPS, 200.0]), unpack((*DRAG, *PROPELLER, *LIFT), PARAMETERS), CONDITIONS)
     assert EFFICIENCY * (power[0] - IDLE_W) >= DRAG_W * 0.999 and np.isnan(power[1])

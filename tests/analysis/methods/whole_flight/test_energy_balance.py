@@ -100,7 +100,7 @@ def test_both_balances_show_the_same_rising_air(samples: Samples) -> None:
     for_drag, for_force = np.split(balance.residual(parameters, lifted), 2)
     assert for_drag - of_drag == pytest.approx(-0.5 * m * g)
     assert for_force - of_force == pytest.approx(0.5 * m * g)
-    # The accelerometer feels the pull of gusts, too: only the balance by drag has to be told of it.
+    # The accelerometer also feels gusts, so only the balance by drag needs a term for them.
     in_gusts = balance.samples._replace(load_variance=0.05, side_variance=0.02)
     by_drag, by_force = np.split(balance.residual(parameters, in_gusts), 2)
     assert by_force == pytest.approx(of_force) and np.all(np.abs(by_drag - of_drag) > 0.1)
