@@ -1,7 +1,7 @@
 """Values with what makes them uncertain: errors of their own, and errors by name that other values share.
 
 Errors that are shared do not average out in a mean, and cancel in a difference. Estimates, curves and pools are such
-values, so that what is done to a value is done to its errors by the same line.
+values, so one line of code treats a value and its errors alike.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

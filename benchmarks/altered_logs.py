@@ -4,9 +4,9 @@
 
 The logs are as short as their reader, or the estimate, permits. Each input has one to eight alterations, which follow
 from its number: bytes and bits, whole numbers and floats at their limits, stretches cut, repeated, moved; in every
-other text, numbers, words and lines in place of others, so that it gets past its first line. Messages of the daemon are
-altered before they are packed into a log. A defect is any exception but a refusal, a warning of a library, 10 s for one
-input, or 2 GB of memory; its input is kept in tests/data/fuzz.
+other text, numbers, words and lines in place of others, so that parsing gets past the first line. Messages of the
+daemon are altered before they are packed into a log. A defect is any exception but a refusal, a warning of a library,
+10 s for one input, or 2 GB of memory; its input is kept in tests/data/fuzz.
 """
 
 import os
@@ -423,7 +423,7 @@ class Tally:
 
 
 def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
-    """Inputs of one target from one number to before another, until a time."""
+    """Runs inputs of one target, for a range of numbers, until a deadline."""
     index, data, first, stop, until = job
     target, tally = TARGETS[index], Tally()
 

@@ -153,7 +153,7 @@ def _line(diameter_mm: float) -> PneumaticLine:
 
 
 def tubing_record(seeds: range, diameter_mm: float, rate_Hz: float, steps: int, jobs: int = 1) -> Record:
-    """Errors of a line's lag over logs, beside the Cramér-Rao bound."""
+    """Errors of a line's lag over many logs, next to the Cramér-Rao bound."""
     line = _line(diameter_mm)
     with ProcessPoolExecutor(jobs) as pool:
         lag_of_seed = partial(lag_of, diameter_mm=diameter_mm, rate_Hz=rate_Hz, steps=steps)

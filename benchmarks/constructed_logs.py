@@ -2,7 +2,7 @@
 
     python benchmarks/constructed_logs.py --seed 5200
 
-Each log is of a flight of its own. Power at seven speeds, the ratio and the speeds to type in are compared with the
+Each log has its own flight. Power at seven speeds, the ratio and the speeds to type in are compared with the
 truth; logs that lack what the method needs must be refused.
 """
 

@@ -40,7 +40,8 @@ from flightpower.daq.log_names import numbered_logs
 from flightpower.daq.log_recovery import recovery_event
 from flightpower.flight.log_reader import read_log
 
-# The daemon has the priority of its service. Parts and disk stand above it: real ones do not wait for a scheduler.
+# The daemon has the priority of its service. Parts and disk have a higher priority, because real ones do not wait for a
+# scheduler.
 REAL_TIME = ("chrt", "-f")
 DISK_BYTES = 300 * 2**20
 LARGEST_LOSS_S = 1.0

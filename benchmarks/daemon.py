@@ -65,7 +65,7 @@ def soak(
 
 
 def soaked(seconds: float, rate: float, *, fifo: bool, serve: Sequence[str] = ()) -> Record:
-    """What the log and the kernel say of a recording in real time; what was missed and by whom is printed."""
+    """Checks a recording in real time by its log and the kernel; prints which ticks were missed and why."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         # With --fifo the fake parts stand above the daemon: real ones do not wait for a computer's scheduler.

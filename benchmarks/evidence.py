@@ -276,7 +276,7 @@ def pooled(run: Run) -> Tables:
         "coverage_records": (*((3, 3, 1) if run.quick else (50, 10, 2 * run.n)), SEED),
         "size_records": ([100] if run.quick else [100, 1000, 10000], 10 if run.quick else 50, SEED),
     }
-    with ThreadPoolExecutor(run.jobs) as pool:  # each waits for a process of its own
+    with ThreadPoolExecutor(run.jobs) as pool:  # each waits for its own process
         changes, coverage, sizes = pool.map(lambda name: _alone("fleet", name, *fleets[name]), fleets)
     return {
         "singles": campaign_figures.singles_records(lines),

@@ -200,10 +200,10 @@ def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[R
 def expected_delay(of_flights: Series, grown: NDArray[np.float64], change: tuple[float, float]) -> int | None:
     """Flights from a change on until the detector's statistic passes its limit in the mean; None where it never does.
 
-    grown : (n,) shares of the change in flights all like the mean of these. What flights share moves all of them alike
-    and cancels. Of the best step or drift the statistic is chi-square with as many degrees of freedom as the change has
-    parts, and the noncentrality of the change: its square over the covariance of one flight, times the sum of squares
-    of `grown` about its mean (Basseville and Nikiforov 1993, sec. 7.2.4).
+    grown : (n,) shares of the change in flights all like the mean of these. Errors shared by all flights move them
+    alike and cancel. Of the best step or drift the statistic is chi-square with as many degrees of freedom as the
+    change has parts, and the noncentrality of the change: its square over the covariance of one flight, times the sum
+    of squares of `grown` about its mean (Basseville and Nikiforov 1993, sec. 7.2.4).
     """
     seen = of_flights.by_truth.mean(axis=0) @ change
     of_one = float(seen @ np.linalg.solve(of_flights.errors.own.mean(axis=0), seen))

@@ -86,7 +86,7 @@ class Setup(NamedTuple):
         return draw_errors(load_world(self.world).errors, self.seed)
 
 
-# Of one flight, by title: errors and half the 95 % intervals, % of the truth (2, columns); NaN is what it cannot say.
+# For one flight, by title: errors and half the 95 % intervals, % of the truth (2, columns); NaN where it has no value.
 Rows = list[tuple[str, np.ndarray]]
 
 
@@ -161,7 +161,7 @@ def sensor_table(sensor_truth: FlightSensorTruth, aircraft: Aircraft) -> pd.Data
 
 
 class AirOf(NamedTuple):
-    """Air data, where the aircraft stood, and its zeros there."""
+    """Air data, stretches at rest, and the zeros from them."""
 
     table: pd.DataFrame
     still: list[slice]
@@ -241,7 +241,7 @@ def fly_missing(
 
 
 def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Name, values and format of what is told of errors (flights, speeds) with the half widths of their intervals.
+    """Name, values and format of each statistic of errors (flights, speeds) with the half widths of their intervals.
 
     NaN marks a speed that a flight does not cover; a speed covered by no flight is NaN in every row. Without half
     widths there is no such row.

@@ -188,7 +188,7 @@ def can_be_imported(made: Mutation, copy: Path) -> bool:
 def killer(made: Mutation, copy: Path, tests: list[Path], timeout_s: float) -> str | None:
     """Runs the tests against a mutation, eight files at a time. The first test that fails; None: it survives.
 
-    A test that fails without the mutation, too, kills nothing: its file is left out.
+    A test that fails even without the mutation proves nothing: its file is left out.
     """
     left = [str(test) for test in tests]
     while left:

@@ -160,7 +160,7 @@ def unpacked(sdist: Path, folder: Path) -> Path:
 
 
 def environment(bench: Bench, python: Path, wheel: Path, extras: str, folder: Path) -> Path:
-    """The folder of the commands of a new environment with the wheel, beside its neighbors of the same names."""
+    """The command folder of a new environment with the wheel and packages of the same names."""
     what = f"{folder.parent.name} [{extras}]"
     bench.run(f"{what} environment", python, "-m", "venv", folder)
     pip = (folder / "bin" / "pip", "install", "--quiet")

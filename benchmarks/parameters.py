@@ -76,7 +76,7 @@ def values_of(
 def one_flight(setup: Setup) -> Rows:
     """The errors and half widths [% of the truth] of one aircraft's values; a title without numbers where it has none.
 
-    Where the half width is larger than the error the truth is inside: the error is that of the middle of the interval.
+    If the half width exceeds the error, the truth is inside; the error is that of the middle of the interval.
     """
     craft = aircraft_of(np.random.default_rng([setup.seed, 51]), f"drawn-{setup.seed}")
     with tempfile.TemporaryDirectory() as name:

@@ -38,7 +38,7 @@ from flightpower.sim.sensors import load_budget
 
 SHIPPED = "full-test-flight"
 BY_HAND = Pilot(autopilot=False, load=1.0)
-HEIGHT_M, LEG_M = 40.0, 1300.0  # those of the shipped plan
+HEIGHT_M, LEG_M = 40.0, 1300.0  # as in the shipped plan
 KEY = ("aircraft", "question", "kt", "minutes", "plan", "pilot", "seed")
 EARLIER_SEED = 999  # of the first flight, after which others are planned
 
@@ -193,7 +193,7 @@ class Study(NamedTuple):
 
 
 def flown(study: Study, output: Path, jobs: int) -> list[dict[str, Any]]:
-    """The lines of the flights asked for, and of what else the file has; those that it lacks are flown."""
+    """The lines of the requested flights and any others in the file; missing flights are flown."""
     output.parent.mkdir(parents=True, exist_ok=True)
     made = {cell: make_plans(study.aircraft, *cell, study.question, output.parent, known_drag=study.known_drag)
             for cell in study.cells}  # fmt: skip

@@ -40,7 +40,7 @@ def samples_of(table: pd.DataFrame) -> Iterator[tuple[int, list[Sample]]]:
 
 
 class Monitored(NamedTuple):
-    """What the monitor said of one flight, and its time: of adding a tick, of each of the means [s]."""
+    """The monitor's reports on one flight, and its processor time for a tick and for each mean [s]."""
 
     verdicts: list[Verdict]
     texts: list[str]

@@ -64,7 +64,7 @@ def line(
 
 
 def deceleration() -> Any:
-    """A gentle deceleration of the source's aircraft, beside its acceleration."""
+    """A gentle deceleration of the source's aircraft, next to its acceleration."""
     figure = panels(
         ["acceleration: speed [m/s]", "deceleration: speed [m/s]", "pitch [deg]", "pitch [deg]"]
         + ["pitch rate [deg/s]"] * 2,

@@ -43,7 +43,7 @@ def at_speeds(aircraft: Aircraft) -> list[str]:
 
 
 class Case(NamedTuple):
-    """What is computed of each flight, at what, and the plan that is flown unless another is named."""
+    """What is computed for each flight, at which speeds, and the default plan."""
 
     one_flight: Callable[..., Rows]
     plan: str
@@ -74,7 +74,7 @@ class Figures(NamedTuple):
 
 
 def figures(name: str, todo: Sequence[Setup], options: Mapping[str, Any], jobs: int) -> Figures:
-    """What a case finds in flights of one weather."""
+    """Result of a case for the flights in one weather."""
     case = CASES[name]
     columns = case.columns(load_aircraft(todo[0].aircraft))
     gathered: dict[str, list[np.ndarray]] = defaultdict(list)
@@ -123,7 +123,7 @@ def mean_square(error: np.ndarray) -> np.ndarray:
 
 
 def single(title: str, values: list[np.ndarray]) -> Record:
-    """What a whole flight has one of, such as a sensor's error."""
+    """A quantity with one value for a whole flight, such as a sensor error."""
     error, half = np.array(values)[:, :, 0].T
     return {
         "of": title,

@@ -1,4 +1,4 @@
-"""What thrust on a stand does for the interval of power required: the same simulated flights with and without it.
+"""Effect of a thrust stand on the interval of power required: the same simulated flights with and without it.
 
 Before each flight the simulated propeller stands still on a load cell: ten readings at five motor speeds, up and down,
 1 % of noise each, and a scale wrong by 1 % (1 sigma). `calibrate thrust` compares them with the table that the analysis

@@ -457,7 +457,7 @@ def summary(line: Mapping[str, Any]) -> str:
 
 
 def records(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
-    """One row a defect: how wrong the curves are, in half widths, and what is said of each."""
+    """One row a defect: errors of the curves in half widths, and the verdict on each."""
     records: list[Record] = []
     for name in dict.fromkeys(line["defect"] for line in lines):
         some = [line for line in lines if line["defect"] == name]

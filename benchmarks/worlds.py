@@ -143,7 +143,7 @@ def key(line: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def cells(names: Sequence[str], weather_kt: Sequence[float], plans: Sequence[str]) -> Iterator[Cell]:
-    """All cells; calm air is left out where a world differs by its gusts alone."""
+    """All cells; calm air is left out for a world that differs only in its gusts."""
     for world, weather, plan in itertools.product(names, weather_kt, plans):
         by_gusts = any(name.startswith("gust") for name in load_world(world).air)
         if weather or not by_gusts:

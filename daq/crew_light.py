@@ -1,6 +1,6 @@
 """The crew's light: a lamp that says from afar whether the daemon records, and a button that begins a new log.
 
-A lamp that stays on or off says that no daemon runs, so that a computer that hangs is not taken for a recording.
+A lamp that stays on or off means that no daemon runs, so a hung computer is not mistaken for a recording.
 """
 
 import enum
@@ -30,7 +30,7 @@ class Light(enum.Enum):
 
 
 def light_of(status: RecordingStatus | None, age_s: float) -> Light:
-    """What the lamp has to say of a status of this age. Before the first one there is nothing to trust."""
+    """The lamp's signal for a status of this age. Before the first one there is nothing to trust."""
     if status is None or not status.well or age_s > NO_NEWS_S:
         return Light.FAULT
     return Light.RECORDING if status.state is RecordingState.RECORDING else Light.WAITING

@@ -129,7 +129,7 @@ class DiskWriter:
             self._changed.notify_all()
 
     def cut_off(self, *, remove: bool) -> None:
-        """Close, and cut off what was handed over and is saved elsewhere. remove: the file itself, too."""
+        """Close, and truncate data that were handed over and saved elsewhere. remove: delete the file as well."""
         self._cut, self._remove = True, remove
         self.give_up()
 

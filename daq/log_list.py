@@ -116,7 +116,7 @@ def _offset_of_unfinished_ns(
 ) -> int | None:
     """What to add to the log's times to get UTC [ns], from the last chunk that has /time; None without GPS.
 
-    declared: places of the records of channels. Also None where one of them or that chunk is damaged.
+    declared: places of the records of channels. Also None if one of them or that chunk is damaged.
     """
 
     def content(offset: int, length: int) -> bytes:

@@ -39,7 +39,7 @@ def numbered_names(directory: Path) -> Callable[[int], Path]:
     taken: list[int] = []
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        # Names such as log-0007.mcap.part count too: somebody is copying or renaming that log.
+        # Names such as log-0007.mcap.part also count: somebody is copying or renaming that log.
         taken = [log_number(Path(path.name.partition(".mcap")[0] + ".mcap")) for path in directory.glob("log-*.mcap*")]
     except OSError as error:
         if error.errno not in CARD_FAULTS:

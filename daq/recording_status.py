@@ -170,7 +170,7 @@ class StatusFile:
         self._events.appendleft(PublishedEvent(unix_s=time.time(), event=event))
 
     def write(self, status: RecordingStatus) -> None:
-        """Replace the file. Where it cannot be written, the page is lost, not the recording; stderr says so once."""
+        """Replace the file. If it cannot be written, only the page is lost, not the recording; stderr says so once."""
         beside = self._path.with_name(f"{self._path.name}.new")
         try:
             beside.write_bytes(msgspec.json.encode(PublishedStatus(status=status, events=list(self._events))))

@@ -39,7 +39,7 @@ def is_finite(message: Message) -> bool:
 
 
 def rest_problem(messages: Sequence[Message]) -> str:
-    """Why the mean of one topic's measurements is not that of an aircraft at rest, with advice; empty if it is."""
+    """Why the mean of one topic does not fit an aircraft at rest, with advice; empty if it fits."""
     forces, differences = [], []
     for message in messages:
         if isinstance(message, Imu) and message.specific_force_x_mps2 is not None:

@@ -68,7 +68,7 @@ class JudgedRun(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """On the stretch that is being flown. more_s: how long it has to go on to be a run; 0 if it is one."""
+    """State of the current stretch. more_s: how much longer it must last to be a run; 0 if it already is."""
 
     kind: str  # acceleration, deceleration
     more_s: float
@@ -160,7 +160,7 @@ class RunMonitor:
         return texts
 
     def _ticked(self, verdict: JudgedRun) -> list[str]:
-        """What the card says after a good run; nothing if it is not planned, or was ticked off before its end."""
+        """The card's line after a good run; empty if the run is not planned or was already ticked off."""
         if self.card is None or (self._ticked_off and abs(self._ticked_off.start_s - verdict.start_s) < 1.0):
             return []
         if not self.card.tick_off(verdict.kind, verdict.first_mps, verdict.last_mps):

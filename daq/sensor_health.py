@@ -8,7 +8,7 @@ from flightpower.flight.messages import Event, Status
 
 class SensorState(enum.StrEnum):
     STARTING = "starting"
-    WAITING = "waiting"  # it has sent nothing yet, which is normal: the motor stands
+    WAITING = "waiting"  # it has sent nothing yet, which is normal while the motor is stopped
     OK = "ok"
     DEGRADED = "degraded"  # it answers, but without measurements, or not as it is set
     FAILED = "failed"  # it does not answer, or is another part than configured

@@ -152,7 +152,7 @@ def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
 
 
 def _values(values: Values) -> list[Row]:
-    """The latest readings, without those that are missing."""
+    """The latest readings, without missing values."""
     lines = (
         ("airspeed", values.airspeed_mps, "{:.1f} m/s"),
         ("height", values.height_msl_m, "{:.0f} m above sea level"),
@@ -227,7 +227,7 @@ def serve(sources: Sources, host: str, port: int, *, show: Callable[[str], None]
 
 
 def _reachable(host: str) -> str:
-    """The host by which a browser reaches the page: of an address that means all networks, that of the outward one."""
+    """The host by which a browser reaches the page; if it listens on all networks, the address of the outward one."""
     if host not in ("0.0.0.0", "::", "[::]"):
         return f"[{host}]" if ":" in host and not host.startswith("[") else host
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outward, suppress(OSError):

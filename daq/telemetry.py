@@ -302,7 +302,8 @@ class MavlinkEncoder:
         )
 
     def _text(self, event: Event) -> Iterator[Any]:
-        """STATUSTEXT, in chunks if it is long. A zero byte ends a text: one of whole chunks needs an empty one more."""
+        """STATUSTEXT, in chunks if it is long. A zero byte ends a text, so a text that fills its last chunk needs
+        another, empty chunk."""
         severity, text = SEVERITIES.get(event.severity, 6), event.text.encode("ascii", "replace")
         if len(text) <= CHUNK_BYTES:
             yield self._link.statustext_encode(severity, text)

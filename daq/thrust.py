@@ -47,7 +47,7 @@ class ThrustTable(NamedTuple):
 
 
 def load_thrust(name_or_path: str, *, folding: bool) -> ThrustTable | None:
-    """The table of a shipped propeller, or of a file in our own format; None if it is neither of them."""
+    """The table of a shipped propeller, or of a file in our own format; otherwise None."""
     shipped = FOLDER / f"{name_or_path}.csv"
     try:
         text = (shipped if shipped.is_file() else Path(name_or_path)).read_text("utf-8")

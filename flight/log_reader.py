@@ -61,7 +61,7 @@ class Log:
 
 
 CUT = "still being recorded, or cut by a loss of power"
-UNDECODABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)  # of one message: the others are read
+UNDECODABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)  # one bad message: the others are read
 
 
 def read_log(path: str | Path) -> Log:
@@ -134,7 +134,7 @@ def _with_integers(value: Any) -> Any:
 
 
 def _add(log: Log, topic: str, entries: Entries, decoder: msgspec.json.Decoder[Any], messages: Messages) -> None:
-    """Decode messages into the entries of their topic; those that cannot be decoded are counted."""
+    """Decode messages into the entries of their topic and count undecodable ones."""
 
     def message_or_none(data: bytes) -> Message | None:
         try:

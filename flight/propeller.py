@@ -131,7 +131,7 @@ class Propeller(PropellerModel):
 
     @property
     def head(self) -> dict[str, str]:
-        """What the lines `key = value` of the table's source say."""
+        """Values of the lines `key = value` in the table's source."""
         return dict(line.split(" = ", 1) for line in self.source.splitlines() if " = " in line)
 
     @property

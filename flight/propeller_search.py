@@ -1,6 +1,6 @@
 """Finds propeller tables by words and size, and estimates the error of using a table of another size or a computed one.
 
-The head of a table says what it is of: `# series = APC thin electric`, `# origin = measured`, `# published = …`,
+The header of a table describes the propeller: `# series = APC thin electric`, `# origin = measured`, `# published = …`,
 `# pitch_m = …`, `# blades = 2`. Both costs are found from the tables themselves, by comparing thrusts at the same
 airspeed and speed of rotation.
 """
@@ -40,7 +40,7 @@ APC_BLADES = re.compile(r"-B?([2-6])$", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Table:
-    """A propeller's table with what its head says. pitch_in [in], blades : None where the head does not have it."""
+    """A propeller's table with the data of its header. pitch_in [in], blades : None where the head does not have it."""
 
     name: str
     propeller: Propeller
@@ -296,8 +296,8 @@ def computed_table_error() -> tuple[float, float]:
 
 
 def with_table_error(uncertainty: Uncertainty, keys: Collection[str], propeller: Propeller) -> tuple[Uncertainty, str]:
-    """What is known of the thrust of a table before a flight, and a sentence where it is not what is assumed of every
-    table: one that was computed is less certain, unless the aircraft file says otherwise.
+    """The uncertainty of a table's thrust before a flight, and a sentence if it differs from the usual one: a computed
+    table is less certain, unless the aircraft file states it.
 
     stated : of the aircraft file     keys : that this file has ("uncertainty.thrust_scale")
     """

@@ -12,7 +12,7 @@ from flightpower.flight.errors import InputError
 
 
 class Side(NamedTuple):
-    """A command of its own: the module with its `app`, and what it needs installed, by the name of the extra."""
+    """A separate command: the module with its `app`, and the extra that it needs installed."""
 
     module: str
     help: str

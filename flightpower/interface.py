@@ -104,8 +104,8 @@ def write_report(flight: Flight, folder: Paths) -> None:
 def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:
     """The joint estimate of flights of one aircraft: each analyzed here, or its results.json.
 
-    Flights with drag are pooled by drag; where others give electrical power only, all that give it are pooled by that,
-    too (`other_kind`). Raises InputError where there is no pool, as for flights of two aircraft or installations.
+    Flights with drag are pooled by drag; if others give electrical power only, all flights that give it are also pooled
+    by that (`other_kind`). Raises InputError where there is no pool, as for flights of two aircraft or installations.
     """
     if isinstance(flights, str | os.PathLike):
         raise InputError(f"pool({os.fspath(flights)!r}): give a list of flights, or of their results.json")

@@ -22,7 +22,7 @@ Output = Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", h
 Replace = Annotated[bool, typer.Option("--replace", help="Replace an existing file.")]
 
 
-@app.command(short_help="An aircraft file: what has to be filled in, and what may be.")
+@app.command(short_help="An aircraft file: required and optional keys.")
 def aircraft(
     output: Output = None,
     like: Annotated[

@@ -226,7 +226,7 @@ class FakeMS56xx:
         self._conversion = (command, now_ns, now_ns + self.conversion_ns(command & 0x0F))
 
     def conversion_ns(self, oversampling: int) -> int:
-        """How long this one takes, by oversampling code."""
+        """Conversion time of this part, by oversampling code."""
         typical_ns, worst_ns = CONVERSION_NS[oversampling]
         return round(typical_ns + self._slowness * (worst_ns - typical_ns))
 

@@ -34,7 +34,7 @@ ADDRESSES = {
     "beta": 0x46,
     "airspeed": 0x28,
 }
-# Parts that a tray may have too. The schedule of faults does not name them.
+# Optional parts of a tray. The schedule of faults does not name them.
 POWER_MONITOR_ADDRESS, ANALOG_ADDRESS = 0x40, 0x48
 ANALOG_DIVIDER = 11.0  # input 0 of the converter is the battery's voltage through a divider, the others are grounded
 Device = TypeVar("Device")

@@ -76,7 +76,7 @@ def _alone(lock: Path) -> Iterator[None]:
 
 
 def from_corpus(make: Callable[..., Made]) -> Callable[..., Made]:
-    """A function of what can be pickled, whose results are taken from the corpus."""
+    """Wraps a function of picklable arguments so that its results come from the corpus."""
 
     @wraps(make)
     def taken(*arguments: Any) -> Made:

@@ -23,7 +23,7 @@ TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 class _Living:
     """Processor time of children that still run, looked up anew where one ended or after LOOK_AGAIN_S by the clock.
 
-    A browser has hundreds of threads, and to ask for each of them takes longer than most tests.
+    A browser has hundreds of threads, and querying them all takes longer than most tests.
     """
 
     def __init__(self) -> None:

@@ -48,7 +48,7 @@ class Store(ThreadingHTTPServer):
 def running() -> Iterator[Store]:
     import s3fs
 
-    s3fs.S3FileSystem.clear_instance_cache()  # they know the variables of another store
+    s3fs.S3FileSystem.clear_instance_cache()  # the tests must not use the variables of a real store
     with Store() as store:
         threading.Thread(target=store.serve_forever, args=(0.05,), daemon=True).start()
         yield store

@@ -182,7 +182,7 @@ def _estimated(node: ast.expr) -> bool:
 
 @cache
 def estimated() -> frozenset[str]:
-    """Names of what estimators find: sensor errors, what flights are pooled by, and every `Parameter(name="…")`."""
+    """Names of estimated quantities: sensor errors, pooled quantities, and every `Parameter(name="…")`."""
     paths = [path for name in ("methods", "performance") for path in (ROOT / "analysis" / name).rglob("*.py")]
     calls = [item for path in paths for item in nodes_of(path) if isinstance(item, ast.Call)]
     parameters = [call for call in calls if _last_name(call.func) in ("Parameter", "ParameterVector")]
@@ -263,7 +263,7 @@ def test_an_enum_and_the_name_of_a_file_are_no_text(code: str, tmp_path: Path) -
 
 
 def read_by_place(root: Path) -> list[Finding]:
-    """Where the analysis takes a part of a vector of parameters, or of their covariance, by literal numbers."""
+    """Finds code of the analysis that indexes a parameter vector, or its covariance, by literal numbers."""
     findings = []
     for path in sorted((root / "analysis").rglob("*.py")):
         findings += [

@@ -68,7 +68,7 @@ def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
 
 
 def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
-    """Its 280 MB are then not needed: the extra [autopilot]. Here are the modules that such an analysis loads.
+    """Its 280 MB are then not needed: the extra [autopilot]. Lists the modules that such an analysis loads.
 
     pymavlink, a third of a second, is for telemetry and text alone.
     """

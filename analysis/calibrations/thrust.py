@@ -2,8 +2,8 @@
 
 Thrust over that of the table at J = 0 and the same motor speed, by least squares over all readings. Errors of single
 readings are found from their scatter. An error of the stand's scale (load cell, lever arm, air density) shows in no
-residual and is given by the user. A ratio that changes with motor speed, by Reynolds number or a stall of the blades,
-is not that of another speed: half of its change over the speeds measured is part of the error.
+residual and is given by the user. If the ratio changes with motor speed (Reynolds number, stalled blades) it does not
+hold at other speeds, so half of its change over the measured speeds is added to the error.
 """
 
 import math

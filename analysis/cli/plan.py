@@ -147,7 +147,7 @@ class PlanOptions:
 
     @property
     def longest_leg_m(self) -> float:
-        """The length given, or that of the pilot."""
+        """The given length, or the usual one for this pilot."""
         by_autopilot = self.pilot is PilotKind.AUTOPILOT
         return self.leg_m or (LEG.length_m[1] if by_autopilot else LEG.length_m[0])
 

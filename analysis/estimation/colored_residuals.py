@@ -77,7 +77,7 @@ class Autoregression(NamedTuple):
         G = np.concatenate([gamma, gamma[:0:-1].transpose(0, 2, 1)])  # G[-k] is the transpose of G[k]
         numbers = np.arange(len(gamma) - 1)
         blocks = G[numbers[None, :] - numbers[:, None]].transpose(0, 2, 1, 3)
-        largest_toeplitz = blocks.reshape(len(numbers) * outputs, -1)  # those of lower orders are its corners
+        largest_toeplitz = blocks.reshape(len(numbers) * outputs, -1)  # matrices of lower order are its leading blocks
         backward = gamma[1:].transpose(0, 2, 1).reshape(-1, outputs)
         candidates = [(np.linalg.slogdet(gamma[0])[1], cls(np.zeros((0, outputs, outputs)), gamma[0]))]
         for order in range(1, len(gamma)):
@@ -128,7 +128,7 @@ def absorbed_autocorrelation(
     transformed = transformed or transformed_sensitivities(fit, size)
     D, samples = fit.covariance, _samples(fit)
     DMD = D @ score_covariance(fit, spectrum, size, transformed) @ D
-    # The factors of all segments one after another, apart by zeros so that no lag connects two segments.
+    # The factors of all segments in order, separated by zeros so that no lag connects two segments.
     n, (outputs, unknowns) = samples + lags * len(fit.segment_fits), fit.segment_fits[0].white.S.shape[1:]
     factors = np.zeros((4, outputs, n, unknowns))
     begin = 0

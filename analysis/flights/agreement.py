@@ -164,11 +164,11 @@ One = TypeVar("One", bound=Compared)
 
 
 def outliers(n: int, compared: Callable[[list[int]], Sequence[One]], false_alarms: float) -> dict[int, One]:
-    """Flights, by number, that differ from the pool of those that agree; the worst is taken out first.
+    """Numbers of the flights that differ from the pool of agreeing flights; the worst is removed first.
 
     compared: of some flights, by number, each with the pool of the others. Curve and installation are tested, each at
-    the level `false_alarms` over the number of tests. At most half of the flights are named, and none of two: which of
-    them is wrong is not known.
+    the level `false_alarms` over the number of tests. At most half of the flights are named; of two flights none is,
+    since either may be wrong.
     """
     agreeing, differing = list(range(n)), dict[int, One]()
     while len(agreeing) > 2 and 2 * (len(differing) + 1) <= n:
@@ -222,7 +222,7 @@ class ErrorParts(NamedTuple):
     def whitened(self, columns: Array) -> Array:
         """Columns (n, k, c), each by the inverse of a root of each flight's own covariance.
 
-        A flight that adds nothing to the prior has no variance of its own: then rounding's.
+        A flight that adds nothing to the prior has no variance of its own; then the rounding error is used.
         """
         k = self.own.shape[1]
         rounding = np.finfo(float).eps * np.sum(self.shared**2, axis=2)

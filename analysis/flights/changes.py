@@ -1,10 +1,10 @@
 """Since when has an airframe had more drag, or less thrust? Steps and drifts over its flights.
 
-Each flight estimates drag and thrust, both as a share of the airframe's own. The estimate is drawn to its prior, so
-that a change of one shows in part in the other; the model of the pool says by how much (`analysis.flights.joint`).
-After each flight the best step and the best drift in both are found by generalized least squares, from any flight on.
-A change is reported where the fit improves by more than it does by chance once in as many flights as are allowed for a
-false alarm (the generalized likelihood ratio; Basseville and Nikiforov 1993, sec. 2.4.3).
+Each flight estimates drag and thrust, both as a share of the airframe's own. The prior pulls the estimate, so a change
+of one parameter shows partly in the other; the model of the pool says how much (`analysis.flights.joint`). After each
+flight the best step and the best drift in both are found by generalized least squares, from any flight on. A change is
+reported where the fit improves by more than it does by chance once in as many flights as are allowed for a false alarm
+(the generalized likelihood ratio; Basseville and Nikiforov 1993, sec. 2.4.3).
 """
 
 import math

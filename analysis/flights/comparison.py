@@ -302,8 +302,8 @@ def _same_day(a: JointPool, b: JointPool) -> bool:
 def _contradicted(a: JointPool, b: JointPool, part: slice) -> Test | None:
     """The test by which flights of A and B contradict having the same errors of a part; None where they do not.
 
-    part: INSTALLATION_PART or THRUST_PART. The other errors are free on each side, so that what moves them does not
-    count. Flights that contradict one installation in their own pool have errors of their own, and are left out.
+    part: INSTALLATION_PART or THRUST_PART. The other errors are free on each side, so changes in them do not count.
+    Flights that contradict one installation in their own pool have errors of their own, and are left out.
     """
     own, others = ([flight for i, flight in enumerate(pool.flights) if i not in pool.remounted] for pool in (a, b))
     if not own or not others:

@@ -113,7 +113,7 @@ class CurvePool(Pool):
 
     def mean(self, V: Array, counts: Sequence[float] = ()) -> Uncertain:
         """At each speed (n,) the mean of the curves that contain it, weighed by the inverse variance of their own
-        errors; NaN where there is none. counts: how many flights like each there are, each with its own errors"""
+        errors; NaN where there is none. counts: how many flights like each one to assume, each with its own errors"""
         return total(self._parts(V, self._weights(V, counts), counts))
 
     def smooth_mean(self, counts: Sequence[float] = ()) -> Uncertain:
@@ -129,7 +129,7 @@ class CurvePool(Pool):
         return CurvePool(flights, self.condition, curves, V)
 
     def _weights(self, V: Array, counts: Sequence[float] = ()) -> Array:
-        """(flights, n), of which each column has the sum 1."""
+        """(flights, n); each column sums to 1."""
         times = np.ones(len(self.curves)) if len(counts) == 0 else np.array(counts, dtype=float)
         B = self._interpolation(V)
         variance = np.stack([variances(b, curve.power_W.own) for b, curve in zip(B, self.curves, strict=True)])
@@ -158,7 +158,7 @@ class CurvePool(Pool):
         return self._compared(list(range(len(self.flights))))
 
     def _compared(self, numbers: list[int]) -> list[FlightDifference]:
-        """Each of some flights against the pool of the others; empty where one shares no speeds with them."""
+        """Each selected flight compared with the pool of the others; empty if one shares no speeds with them."""
         differences = []
         for i in numbers:
             others = [j for j in numbers if j != i]

@@ -203,7 +203,7 @@ def _stored_curve(flight: FlightCurve) -> StoredFlight:
 
 
 def _read_row(row: Mapping[str, Any]) -> Results | None:
-    """None where it is of another version. Rows of earlier ones have the format of their statistics."""
+    """None if it is of another version. Rows of earlier ones have the format of their statistics."""
     if row["format"] == FORMAT:
         return msgspec.msgpack.decode(row["content"], type=Results)
     if row["format"] == POOLING_FORMAT:

@@ -187,7 +187,7 @@ def read_statistics(results: Path | Mapping[str, Any] | Results) -> FlightStatis
 
 
 def without_details(results: Results) -> Results:
-    """What pools and fleets use of results; the rest would take most of the memory."""
+    """The part of the results that pools and fleets use; the rest would need most of the memory."""
     use = results.use
     if use is not None:
         use = PerformanceResult(power_train=PowerTrainResult(measured=use.power_train.measured), model=use.model)

@@ -2,10 +2,10 @@
 
 A flight is estimated in two steps: the errors of its installation along the flight path, and then drag and thrust for
 these errors. What drag shows of the errors is not used, so a pool may not use it either: the prior of thrust would
-move the airspeed scale. Each step has a prior, and the normal equations of each are added over the flights without the
-prior and with the prior once (Tapley et al. 2004, sec. 4.5): those of the first step alone, those of the second at the
-pooled errors. Together their matrix is triangular by blocks. A flight's own errors (biases of the IMU, wind, gusts,
-zeros) have been marginalized: they are in its covariance.
+move the airspeed scale. Each step adds the normal equations of all flights without their priors, and then the prior
+once (Tapley et al. 2004, sec. 4.5): first for the errors alone, then for drag and thrust at the pooled errors. Together
+their matrix is triangular by blocks. A flight's own errors (biases of the IMU, wind, gusts, zeros) have been
+marginalized: they are in its covariance.
 
 Where nothing says that the probe stayed mounted, each flight has its own deviation from the shared errors of the
 installation, with the variance Q. The prior of the shared part is smaller by Q, so that a single flight has its own
@@ -159,8 +159,8 @@ def take(stack: FlightStack, numbers: Sequence[int]) -> FlightStack:
 
 
 class _DataInformation(NamedTuple):
-    """What the data say: information (k, k) without the prior, and by how much (k, k) the covariance of the estimate
-    exceeds what follows from it and the prior (colored residuals, random draws)."""
+    """Content of the data: information (k, k) without the prior, and the excess (k, k) of the estimate's covariance
+    over that of information and prior (colored residuals, random draws)."""
 
     information: Array
     excess: Array

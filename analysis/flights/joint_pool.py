@@ -252,8 +252,8 @@ def joint_polars(
     """Polars of A and B (6,) with their joint covariance (6, 6). counts: of `Group`, of A and of B.
 
     same_day : whether the errors of thrust are the same to the last. From one flying day to another a share
-    POOLING.remounted of their prior standard deviation moves, as when a probe is put on again: pulses that are counted,
-    the propeller's dirt, the weight that was stated.
+    POOLING.remounted of their prior standard deviation moves, as when a probe is remounted: motor pulse errors, dirt on
+    the propeller, the entered weight.
     """
     prior_a = _prior_of_a(a, b, same_installation, same_propeller)
     at_a, end = np.r_[0:_N_POLAR, 2 * _N_POLAR : _N_POLAR + M], _N_POLAR + M

@@ -30,8 +30,8 @@ def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
     """The joint estimate of flights, from the results.json of each: of drag where two have it, or else of electrical
     power.
 
-    Where some flights give electrical power only, there are two pools, so that one more flight never costs those before
-    it their curve: the second is `other_kind`. Raises InputError where there is no pool: for no flights, for results
+    If some flights give electrical power only, there are two pools, so an added flight never removes the curve of
+    earlier ones: the second pool is `other_kind`. Raises InputError where there is no pool: for no flights, for results
     without statistics, for one flight twice, and for flights of two aircraft, propellers or installations.
     """
     if not results:

@@ -1,8 +1,8 @@
 """What pools of drag and of electrical power have alike, and the form of their results (docs/understand/pooling.md).
 
 Drag: the joint estimate of polar, thrust and installation (`joint_pool`). Electrical power: curves without
-installation (`curve_pool`). Each says what is known of the power at any speeds by any number of its flights, and how
-each flight differs from the others; tests, outliers, trends, plans and the record follow here.
+installation (`curve_pool`). Each kind of pool supplies the power at any speeds from any number of its flights, and the
+difference of each flight from the others. Tests, outliers, trends, plans and the record are computed here.
 """
 
 import math
@@ -58,7 +58,7 @@ AnyKind = TypeVar("AnyKind")
 
 @dataclass(frozen=True)
 class OfAKind(Generic[AnyKind]):
-    """An estimate by one kind of power, with the estimate by the other where that has flights which this one lacks.
+    """An estimate by one kind of power, plus the estimate by the other kind if more flights have it.
 
     refused : why the other cannot be made though there are such flights; else empty
     """
@@ -145,7 +145,7 @@ class Pool(OfAKind["Pool"], ABC):
 
     @abstractmethod
     def half_widths_alone_percent(self, number: int, V: Array) -> Array:
-        """Half widths [%] of one flight, by its number; NaN at speeds that it did not fly."""
+        """Half widths [%] of one flight, by number; NaN at speeds outside its range."""
 
     @abstractmethod
     def half_widths_without_percent(self, V: Array) -> Array:

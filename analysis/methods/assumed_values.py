@@ -221,8 +221,8 @@ def with_step_of_motor_speed(
     air: pd.DataFrame,
     step_revps: float,
 ) -> AssumptionUncertainty | None:
-    """The uncertainty with that of a motor speed which is counted in steps; nothing is added where these are too small
-    to change thrust.
+    """Adds the uncertainty of motor speed counted in steps; nothing is added if the steps are too small to change
+    thrust.
 
     Pulses per interval are either truncated, which loses half a step on average, or rounded, which loses none. No
     reading shows which, so motor speed has this error with even odds. What scatters about it is in the residuals.

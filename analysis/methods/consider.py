@@ -3,8 +3,8 @@
 Errors of thrust are in the first part: scale, slope, and thrust beyond the table are parameters of the regression, with
 their priors as measurements (`dynamic.drag_model`, `analysis.methods.thrust_prior`).
 
-1. Noise (`noise_covariance`): by errors of the reconstructed states, propagated exactly, and by what else the residuals
-   of the runs contain. These hold the errors of the states too, whose spectrum is estimated from random draws and
+1. Noise (`noise_covariance`): from errors of the reconstructed states, propagated exactly, and from other residuals of
+the runs. These hold the errors of the states too, whose spectrum is estimated from random draws and
    subtracted: the two must not simply be added.
 2. Sensor errors: each independent direction of their covariance, through trajectory and regression (in `dynamic`).
 3. Errors that no residual of the flight shows, consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6): `UPDRAFT`,

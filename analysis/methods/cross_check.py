@@ -135,7 +135,7 @@ def on_runs_alone(
     """Fit all runs at once by output error; None in gusts.
 
     table: from `air_data`. gust_mps: standard deviation of vertical gusts [m/s], by the trajectory, which tells them
-    from noise. zeroed: the gyro biases at rest were subtracted. Of a long flight's runs, `spread` ones are taken.
+    from noise. zeroed: the gyro biases at rest were subtracted. For a long flight, a subset chosen by `spread` is used.
     """
     if gust_mps > CROSS_CHECK.still_air_mps:
         return None

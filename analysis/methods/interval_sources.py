@@ -64,7 +64,7 @@ def variance_by_source(
 ) -> dict[Share, Array]:
     """Variance (n,) of power required [W^2] at true airspeeds V (n,) [m/s], by source; sources of no effect left out.
 
-    Of a curve by another method than the dynamic one only noise and what is common to all runs are separated.
+    For a curve by another method, only noise and errors common to all runs are separated.
     """
     gradient = power_gradient(V, condition)
     if estimate.joint is None:

@@ -101,7 +101,7 @@ def estimated(flight: Reconstructed, *, by_likelihood: bool = False) -> Estimate
 def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstimates:
     """Dynamic method, all other methods, and cross-check.
 
-    by_likelihood: the two maximum-likelihood methods are applied, too.
+    by_likelihood: also apply the two maximum-likelihood methods.
     The best method that gives a curve gives that of the flight. Raises NoCurve, beginning with the log's name, when
     none does.
     """
@@ -212,8 +212,8 @@ def estimate_by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, Met
 
 
 def without_model_errors(table: pd.DataFrame, trajectory: Trajectory) -> pd.DataFrame:
-    """Air data without the errors that runs alone cannot separate from drag: those that grow with motor speed and load
-    factor, as the whole flight shows them. table: as from `air_data`."""
+    """Air data corrected for errors that runs alone cannot separate from drag: those that grow with motor speed and
+    load factor, as estimated from the whole flight. table: as from `air_data`."""
     shaken = vibration(table["n_revps"].to_numpy())
     excess_load = -table["az_mps2"] / GRAVITY_MPS2 - 1
     return table.assign(

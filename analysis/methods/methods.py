@@ -113,7 +113,7 @@ def one_method(
     return estimate_with(method, inputs)
 
 
-# The ladder below the dynamic method: the energy of runs takes speed and height alone, the others other maneuvers.
+# The methods below the dynamic one: the energy of runs needs only speed and height, the rest need other maneuvers.
 LADDER = (ENERGY.name, PIW_VIW_THREE.name, VARIED_LIFT.name)
 
 
@@ -188,7 +188,7 @@ def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: 
         flown = any(reason.name == ENERGY.name and reason.reason is not MethodRejection.NOT_FLOWN for reason in reasons)
         without = "" if flown else "no acceleration or deceleration to analyze, and "
         raise NoMethod(f"{log}: {without}no method gives a curve: {listed}", reasons)
-    # The method's own covariance is that of independent errors of the table.
+    # The method's own covariance assumes independent errors of the table.
     prior = thrust_prior(aircraft)
     sensitivity = np.stack([best.sensitivities[name] for name in THRUST], axis=1)
     independent = np.diag([aircraft.uncertainty.thrust_scale_fraction**2, aircraft.uncertainty.thrust_slope**2])

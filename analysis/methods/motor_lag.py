@@ -3,8 +3,8 @@
 Thrust follows motor speed at once, and the accelerometer measures it at once. A motor speed that is late by a time
 makes thrust too small while the motor speeds up and too large while it slows down, by the rate of thrust times that
 time.
-Known delays are corrected before; what is left is tested in every flight, and estimated with the rest where the runs
-show it beyond doubt. A late IMU looks the same with the other sign.
+Known delays are corrected first; a remaining lag is tested in every flight and estimated if the runs show it clearly. A
+late IMU looks the same with the other sign.
 """
 
 from flightpower.analysis.estimation.fit import Fit

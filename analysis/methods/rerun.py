@@ -1,6 +1,6 @@
 """The estimate of a flight again, with another aircraft file, propeller or air data.
 
-An error of what is taken as known, such as the place of the probe, shows in no residual. It acts on everything from
+An error in an assumed value, such as the position of the probe, shows in no residual. It acts on everything from
 the synchronized channels on: its effect on the polar is found by running all of that again with the error made by one
 standard deviation. Maneuvers, weight and density stay as in the flight, so nothing else changes.
 """

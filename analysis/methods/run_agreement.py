@@ -82,8 +82,8 @@ def _compared(
 def _differences(
     run: MethodEstimate, others: list[MethodEstimate], lift: Array, uncertainty: Uncertainty
 ) -> _Differences | None:
-    """Where others cover the lift coefficient, these weighed by their noise. Shared errors change the difference by the
-    difference of their effects. None where they cover none."""
+    """Where other runs cover the lift coefficient: their mean, weighted by noise. Shared errors change the difference
+    by the difference of their effects. None where they cover none."""
     if not others:
         return None
     ends = np.array([method_estimate.flown_CL for method_estimate in others])

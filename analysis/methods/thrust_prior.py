@@ -1,4 +1,4 @@
-"""What is known of thrust before a flight: errors of the propeller's table, and thrust at rest, from a stand.
+"""The prior of thrust: errors of the propeller table, and thrust at rest from a stand.
 
 The table is corrected by 1 + thrust_scale + thrust_slope (J - J_REFERENCE). The priors of the two errors are
 independent. A stand measures this factor at J = 0: a linear combination of the two, so that their joint prior is a
@@ -54,7 +54,7 @@ def stand_measurements(aircraft: Aircraft) -> tuple[PriorMeasurement, ...]:
 
 
 def stand_information(aircraft: Aircraft) -> Array:
-    """Information (2, 2) about (thrust_scale, thrust_slope) by the stand; zero without one."""
+    """Information (2, 2) about (thrust_scale, thrust_slope) from the stand; zero if there is none."""
     information = np.zeros((2, 2))
     for measurement in stand_measurements(aircraft):
         row = measurement.row(THRUST)

@@ -63,7 +63,7 @@ def _steps(maneuvers: Sequence[Maneuver], unit: SpeedUnit) -> str:
 
 
 def _words(maneuver: Maneuver, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
-    """What the pilot does, for one line of the card."""
+    """The pilot's action, one line of the card."""
     match maneuver:
         case Stand(duration_s):
             return f"stand still {duration_s:.0f} s, motor off"

@@ -158,7 +158,7 @@ class ReadMission(NamedTuple):
 
 
 def item_of(number: int, command: int, frame: int, params: Sequence[float]) -> Item:
-    """params: seven, of which the last are the place. Latitude and longitude of zero, or none, are no place."""
+    """params: seven; the last ones are the position. Latitude and longitude of zero, or none, are no place."""
     first = (params[0], params[1], params[2], params[3])
     placed = math.isfinite(params[4]) and math.isfinite(params[5]) and (params[4] != 0 or params[5] != 0)
     return Item(number, command, frame, first, params[4] if placed else None, params[5] if placed else None, params[6])

@@ -63,7 +63,7 @@ class Mission(NamedTuple):
 
 
 class Assumed(NamedTuple):
-    """What a file may not say: home [deg], height of a line without heights, payload of one release [kg].
+    """Values that a file may lack: home [deg], height of a line without heights, payload of one release [kg].
 
     elevation_m : of home above the sea
     """

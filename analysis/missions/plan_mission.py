@@ -18,7 +18,7 @@ from flightpower.flight.units import EARTH_RADIUS_M
 
 
 class Home(NamedTuple):
-    """Where the legs are centered [deg], and the heading of the first one [rad]."""
+    """Center of the legs [deg], and heading of the first leg [rad]."""
 
     latitude_deg: float
     longitude_deg: float

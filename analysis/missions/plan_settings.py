@@ -102,7 +102,7 @@ class Search(Settings):
     """Choice of the pieces."""
 
     mean_share: float = setting(0.1, "1", "of the mean half width over speeds, besides the worst")
-    fewest_run_pairs: int = setting(2, "1", "one alone shows no repeatability")
+    fewest_run_pairs: int = setting(2, "1", "a single one does not show repeatability")
     least_left: float = setting(
         0.02, "1", "share of the information, in every direction, that remains when a piece is removed"
     )

@@ -40,7 +40,7 @@ OLD_SURVEY = (
 
 
 def _home(place: Any) -> Start | None:
-    """A position, of which the height may lack; zero and zero are no place."""
+    """A position, possibly without height; latitude and longitude zero mean no position."""
     if isinstance(place, dict):  # an item of a .mission
         place = place.get("coordinate")
     if not place or place[0] is None or place[1] is None or (place[0] == 0 and place[1] == 0):
@@ -74,7 +74,7 @@ class Wingless(IntEnum):
 
 
 def _of_vehicle(kind: Any) -> tuple[str, ...]:
-    """What to say of a plan that is made for no wing."""
+    """The message on a plan for an aircraft without wings."""
     if kind not in list(Wingless):
         return ()
     name = Wingless(kind).name.lower().replace("_", " ")

@@ -11,7 +11,7 @@ HEAD = ("leg", "course", "km", "height m", "m/s", "ground m/s", "min", "Wh", "ch
 
 
 def lines(result: RouteResult) -> Iterator[str]:
-    """The table, then what follows from it."""
+    """The table, then conclusions from it."""
     rows = [HEAD, *(_row(leg) for leg in result.legs)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEAD))]
     for row in rows:

@@ -161,7 +161,7 @@ def turn_path(expected: ExpectedAircraft, V: float, turn: Turn) -> Path:
     speeds = _towards(expected, V, speed_mps, most)
     rising = np.minimum(np.arange(most) * PATH.step_s / PATH.roll_s, 1.0) * bank_rad
     turned = np.cumsum(turn_rate(rising, speeds)) * PATH.step_s
-    # Rolling out takes as long, and turns by half of what full bank would.
+    # Rolling out takes as long and turns half as far as full bank would.
     rest = turn_rate(bank_rad, speeds) * PATH.roll_s / 2
     n = int(np.searchsorted(turned + rest, abs(angle_rad)))
     out = np.maximum(1 - np.arange(_steps(5 * PATH.roll_s)) * PATH.step_s / PATH.roll_s, 0.0)

@@ -89,7 +89,7 @@ def _apart(curve: FleetCurveResult) -> str:
 
 
 def flights_csv(fleet: FleetResults) -> str:
-    """A row for each flight, for spreadsheets: what it shows alone, percent of the airframe's own; empty if unknown."""
+    """A row for each flight, for spreadsheets: its own values in percent of the airframe's; empty if unknown."""
     shares = ("drag_percent", "drag_half_width_percent", "thrust_percent", "thrust_half_width_percent")
     rows: list[Sequence[str]] = [("airframe", "mounted", "log", "start_utc", *shares, "report")]
     for airframe in fleet.airframes:

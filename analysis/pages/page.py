@@ -102,7 +102,7 @@ def sources_of(analysis: Analysis) -> Sources:
 
 
 def run_fits(analysis: Analysis) -> dict[str, Drawn]:
-    """The fit of each run, by its name."""
+    """The fit of each run, by run name."""
     return {fit.run: flight.run_fit(*fit) for fit in analysis.drag.main.fits}
 
 

@@ -90,7 +90,7 @@ SHORT_NAME = {
 
 
 def meaning(parameter: str) -> str:
-    """The meaning of a parameter; of one that has none here, its name in words."""
+    """The meaning of a parameter; without an entry here, its name in words."""
     return MEANING.get(parameter, parameter.replace("_", " "))
 
 

@@ -332,7 +332,7 @@ class MethodResult(msgspec.Struct, frozen=True, kw_only=True):
     power_required: list[PowerPoint] = []  # over the speeds of its data; empty where there is none: see `notes`
     points: list[MethodPoint] = []
     notes: list[str] = []
-    not_flown: list[str] = []  # kinds of maneuver that it takes, where none of them was flown
+    not_flown: list[str] = []  # kinds of maneuver that it needs, if none of them was flown
 
 
 class DisagreementResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -719,7 +719,7 @@ UNKNOWN_SPEED = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_f
 
 
 class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
-    """What a flight and a pool of flights have alike: the curves by kind, and what they hold for."""
+    """Fields common to a flight and a pool: the curves by kind and their conditions."""
 
     format: str = ""
     trust: Trust = Trust.TRUSTED  # as bad as the worst of:
@@ -799,8 +799,8 @@ class Results(WithCurves, frozen=True, kw_only=True):
     # From each acceleration and deceleration alone, named by `title`.
     single_runs: list[MethodResult] = msgspec.field(default_factory=list, name="one_by_one")
     runs_against_others: list[RunAgainstOthers] = []
-    # Gain of the log likelihood if the propeller folds beyond zero thrust, where it is taken to windmill, or the other
-    # way around; absent where no run has such thrust.
+    # Gain of the log likelihood if, beyond zero thrust, the propeller folds instead of windmilling as assumed, or vice
+    # versa; absent where no run has such thrust.
     folding_gain: float | msgspec.UnsetType = msgspec.field(default=msgspec.UNSET, name="other_blades")
     # By energy, where the curve is by it and both were flown.
     accelerations_against_decelerations: RunAgainstOthers | msgspec.UnsetType = msgspec.UNSET

@@ -3,8 +3,8 @@
 The interval is largest somewhere on the curve. There its variance has the parts of `methods.interval_sources`, which
 the report draws; the largest is named. Of the errors of the angle of attack that is its offset or its slope, whichever
 has the larger effect on power P = D V. With lift L = W an offset turns the lift and adds W V to the power for each
-radian, a slope that is wrong by a share s does so with s alpha, and a scale of airspeed takes D of another speed, and
-an angle of attack that is wrong by twice its share.
+radian, a relative error s of the slope acts like an offset s alpha, and a scale error of airspeed gives the drag of
+another speed and twice that relative error in angle of attack.
 """
 
 from collections.abc import Callable, Sequence

@@ -50,7 +50,8 @@ class StallMargin(NamedTuple):
     def least_mps(self, results: WithCurves) -> tuple[float, str]:
         """The slowest equivalent airspeed that an autopilot may be set to fly, and what it follows from.
 
-        Where neither stall nor largest lift is known, the slowest of the curve stands for the stall, as for a route.
+        If neither stall nor largest lift is known, the slowest speed of the curve is used as the stall speed, as for a
+        route.
         """
         condition = Condition(results.test.weight_N, SEA_LEVEL_DENSITY, results.aircraft.wing_area_m2)
         if self.stall_mps is not None:

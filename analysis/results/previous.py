@@ -15,7 +15,7 @@ TABLES = ("power_required.csv", "path.csv", "field_table.md", "field_table.csv",
 
 
 def replaced(folder: Path, results: Results, written: Collection[str] = TABLES) -> str:
-    """What `results` replace in the folder, in a sentence; empty where there is nothing, or the same analysis.
+    """A sentence on what `results` replace in the folder; empty if the folder is empty or holds the same analysis.
 
     written: names of the files that replace others. Tables of an earlier analysis beside them are named.
     """

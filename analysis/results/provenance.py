@@ -177,7 +177,7 @@ def _files(log: Log, contents: LogContents, replacements: Replacements, runs_fil
 
 
 def _propeller_in_log(log: Log, contents: LogContents) -> bool:
-    """Whether the log's own table was used: it is that of the propeller which the aircraft file names."""
+    """Whether the log's own table was used, which is for the propeller named in the aircraft file."""
     return "propeller.csv" in log.attachments and contents.aircraft.propulsion.propeller in (
         None,
         contents.propeller.name,

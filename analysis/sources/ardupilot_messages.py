@@ -21,7 +21,8 @@ if TYPE_CHECKING:  # they load pymavlink, a third of a second that dataflash log
     from flightpower.analysis.sources.telemetry import RawTelemetryLog, TelemetryLog
     from flightpower.analysis.sources.text_log import TextLog
 
-# Messages of one kind: later firmware numbers the instances within one message, earlier firmware has one for each.
+# Messages of one kind: later firmware numbers the instances within one message type, earlier firmware has a type for
+# each.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
 SECOND_MONITOR = ("BAT2", "CUR2")
 CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in "12345678")), ("RPM",)
@@ -199,7 +200,7 @@ def _units(form: Form | None, units: dict[str, NDArray[Any]], multipliers: dict[
 
 
 def _text(packed: Any) -> str:
-    """A text; of a damaged definition of the message whatever stands there."""
+    """A text; arbitrary bytes if the definition of the message is damaged."""
     return packed.decode("ascii", "replace") if isinstance(packed, bytes) else str(packed)
 
 

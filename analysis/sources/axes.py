@@ -1,7 +1,7 @@
 """Axes and signs that only motion shows: angular rate, angle of attack, sideslip and GPS velocity, from the air data.
 
 Each is compared with another sensor by a law of mechanics. The limits were tried on simulated flights of all plans and
-aircraft, also with large sensor errors and in 15 kt of turbulence; the figures are those of the worst of them.
+aircraft, also with large sensor errors and in 15 kt of turbulence; the figures are from the worst of them.
 """
 
 from typing import NamedTuple

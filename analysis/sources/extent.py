@@ -45,7 +45,7 @@ class Extent(NamedTuple):
 
 
 def extent(path: Path) -> Extent:
-    """What the edges of a file say of its log. Raises OSError where it cannot be read."""
+    """Facts about a log from the first and last bytes of its file. Raises OSError where it cannot be read."""
     first, last = _edges(path)
     try:
         form = format_of(path)
@@ -89,7 +89,7 @@ def _edges(path: Path, count: int = 1 << 17) -> tuple[bytes, bytes]:
 
 
 def _ulog_start_s(path: Path, count: int = 1 << 20) -> float | None:
-    """Unix time of the start by the satellites. count: first bytes, some ten seconds, in which a receiver tells it."""
+    """Unix time of the start by the satellites. count: number of first bytes, some ten seconds, that contain it."""
     from flightpower.analysis.sources.px4 import start_unix_s  # loads pyulog
 
     return start_unix_s(_edges(path, count)[0])

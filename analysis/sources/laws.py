@@ -450,7 +450,7 @@ def _judged(law: Law, name: Callable[[Quantity], str]) -> Finding | None:
 
 @cache
 def _factors() -> dict[str, float]:
-    """What a number is multiplied by where its unit is taken for the SI unit, by the unit in words."""
+    """The factor by which a number is off if its unit is mistaken for the SI unit, by the unit in words."""
     return {words: to_si(f"1 {unit}", si, words) for words, (unit, si) in TAKEN_FOR_SI.items()}
 
 

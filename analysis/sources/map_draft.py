@@ -155,7 +155,7 @@ SUFFIXES = {
     "percent": "percent",
     "%": "percent",
 }
-# Units that stand in brackets alone, some of quantities that no method reads.
+# Units accepted only in brackets; some belong to quantities that no method reads.
 IN_BRACKETS = SUFFIXES | {
     "°": "deg", "@": "deg", "degrees": "deg", "°c": "degC", "@c": "degC", "°f": "degF", "f": "degF",
     "feet": "ft", "kn": "knot", "f/s": "ft/s", "cm/s": "cm/s", "mm/s": "mm/s",

@@ -20,7 +20,8 @@ class Known(NamedTuple):
 
 
 class Recorder(NamedTuple):
-    """title : for messages     signs : patterns, each of which some column has     columns : the first that is there"""
+    """title : for messages signs : patterns that must each match a column columns : candidates; the first present one
+    is used"""
 
     title: str
     signs: tuple[str, ...]
@@ -28,7 +29,7 @@ class Recorder(NamedTuple):
 
 
 UNIT = r" ?\([^)]+\)"
-# Sensors of FrSky, Crossfire, ELRS and others as the radio names them; all units stand in the names. RxBt is the
+# Sensors of FrSky, Crossfire, ELRS and others as the radio names them; the names contain all units. RxBt is the
 # battery of the receiver, with Crossfire and ELRS (RQly) that of the aircraft, which its flight controller sends.
 RADIO = {
     Q.TIME: (Known("time", "s"),),

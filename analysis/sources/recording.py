@@ -136,7 +136,7 @@ class FlightRecording:
 
 
 def vehicle_of(serial_number: str) -> str:
-    """What stands for the board of an autopilot in results: the first 8 hexadecimal digits of its number's SHA-256.
+    """Identifies an autopilot's board in results: the first 8 hexadecimal digits of its serial number's SHA-256.
 
     Results are passed on, and the number itself names the board to its maker. Of a thousand boards two are alike with a
     probability of 1e-4.

@@ -13,7 +13,7 @@ def error_of_a_step(step: float) -> float:
 
 
 def step_of(values: Array) -> float:
-    """The step of which all differences of values (n,) are multiples; 0 where there is none, or where no value returns.
+    """The step that divides all differences of values (n,); 0 if there is none, or if no value occurs twice.
 
     A value that is a multiple of a step is wrong by up to half of it where it is rounded, and always by as much on
     average where it is cut off, as pulses are that were not completed.

@@ -79,7 +79,7 @@ def consistency_checks(agreement: Consistency) -> list[ConsistencyCheck]:
 def difference_check(difference: pd.Series, title: str = "", unit: str = "") -> Check | None:
     """Mean and scatter of a difference in flight, NaN left out; None where less than two batches were measured.
 
-    The standard error is that of the means of batches of CONSISTENCY.batch_s, so that slow changes count.
+    The standard error comes from the means of batches of CONSISTENCY.batch_s, so slow changes count.
     """
     finite = difference.dropna()
     batches = finite.groupby((finite.index.to_numpy() // CONSISTENCY.batch_s).astype(int)).mean()

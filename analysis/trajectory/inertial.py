@@ -103,7 +103,7 @@ def _process_noise(
     gyro_scale, accelerometer_scale = SENSORS.scale
     angle = np.hypot(gyro, gyro_scale * rates * dt) + 1e-5
     velocity = np.hypot(accelerometer, accelerometer_scale * forces * dt) + 1e-4
-    # The noise is that of body axes, here used for earth axes. North and east get the same, so that the weights do not
+    # The noise of body axes is used for earth axes here. North and east get the same, so that the weights do not
     # depend on the heading.
     velocity[:, :2] = np.sqrt(np.mean(velocity[:, :2] ** 2, axis=1, keepdims=True))
     missing_radps, missing_mps2 = SENSORS.missing

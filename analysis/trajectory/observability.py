@@ -157,8 +157,8 @@ def missing(name: str, flight: FlightExcitation) -> tuple[MissingExcitation, ...
 def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
     """Each of SENSOR_ERRORS that a flight determines, those with the largest effect on power first.
 
-    Without the zeros of the pressures, which rest shows and not flight; the compass only where one was used, and the
-    place of the probe where the aircraft file does not say it.
+    Excludes the zeros of the pressures, which only rest shows, the compass if none was used, and the position of the
+    probe if the aircraft file has it.
     """
     flight = excitation(trajectory)
     left_out = {*ZEROS} if "compass" in trajectory.residuals else {*ZEROS, "heading_bias"}
@@ -328,7 +328,7 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
         total = factors[:, None] ** 2 + variance
         common_factor = float(factors[np.argmin(np.sum(np.log(total) + x_squared / total, axis=1))])
     factor = np.maximum(common_factor, size)
-    factor[SENSOR_ERRORS.index("updraft")] = 1.0  # of the air: its prior says nothing about the installation's
+    factor[SENSOR_ERRORS.index("updraft")] = 1.0  # belongs to the air: its prior says nothing about the installation
     return PriorConflict(factor, conflicting, common_factor, joint_conflict(y, covariance))
 
 

@@ -291,7 +291,7 @@ def _damping(damping: float, move: Array, last_move: Array) -> float:
         return damping
     if damping == 1.0:  # the early steps of a rough first estimate: their ratio says little
         return 0.5
-    return max(damping / (1 - max(ratio, -3.0)), 0.05)  # one pair of steps says no more than a quarter
+    return max(damping / (1 - max(ratio, -3.0)), 0.05)  # one pair of steps cannot justify less than a quarter
 
 
 def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array:

@@ -151,11 +151,11 @@ class UpdraftByDay(NamedTuple):
 def updraft_by_day(trajectory: Trajectory, sun_rad: float | None) -> UpdraftByDay | None:
     """The mean updraft of a whole flight; None where there are no eddies, as before sunrise.
 
-    With the prior of what lasts, 0.02 m/s, an offset of the angle of attack takes the place of air that sinks (by
-    1 m/s: 40 to 80 % of power, as many as five half widths). So the prior is that of the eddies. Their size is known
-    for fair weather only: the prior is as wide as is most probable by the flight itself, and never narrower than
-    the hour's (empirical Bayes, as in `observability`). In gusts a flight tells so little of the updraft that an
-    estimate of 1.5 standard deviations, which is no contradiction, may be air that sinks by ten times the prior.
+    With the prior for lasting updrafts, 0.02 m/s, sinking air is mistaken for an offset of the angle of attack (1 m/s
+    of sink: 40 to 80 % of power, up to five half widths). So the prior is that of the eddies. Their size is known for
+    fair weather only: the prior is as wide as is most probable by the flight itself, and never narrower than the hour's
+    (empirical Bayes, as in `observability`). In gusts a flight shows the updraft so poorly that an estimate of 1.5
+    standard deviations, no contradiction, may be air sinking ten times faster than the prior.
     """
     t_s = trajectory.states.index.to_numpy()[trajectory.block_means.airborne]
     of_hour = mean_updraft(trajectory, [(t_s[0], t_s[-1])], sun_rad) if len(t_s) else None

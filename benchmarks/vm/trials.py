@@ -245,7 +245,7 @@ def upgraded(folder: Path, disk: Path) -> list[Row]:
 
 
 def upgrade_while_recording(machine: Machine, step: Step, logs: int, command: str, version: str) -> None:
-    """From a recording to the next, which has `UPGRADE` in what `version` prints."""
+    """Upgrades between two recordings; afterwards `version` prints `UPGRADE`."""
     machine.wait_for_recording(logs)
     step("upgrade", command)
     machine.wait_for_recording(logs + 1)

@@ -1,8 +1,8 @@
 """MAVLink autopilot: servo and stick pulse widths, attitude, battery, and optionally motor speed.
 
 Protocols 1 and 2, see `daq.mavlink_frames`. A line may carry other senders, too: a gimbal sends its own attitude, and a
-radio forwards other vehicles. The first heartbeat of an autopilot settles whose messages are read: those of its system
-and component, no others. It is then asked for the required messages (SET_MESSAGE_INTERVAL), and again when they stop.
+radio forwards other vehicles. The first autopilot heartbeat decides whose messages are read: only those of its system
+and component. It is then asked for the required messages (SET_MESSAGE_INTERVAL), and again when they stop.
 """
 
 import math

@@ -80,10 +80,10 @@ class Counts(NamedTuple):
     samples: int
     values: tuple[float, ...]  # (7,) as in SAMPLE
     saturated: bool
-    damaged: bool = False  # one sample cannot belong to the others
+    damaged: bool = False  # one sample does not fit the others
 
 
-SPARE_SAMPLES = 1  # read a tick beyond those that arrive in it, until the FIFO has been caught up with
+SPARE_SAMPLES = 1  # extra samples read a tick until the FIFO is empty
 
 
 class MPU9250Driver:

@@ -236,7 +236,7 @@ def page() -> str:
 
 
 def messages() -> Iterator[Message]:
-    """Every refusal that the code raises with words of its own."""
+    """Every refusal message in the code."""
     for package in ("analysis", "daq", "flight", "flightpower", "sim", "hw_fakes"):
         for path in sorted((ROOT / package).rglob("*.py")):
             name = path.relative_to(ROOT).as_posix()

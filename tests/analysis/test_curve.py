@@ -27,7 +27,7 @@ CURVE = polar_curve(POLAR, AT, (0.3, 1.2))
 
 
 def electrical(idle_W: float) -> Curve:
-    """Twice the power required, and what the aircraft takes with the motor off."""
+    """Twice the power required, plus idle power with the motor off."""
     power = CURVE.power_W.through(2 * np.eye(len(CURVE.V_mps)))
     power = Uncertain(power.value + idle_W, power.own, {"current": 0.02 * power.value})
     return Curve(kind=Kind.ELECTRICAL, condition=AT, V_mps=CURVE.V_mps, power_W=power, idle_W=idle_W)

@@ -55,7 +55,7 @@ def test_tables_are_written_between_the_marks_and_nothing_else_changes(
 
 
 def test_coverage_is_judged_by_what_is_asked() -> None:
-    """What lies outside by less than two counting errors stays open: more flights decide it."""
+    """Coverage outside by less than two counting errors is undecided: more flights are needed."""
     cases = ((80, 6.0), (80, 2.0), (90, 6.0), (98, 0.1), (100, 4.0), (100, 0.5))
     met = [evidence.judged({"coverage, %": share, "±": counting}, 90, 98)["met"] for share, counting in cases]
     assert met == ["open", "too seldom", "yes", "yes", "open", "too often"]

@@ -1,4 +1,4 @@
-"""The run of all studies of docs/evidence (benchmarks/evidence.py): what a failing part does to the others."""
+"""Runs of all studies of docs/evidence (benchmarks/evidence.py): a failing part does not harm the others."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""A flight without GPS, its magnetometer calibrated or not: what `analyze` makes of it."""
+"""`analyze` of a flight without GPS, with and without a calibrated magnetometer."""
 
 import dataclasses
 from pathlib import Path

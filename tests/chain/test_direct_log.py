@@ -16,7 +16,7 @@ PASCAL = {f"/probe/{name}": 2 * p.range_Pa / (p.high_counts - p.low_counts) for 
 COUNT = {
     "/imu": {"specific_force": IMU.accel_count_mps2, "angular_rate": IMU.gyro_count_radps, "temperature_K": 1 / 333.87},
     "/mag": {"field": MAG_T},
-    # A count of a barometer is what its coefficients make of it: 0.02 Pa, 1e-4 K.
+    # The size of a barometer count follows from its coefficients: 0.02 Pa, 1e-4 K.
     "/baro": {"pressure_Pa": 0.02, "temperature_K": 1e-4},
     "/static": {"pressure_Pa": 0.02, "temperature_K": 1e-4},
     **{topic: {"differential_pressure_Pa": per, "temperature_K": BRIDGE_KELVIN} for topic, per in PASCAL.items()},

@@ -1,7 +1,7 @@
 """Every driver, and every fake part, on a wire that for a while carries anything at all.
 
-A driver may say so (a status, or SensorFailure, for which the daemon makes a new one); nothing else comes out of it, it
-is done in no time, and once the wire is sound again it measures again within two seconds.
+A driver may say so (a status, or SensorFailure, for which the daemon makes a new one); it raises nothing else, returns
+at once, and measures again within two seconds after the wire is sound.
 """
 
 import sys

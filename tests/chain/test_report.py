@@ -50,7 +50,8 @@ def test_a_program_finds_no_barrier_in_the_report(flown: Path, browser: Browser)
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here (Debian: apt-get install chromium)")
 def test_the_report_in_a_browser(flown: Path, results: Results, browser: Browser, tmp_path: Path) -> None:
-    """On a phone, a laptop and a wide screen, dark and light, and on paper: all drawn, nothing cut, nothing asked."""
+    """On a phone, a laptop and a wide screen, dark and light, and on paper: everything is drawn, nothing is cut off,
+    and no dialog opens."""
     page = flown / "log.report" / "report.html"
     the_browser_complains_of_a_broken_page(browser, page.read_text("utf-8"), tmp_path)
     browser.show(page, *SIZES[0][:1], dark=SIZES[0][1])

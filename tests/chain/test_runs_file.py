@@ -15,7 +15,7 @@ pytestmark = pytest.mark.xdist_group("chain")
 
 
 class Edited(NamedTuple):
-    """A folder of results, the runs.toml in it that was used, and what was edited in it."""
+    """A folder of results, its runs.toml, and an edited copy."""
 
     report: Path
     text: str

@@ -37,7 +37,7 @@ def test_an_analysis_writes_its_report(laptop: Laptop) -> None:
 
 @pytest.mark.parametrize("name", ["tubing", "magnetometer", "surfaces"])
 def test_calibrations_from_a_log(laptop: Laptop, name: str) -> None:
-    """This flight supports none of them, which they may say."""
+    """This flight supports none of them, and they may say so."""
     outcome = laptop.outcomes[f"calibrate {name}"]
     assert outcome.returncode in (0, 2) and "Traceback" not in outcome.stderr, outcome.stderr
 

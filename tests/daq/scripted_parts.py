@@ -53,7 +53,7 @@ class RegisterBus:
 
 
 class ScriptedPort:
-    """Gives what was put into `incoming`, a piece a call; keeps what is written."""
+    """Returns the pieces of `incoming`, one a call, and records what is written."""
 
     def __init__(self) -> None:
         self.incoming: list[bytes] = []

@@ -19,7 +19,7 @@ def texts(switch, *pulses_us):
     """What is told while channel 2 moves; None is a tick without signal."""
     texts = []
     for pulse in pulses_us:
-        # The servo on the same channel stands on the other side.
+        # The servo on the same channel is at the opposite end.
         heard = Controls(pulse_us=[1500, 2500 - pulse], stick_pulse_us=[1500, pulse]) if pulse is not None else None
         message = heard or Controls(status=Status.NO_DATA)
         texts += [event.text for event in switch.update([Sample("/controls", 0, message)])]

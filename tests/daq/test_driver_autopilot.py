@@ -226,7 +226,7 @@ def test_rates_that_the_autopilot_does_not_keep_are_requested_again_and_told():
     port, sensor = autopilot(battery=False)
     at_s = streaming(sensor, port, 25, 10, begin_s=1)
     assert requested(port) == 1 and sensor.complaint == ""
-    at_s = streaming(sensor, port, 4, 5, begin_s=at_s)  # it has started again, with rates of its own
+    at_s = streaming(sensor, port, 4, 5, begin_s=at_s)  # it has restarted and uses its own message rates
     assert requested(port) == 2 and "4 of /attitude, 4 of /controls a second, asked for 25" in sensor.complaint
     at_s = streaming(sensor, port, 25, 10, begin_s=at_s)
     before = requested(port)

@@ -74,7 +74,7 @@ def test_the_letter_inside_the_data_does_not_mislead():
 def test_a_motor_that_spins_up_is_heard_from_its_first_frame():
     """Pulses of a shaft that speeds up evenly come at the square roots of their number: no two periods agree."""
     port, sensor = counter()
-    pulse_s = [2.0 + 0.2 * number**0.5 for number in range(60)]  # it stood for two seconds
+    pulse_s = [2.0 + 0.2 * number**0.5 for number in range(60)]  # it was stopped for two seconds
     frames = [(pulse, round((pulse - before) * 1e6)) for before, pulse in pairwise([0.0, *pulse_s])]
     texts = []
     for tick in range(100):

@@ -272,7 +272,7 @@ def test_what_the_fifo_takes_and_the_way_to_the_magnetometer_are_audited_in_turn
 
 
 def flipped_once(chip: Chip, register: int, byte: int, bit: int) -> None:
-    """The next reply from `register` on has one wrong bit."""
+    """The next reply that starts at `register` has one wrong bit."""
     original, pending = chip.write_read, [True]
 
     def damaged(address, data, count):

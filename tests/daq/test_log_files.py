@@ -320,7 +320,7 @@ def all_ticks(folder: Path) -> list[int]:
 
 
 def test_the_first_bytes_of_a_new_file_are_its_trial(tmp_path, faulty):
-    """A card that takes everything and saves nothing is not given what waits, second after second."""
+    """A card that accepts data but saves nothing is not sent the waiting data again every second."""
     disk = DiskWriter(lambda _: tmp_path / "log.mcap")
     faulty.sync_error = errno.EIO
     data = os.urandom(10 * disk_module.TRIAL_BYTES)
@@ -477,7 +477,7 @@ def test_a_sync_that_fails_is_not_believed_later(tmp_path, faulty):
 
 
 class Card:
-    """A card of a given size; `statvfs` sees what the files on it take."""
+    """A card of a given size; `statvfs` reports the space its files use."""
 
     def __init__(self, monkeypatch, directory: Path, size: int):
         self.directory, self.size = directory, size

@@ -201,7 +201,7 @@ TRANSDUCER = '[[sensors]]\ndriver="honeywell"\nbus="b"\npart="SSCDRRN005ND2A5"\n
 def test_an_hour_leaves_no_memory_and_no_drift_behind(tmp_path, monkeypatch):
     """At 1 Hz, a file every ten minutes; weighed at the end of each. A leak of 20 bytes a tick is 12 kB a file.
 
-    A leak is in every difference; what other threads of the test's process take or give back once is in few.
+    A leak shows in every difference; single allocations by other threads of the test show in few.
     """
     clock = SimulatedClock(unix_at_start_ns=10**18)
     tray = parse_tray(f"rate_Hz = 1\n[files]\nnew_after_min = 10\n{TRANSDUCER}", "tray.toml", tmp_path)

@@ -179,7 +179,8 @@ def test_a_change_of_speed_for_less_than_three_seconds_is_not_mentioned():
 
 
 def test_a_run_changes_speed_by_a_fifth_of_its_mean_and_not_too_gently():
-    """Clearly: by 0.5 m/s^2 somewhere. A small or gentle change is told only where it would have covered enough."""
+    """Clearly: by 0.5 m/s^2 somewhere. A small or gentle change is reported only if it would have covered enough
+    speed."""
 
     def change(first: float, last: float, over_s: float) -> list[str]:
         n = round(5 * over_s)

@@ -1,4 +1,4 @@
-"""`daq check`: a good tray is fit, and every red line says what to do."""
+"""`daq check`: a good tray passes, and every red line says what to do."""
 
 import errno
 import json

@@ -98,7 +98,7 @@ def test_frames_come_at_most_every_10_ms(counter):
 @pytest.mark.parametrize(("extra_us", "error"), [(3.0, 1e-3), (100.0, 1e-3), (250.0, 1e-3), (420.0, 0.025)])
 def test_noise_pulses_change_nothing(counter, extra_us, error):
     """One pulse in twenty is followed by a false one: ringing, or crosstalk. In the last quarter of a period it may be
-    taken for the true one, and the ten periods end up to a quarter of a period early or late."""
+    mistaken for the true pulse, so the ten periods end up to a quarter period early or late."""
     true = pulses(500, 150_000)
     sent = counter(np.concatenate([true, true[30::20] + extra_us]), 150_000)
     assert len(sent.periods_us) >= 10

@@ -1,4 +1,5 @@
-"""The log: what is written comes back, whole or torn, and a file that is no log says so."""
+"""The log: written messages are read back, even from a truncated file, and a file that is not a log is named as
+such."""
 
 import gc
 import io

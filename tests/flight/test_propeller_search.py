@@ -50,7 +50,7 @@ def test_a_shipped_table_says_what_it_is_of_and_is_a_propeller(table: Table) -> 
         assert (J * cT / cP)[driven].max() < (0.8 if table.origin is Origin.MEASURED else 0.9), (
             "no small one is more efficient"
         )
-        # No point is far from the line through its neighbors: what a mistyped or misplaced one would be.
+        # No point is far from the line through its neighbors, as a mistyped or misplaced point would be.
         line = cT[:-2] + (cT[2:] - cT[:-2]) * (J[1:-1] - J[:-2]) / (J[2:] - J[:-2])
         assert np.abs(line - cT[1:-1]).max() < 0.1 * cT.max()
         # Below the J of its pitch, where the blades have no angle of attack, a propeller pulls.
@@ -198,7 +198,7 @@ def test_a_table_written_and_read_is_the_same() -> None:
 
 
 def test_a_computed_table_is_as_uncertain_as_others_that_were_measured_too() -> None:
-    """17 % of thrust and 0.58 of its slope, unless the aircraft file says what it is; a measured table is as it was."""
+    """17 % of thrust and 0.58 of its slope, unless the aircraft file states them; a measured table is unchanged."""
     computed, measured = named("apc-10x5e-computed").propeller, named("apc-10x5e").propeller
     usual = Uncertainty()
     result, note = with_table_error(usual, (), computed)

@@ -42,7 +42,8 @@ def test_the_truth_is_one_motion_from_standing_to_standing(flight):
     attitude = [truth[name].to_numpy() for name in ("roll_rad", "pitch_rad", "yaw_rad")]
     force = [truth[f"specific_force_{axis}_mps2"].to_numpy() for axis in "xyz"]
     on_earth = earth_from_body(force, attitude)
-    # Where a throttle or a servo turns a corner the force does too, and a spline is off by a step times its change.
+    # Where throttle or servo has a corner the force has one as well, and a spline is off by a step times the change of
+    # slope.
     for direction, f, gravity in zip(("north", "east", "down"), on_earth, (0, 0, 9.80665), strict=True):
         error = rate(f"velocity_{direction}_mps") - (f + gravity)[inner]
         assert np.sqrt(np.mean(error**2)) < 0.01

@@ -221,7 +221,7 @@ def test_gps_says_where_it_was_and_integrates_its_own_velocity(flight, perfect):
 
 
 def test_the_autopilots_attitude_is_wrong_when_speed_changes(perfect, flight):
-    """It takes the accelerometer for the vertical, which is 8 to 11 deg off in such runs."""
+    """It uses the accelerometer as vertical, which is 8 to 11 deg off in such runs."""
     t = flight.truth["time_s"].to_numpy()
     error = np.rad2deg(perfect.autopilot_attitude_rad(t)[:, 1] - flight.truth["pitch_rad"].to_numpy())
     runs = (flight.truth["kind"] == "run").to_numpy()

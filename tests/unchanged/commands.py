@@ -1,4 +1,4 @@
-"""What commands compute of simulated flights; all of it is the same in every run."""
+"""Results of commands for simulated flights; they are identical in every run."""
 
 import contextlib
 import importlib

@@ -92,7 +92,7 @@ def _has_results(folder: Path) -> bool:
 
 
 def find_logs(arguments: Sequence[str]) -> FoundLogs:
-    """Files as they are given; of a folder and of an address that is one, the logs in it and below, by their suffix."""
+    """Files as given; for a folder or a folder's address, all logs in it and below, recognized by suffix."""
     listing = FoundLogs()
     for argument in arguments:
         try:
@@ -219,7 +219,8 @@ def name_by_address(folder: Path, copy: Path, log: Log) -> None:
 
 @contextmanager
 def as_file(log: Log, folder: Path) -> Iterator[tuple[Path, str]]:
-    """A log as a file of its own name, and the digest of a copied one. The copy is below `folder` until the end.
+    """A log as a local file with its own name, and its digest if it was copied. The copy is below `folder` until the
+    end.
 
     Raises InputError when it cannot be copied. Those that are raised meanwhile name the log, not its copy.
     """

@@ -224,7 +224,7 @@ def partial_folder(output: Path, name: str) -> Path:
 
 
 def complete(partial: Path, folder: Path, *, key: str, log: LogFile, runs: Path | None) -> None:
-    """Turn a partial folder into that of the flight, in place of an earlier one.
+    """Turns a partial folder into the flight's folder, replacing an earlier one.
 
     runs: the edited list of runs that was used. It and files that the user put into the earlier folder are kept.
     Raises InputError when the folder cannot be written.

@@ -232,7 +232,7 @@ def _among_flights(
 ) -> Uncertain:
     """Power (n,) with the errors of this flight alone as its own, and those that all flights of an aircraft share.
 
-    The estimate lies between data and prior: as far as it is the prior's, all flights err to the same side. Of the
+    The estimate lies between data and prior; the prior's share of the error has the same sign in all flights. Of the
     airspeed's scale that is the sensor's error as known before the flight; what GPS adds is a flight's own, and so is
     the wind. gradient : (m, n) of power by the parameters
     """

@@ -308,6 +308,6 @@ def estimate_of(
     idle_W = c.idle_power_W + c.idle_sigma_W
     shared[Source.IDLE_POWER] = error(balance.samples, c._replace(idle_power_W=idle_W))
     shared[Source.UPDRAFT] = error(balance.samples, c._replace(updraft_mps=updraft_mps))
-    # The flight shows the angle over C_L of slow changes; that of gusts is as uncertain as it was before.
+    # The flight shows the angle over C_L for slow changes; for gusts it stays as uncertain as before.
     shared[Source.GUSTS] = error(balance.samples, c._replace(gust_scale=1 + PRIOR.alpha_per_CL_sigma))
     return Estimate(balance.names, fit.parameters, fit.covariance, shared, c)

@@ -48,8 +48,8 @@ def shown_efficiency(
     """
     most_windows = min(balance.most_windows, WINDOWS.most // 2)
     free = ScaledPowerBalance(balance.samples, balance.conditions, most_windows)
-    # Without a prior of the scale the result does not depend on its mean, where the search begins: what is needed over
-    # what is useful, by the priors.
+    # The scale has no prior, so the result does not depend on its mean, which only starts the search: power needed over
+    # useful power, by the priors.
     usual = pack(free.names, {name: mean for name, (mean, _) in prior.items()} | {POWER_SCALE: 0.0})
     thrust_power_W, surplus_W = free.thrust_power_W(usual), free.residual(usual)[: len(free.V_mps)]
     needed = max(1 - float(np.sum(surplus_W) / np.sum(thrust_power_W)), 0.01)

@@ -36,8 +36,8 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
 
     Thrust is that of the propeller table. Standard errors are by repetition along perturbed trajectories (sensor errors
     in each independent direction, and draws of the states' random errors), with the prior standard deviations of the
-    propeller table, and with another weight. NaN where the aircraft stood, coefficients also near
-    the ground, where it may have rolled, and thrust where the motor stood.
+    propeller table, and with another weight. NaN where the aircraft is at rest; coefficients also near the ground,
+    where it may be rolling, and thrust where the motor is stopped.
     """
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors

@@ -1,4 +1,4 @@
-"""The flights of the folder that was opened: the last two stay in memory, with what was computed of them."""
+"""The flights of the folder that was opened: the last two stay in memory with their results."""
 
 import unicodedata
 from collections.abc import Callable, Mapping

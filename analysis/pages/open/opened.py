@@ -1,4 +1,4 @@
-"""One log that the page shows: what both kinds of flight have in common."""
+"""A log shown on the page: the part common to both kinds of flight."""
 
 import os
 import shlex
@@ -25,7 +25,7 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 
 class OpenedFlight(ABC):
-    """A log, with what was computed of it so far. workspace : a folder for the list of runs while it is edited"""
+    """A log with the results computed so far. workspace : a folder for the list of runs while it is edited"""
 
     kind: Kind
 
@@ -101,7 +101,7 @@ class OpenedFlight(ABC):
         options = self._options(values, folder)
         backups = [path.name for path in self._write_inputs(values, folder) if path]
         done = analyze_log(self.path, folder, options, lambda _: None, self.command(values))
-        self.__dict__.pop("shown", None)  # what is opened next begins with what was written
+        self.__dict__.pop("shown", None)  # the next session begins with the written list
         return {"said": _summary_lines(done), "kept": backups, "command": self.command(values)}
 
     def command(self, values: Values) -> str:

@@ -59,7 +59,7 @@ class _Prepared(NamedTuple):
 
 
 class RunsFlight(OpenedFlight):
-    """A log whose curve is by its runs."""
+    """A log whose curve comes from its runs."""
 
     kind = Kind.POWER_REQUIRED
 

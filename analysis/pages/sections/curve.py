@@ -103,7 +103,7 @@ def _drag_table(results: Results) -> HtmlTable | None:
 
 
 def _data(results: Results) -> str:
-    """How many runs of which kind, or how long a flight."""
+    """Number of runs of each kind, or length of the flight."""
     if results.balance:
         return f"{results.balance.flown_s / 60:.1f} min in the air"
     kinds = [run.kind for run in results.runs]

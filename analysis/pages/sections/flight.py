@@ -96,7 +96,7 @@ class ProvenanceSection(NamedTuple):
 
 
 def provenance_section(results: Results) -> ProvenanceSection | None:
-    """None where the results do not say what they were made of."""
+    """None if the results do not name their inputs."""
     provenance = results.provenance
     if provenance is None:
         return None

@@ -1,4 +1,5 @@
-"""In the virtual machine, as scipy.signal: its import takes most of a minute on an emulated processor."""
+"""Replaces scipy.signal in the virtual machine, where importing SciPy takes most of a minute on an emulated
+processor."""
 
 import numpy as np
 

@@ -98,7 +98,8 @@ def test_a_gap_of_everything_stays_a_gap(flown, probe) -> None:
 
 
 def test_a_clipped_angle_is_not_taken_for_a_measurement(flown, probe) -> None:
-    """What clips is left out by the statuses, so the table has holes: speed needs alpha's pressure and has them too."""
+    """Clipped readings are left out by status, so the table has holes; speed needs alpha's pressure and has the same
+    holes."""
     _, table = flown
     clipped = table.assign(dp_alpha_Pa=table["dp_alpha_Pa"].where(table["dp_alpha_Pa"] < 60.0))
     air = result(clipped, probe)

@@ -1,4 +1,4 @@
-"""What of the measurements was lost, said by topic."""
+"""Lost measurements are reported by topic."""
 
 import numpy as np
 import pandas as pd

@@ -163,7 +163,7 @@ def test_near_the_optimum_a_step_is_newton_s_with_the_prior_s_curvature(secant: 
 
 
 def test_secants_find_the_curvature_that_the_likelihood_does_not_give() -> None:
-    """A likelihood that gives half its curvature: after two steps the changes of the gradient have told the rest."""
+    """A likelihood that reports half its curvature: after two steps the changes of the gradient supply the rest."""
     hessian = np.array([[4.0, 1.0], [1.0, 3.0]])
     prior = np.array([2.0, 1.0])
     steps = {}

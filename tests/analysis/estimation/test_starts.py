@@ -13,7 +13,7 @@ from flightpower.analysis.estimation.starts import best_of_starts, starting_valu
 from flightpower.flight.errors import InputError
 from tests.analysis.estimation.test_output_error import SHORT_PERIOD, TRUTH, noisy
 
-# A frequency to be found in a sine: the likelihood has an optimum every 1/T, of which one is right.
+# The frequency of a sine is estimated: the likelihood has an optimum every 1/T, and only one is right.
 OSCILLATION = Model(
     name="oscillation",
     inputs=("t",),

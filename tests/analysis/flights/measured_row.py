@@ -130,7 +130,7 @@ class RowModel:
         return np.concatenate([polar, nuisance])
 
     def shared_errors(self, rng: np.random.Generator) -> Array:
-        """(M,) of the values of all flights of an airframe, which no residual shows; the floor of the polar, too."""
+        """(M,) common to all flights of an airframe, which no residual shows; it includes the floor of the polar."""
         changes = [change for name, change in self.row.changes.items() if name not in OWN_CHANGES]
         n = len(POLAR)
         tilted = np.concatenate([np.sqrt(np.diag(covariance.floor())) * rng.standard_normal(n), np.zeros(M - n)])

@@ -56,7 +56,7 @@ def test_flights_weigh_by_the_inverse_of_their_variance() -> None:
 
 
 def test_an_outlier_is_one_among_as_many_tests_as_flights() -> None:
-    """Between the limit of one test and that of five a flight is none."""
+    """A flight between the limit for one test and the limit for five is not an outlier."""
     between = 0
     for error in np.linspace(0.06, 0.09, 7):
         result = electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", error)]).results()

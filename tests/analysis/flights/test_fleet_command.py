@@ -96,7 +96,7 @@ def test_dates_of_a_history_are_short_and_evenly_spaced(last: float, texts: list
 
 
 def test_an_airframe_that_changed_is_beside_the_mean_where_three_others_are_left(tmp_path: Path) -> None:
-    """Its drag is up by 30 %: within the mean it would widen what another airframe is expected to take."""
+    """Its drag is up by 30 %: in the mean it would widen the range expected for a new airframe."""
     worse = 0.3 * (np.arange(12) >= 8)
     widths = {}
     for name, others in (("four", 3), ("three", 2)):

@@ -86,7 +86,7 @@ def test_steady_flight_has_no_run() -> None:
 
 @pytest.mark.parametrize(("climb_mps", "level"), [(0.9, True), (1.5, False), (-1.5, False)])
 def test_a_run_climbs_or_descends_by_no_more_than_1_2_mps_on_average(climb_mps: float, level: bool) -> None:
-    """Height alone would not tell: at 1.5 m/s it changes by 15 m in these ten seconds, of 20 m that are allowed."""
+    """Height alone would not show it: at 1.5 m/s it changes by 15 m in these ten seconds, and 20 m are allowed."""
     speed = up_and_down(seconds=8.0)
     runs, rejected = find_runs(flight(speed, height=100.0 + climb_mps * np.arange(len(speed)) / RATE_HZ))
     if level:

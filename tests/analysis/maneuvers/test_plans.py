@@ -114,7 +114,7 @@ def test_each_acceleration_and_deceleration_flown_is_found_as_one(
         # Within a twentieth of the speed at an end it is held: of the change that is a tenth at the fast end.
         first, last = done.index[done < 0.1].max(), done.index[done > 0.9].min()
         shares.append((min(run.end_s, last) - max(run.start_s, first)) / (last - first))
-    # With 15 kt, sigma 1.2 m/s, a gust may have done at either end what throttle does then.
+    # In 15 kt, sigma 1.2 m/s, a gust at either end can change speed as much as throttle does.
     assert min(shares) == pytest.approx(1) or (turbulence_kt == 15 and np.mean(shares) > 0.8)
 
 

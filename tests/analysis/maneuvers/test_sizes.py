@@ -175,7 +175,7 @@ def test_a_roller_coaster_lasts_from_2_5_to_40_seconds(seconds: float, reason: R
 
 
 def test_a_pause_of_more_than_a_second_divides_a_roller_coaster() -> None:
-    # At either end of one, 0.39 s are within 0.15 of 1.
+    # At each end of it 0.39 s are within 0.15 of load factor 1.
     for pause_s, parts in ((0.1, 1), (0.5, 2)):
         pause = np.ones(round(pause_s * RATE_HZ))
         result, _ = find_loads(loaded(np.concatenate([pull_and_push(1.5, 0.5), pause, pull_and_push(1.5, 0.5)])))

@@ -24,7 +24,7 @@ A = np.array([0.04, -0.02, 0.06])
 
 
 def test_noise_is_the_larger_of_both_estimates_of_each_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A short record may fail to show its color: then white noise counts. Correlations are those of colored noise."""
+    """A short record may fail to show its color: then white noise counts. Correlations match those of colored noise."""
     white, colored = np.diag([4.0, 1.0]), np.array([[1.0, 0.6], [0.6, 9.0]])
     for name, covariance in (("cramer_rao", white), ("morelli_klein", colored)):
         monkeypatch.setattr(consider.uncertainty, name, lambda _, of=covariance: SimpleNamespace(covariance=of))

@@ -188,7 +188,7 @@ def test_the_scale_of_airspeed_in_flow_angles_is_removed() -> None:
 def test_a_biased_accelerometer_levels_a_steep_attitude_more() -> None:
     """At rest ax = g sin(theta): at 50 deg of pitch, a bias b changes the angle by b/(g cos 50 deg).
 
-    The part of the bias that the trajectory knows is there; the one removed takes it away.
+    The known part of the bias is present; removing it removes the error.
     """
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f, ax_bias=0.2)
@@ -232,7 +232,7 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
 
 def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
     """Angle and lift rise and fall by 0.6 deg and 5 % of lift within each block: CD and CL^2 are means over samples.
-    Vibration of the accelerometer is in the correction for upwash too, and changes nothing."""
+    Vibration of the accelerometer also enters the correction for upwash, and changes nothing."""
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f)
     forces = FlightForces(trajectory, AIRCRAFT, PROPELLER).nominal

@@ -62,7 +62,7 @@ def test_what_a_careful_installation_leaves_is_allowed() -> None:
 
 
 def test_an_error_that_both_methods_share_is_not_allowed_for() -> None:
-    """With the same sensitivity to lag both methods err together, with opposite ones apart."""
+    """With equal sensitivity to lag both methods err alike, with opposite sensitivity they differ."""
     tolerance = COMPARISON.installation_sigma["lag"]
     for sign, count in ((1.0, 1), (-1.0, 0)):
         method_estimate = by(DECELERATIONS, 0.0, sensitivities={"lag": effect(1.0)})

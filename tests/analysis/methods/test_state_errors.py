@@ -1,4 +1,4 @@
-"""Noise of a polar by errors of the states, and by what of the residuals these do not explain."""
+"""Noise of a polar from errors of the states, and from residuals that these do not explain."""
 
 from types import SimpleNamespace
 

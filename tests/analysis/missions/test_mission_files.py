@@ -120,7 +120,8 @@ def test_a_plan_for_a_multicopter_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", [16, 22])
 def test_heights_above_home_in_the_frame_of_the_sea_are_refused(command: int, tmp_path: Path) -> None:
-    """100 m in frame 0 at a home 500 m high lie 400 m under the ground; 60 m below home a valley may be, if told so."""
+    """100 m in frame 0 with a home 500 m high is 400 m under the ground; 60 m below home can be a valley if the user
+    says so."""
     with pytest.raises(InputError, match=r"item 1 .*: 400 m below home; 100 m above sea level, and home at 500 m"):
         read(tmp_path, plan_text(item(command, frame=0, height_m=100.0, east_km=1.0)))
     with pytest.raises(InputError, match=r"60 m below home; 440 m"):

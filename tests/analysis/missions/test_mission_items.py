@@ -64,7 +64,7 @@ def test_frames_and_kinds_are_numbered_as_by_mavlink() -> None:
 
 
 def random_items(seed: int) -> list[Item]:
-    """With and without places, of all frames, and numbers with gaps."""
+    """Items with and without positions, in all frames, and with gaps in their numbers."""
     rng = random.Random(seed)
     number, items = 0, []
     for _ in range(rng.randrange(1, 12)):

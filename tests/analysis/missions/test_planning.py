@@ -214,8 +214,8 @@ def test_every_error_that_the_aircraft_file_states_is_in_a_plans_interval(
 def test_thrust_on_a_stand_narrows_a_plans_interval_and_its_errors_widen_it(
     nexstar, acceleration, complete_uncertainty, stated_variance
 ):
-    """The stand leaves the scale in flight as it is, and one acceleration without turns does not know the scale of the
-    accelerometer, so that the interval is narrower by a tenth of a percent."""
+    """The stand does not improve the scale in flight, and one acceleration without turns does not determine the scale
+    of the accelerometer, so the interval is narrower by only a tenth of a percent."""
 
     def variance(**larger: float) -> float:
         aircraft = replace(

@@ -171,7 +171,7 @@ def test_sensors_at_rest_show_their_bench_noise_and_flight_begins_at_seven_tenth
 def test_on_the_ground_the_wind_moves_the_aircraft_by_the_share_of_its_speed(
     history: TimeHistory, nexstar: ExpectedAircraft
 ) -> None:
-    """It stands in any wind, and from the speed of the stall on it moves with the air."""
+    """At rest wind does not move it; above stall speed it moves with the air."""
     rows = part(history, TakeOff)
     rolling = rows.start + round(5.0 / PATH.step_s)
     V = float(_take_off(nexstar, 16.0, HEIGHT_M).V[rolling - rows.start])

@@ -41,7 +41,7 @@ def curve(scale: float = 1.0, dashed_above: float = np.inf) -> list[PowerPoint]:
 
 @pytest.fixture
 def results() -> Results:
-    """Without battery, full throttle or any use: what is left when the propeller's table does not allow it."""
+    """Results without battery, full throttle or performance, as when the propeller table does not allow them."""
     run = RunResult(
         kind="acceleration",
         start_s=10,

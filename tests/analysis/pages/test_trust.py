@@ -428,7 +428,8 @@ def test_no_flight_is_planned_after_such_a_result(results: Results, tmp_path: Pa
 
 
 def test_the_verdict_of_electrical_power_claims_no_more_than_trust(results: Results) -> None:
-    """A curve of electrical power without evidence is trusted, without the claim that nothing is to be noted."""
+    """A curve of electrical power without evidence against it is trusted, but the page does not say "nothing to
+    note"."""
     electrical = replace(
         results, kind=Kind.ELECTRICAL, curves={Kind.ELECTRICAL: results.main}, evidence=[], trust=Trust.TRUSTED,
         warnings=["The autopilot dropped a message."],

@@ -153,7 +153,7 @@ def test_performance_of_a_flight_covers_the_flown_speeds(model, condition) -> No
 
 
 def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, condition) -> None:
-    """At a weight at which both lie in the troposphere."""
+    """Uses a weight for which both ceilings are in the troposphere."""
     performance = flight_performance(model, condition._replace(weight_N=2.2 * condition.weight_N), [], BATTERY)
     assert performance is not None
     service, absolute = performance.available.service_ceiling_m, performance.available.absolute_ceiling_m

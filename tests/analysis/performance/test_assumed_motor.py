@@ -1,4 +1,4 @@
-"""The motor that is assumed: what the file says is kept, and the rest gives a plausible efficiency."""
+"""The assumed motor keeps the values of the file, and the rest gives a plausible efficiency."""
 
 from dataclasses import asdict, replace
 

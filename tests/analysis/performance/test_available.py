@@ -104,7 +104,8 @@ def test_power_available_equals_power_required_at_the_highest_speed(
 def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(
     propeller, parameters, model, condition, flown_CL
 ) -> None:
-    """Drag known to 3 %: speed to 1 %. Where that reaches beyond the search it is taken to first order, to a tenth."""
+    """Drag known to 3 %: speed to 1 %. If that is outside the search range it is extrapolated to first order, accurate
+    to a tenth."""
     variance = parameters.covariance.copy()
     variance[0, 0] = (0.03 * parameters.values[0]) ** 2
     unsure = replace(parameters, covariance=variance)

@@ -60,7 +60,8 @@ def test_losses_fitted_to_steady_points_hold_at_other_points(nexstar, propeller)
 
 
 def test_the_power_that_accelerates_the_rotor_is_not_called_loss(nexstar, propeller) -> None:
-    """Each point speeds up by 1 %/s, which takes 8 W more at 100 rev/s; the losses are those of steady flight."""
+    """At each point the motor speeds up by 1 %/s, which costs 8 W at 100 rev/s; the losses equal those of steady
+    flight."""
     heavy = replace(nexstar.propulsion, propeller_inertia_kgm2=2e-3)
     data = steady_points(nexstar, propeller)
     per_point = len(data) // 5
@@ -104,7 +105,7 @@ def test_battery_power_is_shaft_power_friction_and_copper_losses() -> None:
 
 
 def test_a_meter_that_reads_high_makes_the_fitted_powers_too_large() -> None:
-    """A meter 2 % high makes a lossless power train seem to take 2 % more: the true powers are those of the table."""
+    """A meter reading 2 % high makes a lossless power train seem to draw 2 % more; the table has the true powers."""
     parameters = exact(shaft_scale=1.02, friction=0.0, copper=0.0, meter_scale=0.02)
     train, points = PowerTrainModel(parameters, 0.0, True, "", ()), parameters.sigma_points()
     table_W = np.array([60.0])

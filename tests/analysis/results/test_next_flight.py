@@ -1,4 +1,4 @@
-"""What the next flight should be for: effects of sensor errors on power, and what is left when one is known."""
+"""Advice for the next flight: effects of sensor errors on power, and the rest once one is known."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""The first and last bytes of a log say what wrote it and how long it is; what is damaged is not guessed at."""
+"""The first and last bytes of a log say what wrote it and how long it is; nothing is guessed from damaged bytes."""
 
 import gzip
 from pathlib import Path

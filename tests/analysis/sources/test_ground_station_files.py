@@ -18,7 +18,7 @@ from flightpower.sim.dataflash_writer import DataflashMessages, write_dataflash,
 from flightpower.sim.telemetry_writer import write_telemetry
 
 SUFFIXES = {".BIN": write_dataflash, ".log": write_text, ".tlog": write_telemetry}
-# By channel: how exactly telemetry tells it, by the units of its messages.
+# Resolution of each channel in telemetry, from the units of its messages.
 STEPS = {
     recording.AIRSPEED_PRESSURE: 1e-3,
     recording.STATIC: 0.02,

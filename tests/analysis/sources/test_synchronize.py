@@ -100,8 +100,9 @@ def test_a_motor_that_speeds_up_is_not_found_to_lag() -> None:
 
 @pytest.mark.parametrize("counted", [True, False])
 def test_a_fast_motor_s_speed_is_the_mean_over_all_pulses_since_the_last_frame(counted) -> None:
-    """At 1,000 electrical periods a second and more the counter sends every 10 ms, and times what came since. By the
-    pulses that it tells, the age is right; taken for ten periods, speed would be off by up to 3 ms of its change."""
+    """At 1,000 electrical periods a second and more the counter sends every 10 ms and times all pulses since the last
+    message. With the reported number of pulses the age is right; assuming ten periods, it would be off by up to 3
+    ms."""
     log = log_of(lambda topic, t: None if topic == "/rpm" else Status.OK)
     speed, more = 240.0, 6.0
     pulses = np.arange(1.0, 32000.0) / 7  # revolutions turned

@@ -37,7 +37,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def read_by(reader: Callable[[], ULog]) -> Any:
-    """What the readers of this project look at; the name of the error where there is one."""
+    """The data that this project's readers use, or the name of the error."""
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             result = reader()

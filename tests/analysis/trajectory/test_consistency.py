@@ -75,7 +75,7 @@ def exact():
 
 def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
     """A flight in gusts measured with all sensor errors: the differences after are those of perfect sensors in calm
-    air. Before, airspeed is off by its scale."""
+    air. Before correction, airspeed is off by its scale error."""
     states = exact.states.copy()
     rng = np.random.default_rng(0)
     for gust in ("gust_u", "gust_v", "gust_w"):

@@ -41,7 +41,8 @@ def test_lateral_gusts_are_as_longitudinal_ones_and_vertical_ones_as_long_as_the
 def test_a_discrete_step_is_that_of_drydens_second_order_filter(height: float, V: float, step: float) -> None:
     """Against the exact solution of T g1' = n - g1, T g2' = g1 - g2 over a step: what stays, and the noise that is new.
 
-    The step takes g1 as straight: what stays is off by (step/T)^2, new noise by the order of step/T of itself.
+    The step assumes that g1 is linear: the decayed part is off by (step/T)^2, the new noise by a relative error of
+    order step/T.
     """
     T, sigma = height / V, 0.7
     A = np.array([[-1.0, 0.0], [1.0, -1.0]]) / T

@@ -132,8 +132,8 @@ def test_the_mean_square_of_transverse_gusts_has_its_sign_and_size() -> None:
 
 @pytest.mark.parametrize("axis", ["v", "w"])
 def test_the_increments_of_a_gust_are_those_of_drydens_filters(axis: str) -> None:
-    """g = g2 + sqrt3 (g1 - g2), T g2' = g1 - g2. Where g1 changes linearly over a step, g2 has no increment and that of
-    g1 is its change against the decay, to first order in step/T."""
+    """g = g2 + sqrt3 (g1 - g2), T g2' = g1 - g2. If g1 changes linearly over a step, g2 has no increment and the
+    increment of g1 is its change minus the decay, to first order in step/T."""
     step_over_T, once, twice = 1e-3, np.array([0.4, 1.6]), 0.2
     decay = np.exp(-step_over_T)
     end = decay * twice + (1 - decay) * once.mean()  # exact to (step/T)^2

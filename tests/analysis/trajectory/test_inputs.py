@@ -104,7 +104,7 @@ def test_the_error_of_a_zero_falls_with_the_time_at_rest_and_contains_slow_noise
 
 def test_pitch_and_heave_of_a_porpoise_are_integrated_without_loss() -> None:
     """Means over 40 ms of a rate of 0.7 Hz, from instant to instant: the change of the angle, to a part in 10,000. The
-    trapezoidal rule loses 0.4 % of it, which the slope of the angle of attack would take for its own."""
+    trapezoidal rule loses 0.4 % of it, which would bias the slope of the angle of attack."""
     w, half, table = 2 * np.pi * 0.7, 0.02, exact_motion(20.0).table.copy()
     t_s = table.index.to_numpy()
     table["q_radps"] = (np.sin(w * (t_s + half)) - np.sin(w * (t_s - half))) / (2 * half)  # of the angle sin(w t)

@@ -106,7 +106,7 @@ def test_injected_errors_are_found_within_what_is_stated(noisy, solution) -> Non
 
 
 def test_the_latency_already_applied_is_not_counted_twice(noisy) -> None:
-    """The prior of what remains has the mean 0.1 s less what was applied, for the latency alone."""
+    """The prior of the remaining error has the mean 0.1 s minus the applied part, only for the latency."""
     errors = np.full(len(SENSOR_ERRORS), 0.01)
     errors[SENSOR_ERRORS.index("gps_latency")] = 0.25
     remaining, prior = noisy.remaining_errors(errors, 0.1)
@@ -160,7 +160,7 @@ def test_the_intensity_of_simulated_gusts_is_found() -> None:
 def test_an_oscillating_iteration_is_damped(monkeypatch, overshoot: float) -> None:
     """Each step overshoots to the other side of the solution: a suitable fraction of each later step converges.
 
-    With half of it, an iteration whose steps are four times too long or more goes ever further away.
+    With half steps, an iteration whose steps are at least four times too long diverges.
     """
     m, n, nx = len(SENSOR_ERRORS), 3, len(STATES)
 

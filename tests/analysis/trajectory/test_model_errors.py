@@ -103,7 +103,8 @@ def test_airspeed_that_errs_with_lift_is_a_constant_pressure_in_level_flight() -
 
 
 def test_a_narrow_prior_hides_no_conflict() -> None:
-    """The estimate stays near its narrow prior, but what the data say is far outside, and widens it by as much."""
+    """The estimate stays near its narrow prior, but the data disagree, so the interval is widened by the
+    disagreement."""
     table, _ = exact_motion(40.0)
     revps = 70 + 40 * np.sin(0.6 * table.index.to_numpy())
     wrong = table.assign(n_revps=revps, ax_mps2=table["ax_mps2"] + VIBRATION_MPS2 * (revps / 100) ** 2)

@@ -93,7 +93,7 @@ def test_the_angles_agree_after_correction_and_before_differ_by_the_error_of_alp
 
 @pytest.mark.slow
 def test_airspeed_agrees_with_gps_after_correction_and_before_differs_by_its_scale(corrected_flight) -> None:
-    """Before, airspeed is off by what it is off in truth, within the 0.3 % a calm flight is good for."""
+    """Before correction, airspeed is off by its true error, within the 0.3 % that a calm flight can resolve."""
     true, _, air, trajectory = corrected_flight
     agreement = consistency(trajectory)
     before, after = (difference_check(differences[SPEED]) for differences in agreement)

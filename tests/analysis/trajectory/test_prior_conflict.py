@@ -198,7 +198,8 @@ def test_where_wider_priors_give_no_path_there_is_none(monkeypatch, second: str)
     ("residuals", "noise"), [({"height": 4.0}, 4.0), ({"height": 4.0, "alpha": 3.0}, 1.0), ({"height": 1.2}, 1.0)]
 )
 def test_noise_of_the_height_in_flight_is_taken_from_its_residuals(monkeypatch, residuals, noise: float) -> None:
-    """Where it alone is larger than at rest: with another misfit the height may be wrong in more than its noise."""
+    """Applies only if this noise alone exceeds that at rest: with another misfit more than the noise of height may be
+    wrong."""
 
     def path(_flight, _data, *, prior_factor=1.0, height_noise=1.0) -> Trajectory:
         smaller = residuals | {"height": residuals["height"] / height_noise}

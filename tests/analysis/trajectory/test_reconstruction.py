@@ -43,7 +43,7 @@ def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbule
 
 @pytest.fixture(scope="module")
 def hop(probe):
-    """Air data, where it stood, and the trajectory, of a short calm flight on one heading."""
+    """Air data, stretches at rest, and the trajectory of a short calm flight on one heading."""
     _, _, air, still = flown(0, probe, "accel-decel")
     return air, still, reconstruct(air, still)
 

@@ -227,7 +227,7 @@ def test_a_killed_campaign_goes_on_where_it_stopped(tmp_path: Path, work: Work, 
     )
     search = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     with subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": search}) as process:
-        deadline = time.monotonic() + SLOW_S / 2  # a free machine needs 2 s
+        deadline = time.monotonic() + SLOW_S / 2  # an idle machine needs 2 s
         while len(list(out.glob(".[cd]-*.partial/path.csv"))) < 2:
             assert process.poll() is None and time.monotonic() < deadline
             time.sleep(0.02)

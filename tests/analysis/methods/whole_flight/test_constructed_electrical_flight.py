@@ -266,7 +266,7 @@ def test_power_required_and_shaft_power_are_found_by_the_propeller_s_table(
 
 
 def test_thrust_on_a_stand_is_a_prior_of_the_table_s_errors(table: FlightTable, electrical: ElectricalEstimate) -> None:
-    """A stand that says thrust at rest is 10 % above the table, nearly exactly: so do the parameters."""
+    """A nearly exact stand measures thrust at rest 10 % above the table; the parameters then say the same."""
     stand = PriorMeasurement(
         name="stand", coefficients={"thrust_scale": 1, "thrust_slope": -0.5}, value=0.1, sigma=1e-3
     )
@@ -297,7 +297,7 @@ def test_a_wrong_number_of_poles_is_found_by_the_efficiency(table: FlightTable, 
 
 
 def test_standard_errors_add_what_the_flight_shares() -> None:
-    """A linear quantity: its variance is that of the parameters, and squares of what each shared error changes."""
+    """A linear quantity: its variance is the part from the parameters plus the squared change by each shared error."""
     conditions = FlightConditions(MASS_KG, AREA_M2, 1.2, IDLE_W)
     heavier = conditions._replace(mass_kg=MASS_KG + 0.1)
 
@@ -392,7 +392,7 @@ def test_an_autopilot_is_told_equivalent_airspeeds_and_the_sink_of_gliding(
     to_equivalent = np.sqrt(rho / 1.225)
     assert values.cruise.value == pytest.approx(16.0 * to_equivalent, rel=1e-4)
     assert (values.slowest.value, values.fastest.value) == pytest.approx((V[0] * to_equivalent, V[-1] * to_equivalent))
-    # GPS shows true airspeed; equivalent airspeed has half the error of density besides.
+    # GPS shows true airspeed; equivalent airspeed also has half the error of density.
     sigma = np.hypot(np.sqrt(electrical.airspeed.covariance[0, 0]), electrical.rho_sigma / 2)
     assert values.slowest.hi / values.slowest.value - 1 == pytest.approx(1.96 * sigma, rel=0.5)
     assert values.cruise_power is not None and values.sink is not None and values.airspeed_factor is not None

@@ -1,4 +1,4 @@
-"""What throttle says of the measured power: whether its meter is one, and when the motor is off."""
+"""Throttle checks the measured power: whether the meter measures the motor, and when the motor is off."""
 
 from pathlib import Path
 

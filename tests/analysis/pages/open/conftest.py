@@ -25,7 +25,7 @@ def opened(flown: bytes, tmp_path: Path) -> Folder:
 
 
 def folder_with(log: bytes, directory: Path) -> Folder:
-    """The folder `flights` beside a file that is nobody's business."""
+    """The folder `flights`, next to a file that the page must not serve."""
     for name in ("flights", "workspace"):
         (directory / name).mkdir()
     (directory / "flights" / "log.mcap").write_bytes(log)

@@ -1,4 +1,4 @@
-"""The form has words for what the analysis uses, and nothing else; what is typed becomes the aircraft file again."""
+"""The form describes exactly the keys that the analysis uses, and typed values become an aircraft file."""
 
 import tomllib
 

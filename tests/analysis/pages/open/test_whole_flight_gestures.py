@@ -62,7 +62,7 @@ def typed(key: str, text: str) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", BOTH_WIDTHS, indirect=True, ids="{} px".format)
 def test_mass_and_span_stand_beside_the_curve_and_it_follows(page: Browser) -> None:
-    """A guess is said to be one; what cannot be used has a red border with its message, also in the status."""
+    """A guess is marked as a guess; an unusable value gets a red border and a message, also in the status."""
     assert page.value_of("!at('guessed').hidden && at('first').querySelectorAll('.guessed').length") == 3
     beside = "at('first').getBoundingClientRect().left > at('over-speed').getBoundingClientRect().left + 300"
     assert page.value_of(beside) == (page.value_of("innerWidth") == 1280)
