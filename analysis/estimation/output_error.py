@@ -142,6 +142,9 @@ def fit_output_error(
     first = _fit_from(model, segments, start or {}, noise, band_Hz, options)
     if band_Hz is not None or (first.verdict.ok and not first.verdict.hints):
         return first
+    if {hint.finding for hint in first.verdict.hints} == {Finding.NOT_WHITE} and first.verdict.ok:
+        # Most often the model lacks something, and the optimum is the same: no longer than the first took.
+        options = replace(options, max_iterations=first.iterations)
     again = _second_start(model, segments, start or {}, noise, options)
     if again is None or not again.verdict.ok:
         return first
