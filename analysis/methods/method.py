@@ -267,10 +267,11 @@ def _estimate(method: Method, inputs: MethodInputs, runs: list[Maneuver]) -> Met
     regression = method.regression(inputs.nominal, runs, inputs.aircraft)
     A, noise = regression.coefficients(), regression.noise_covariance()
     changes = method.regression(inputs.tables, runs, inputs.aircraft).coefficients() - A
-    of_error, of_cause = len(changes) - len(inputs.errors) - len(inputs.causes), len(changes) - len(inputs.causes)
-    deviations = changes[1:of_error].T
+    with_causes = len(changes) - len(inputs.causes)
+    _, moved, by_errors, by_causes = np.split(changes, (1, with_causes - len(inputs.errors), with_causes))
+    deviations = moved.T
     sigma = error_prior_sigma(inputs.aircraft.uncertainty)
-    by_error = dict(zip(inputs.errors, changes[of_error:of_cause], strict=True))
+    by_error = dict(zip(inputs.errors, by_errors, strict=True))
     sensitivities = {name: by_error[name] / sigma[name] for name in method.taken_as_measured}
     systematic = deviations @ deviations.T
     systematic = systematic + sum(_outer(s * sigma[name]) for name, s in sensitivities.items())
@@ -279,7 +280,7 @@ def _estimate(method: Method, inputs: MethodInputs, runs: list[Maneuver]) -> Met
         systematic += _missing_term(regression.CL, A)
     cause_effects = {
         cause: -change
-        for cause, change in zip(inputs.causes, changes[of_cause:], strict=True)
+        for cause, change in zip(inputs.causes, by_causes, strict=True)
         if set(CAUSES[cause]) & set(method.taken_as_measured)
     }
     points = method.points(inputs.nominal, runs, inputs.aircraft) if method.points else []
