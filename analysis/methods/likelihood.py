@@ -180,7 +180,8 @@ def _method_estimate(
             fit.model,
             segments,
             start=_values(fit),
-            options=FitOptions(max_iterations=3),  # the step is one standard deviation; R changes with it,
+            # The step is one standard deviation, and R changes with it; it begins at an optimum, so at no other.
+            options=FitOptions(max_iterations=3, second_start=False),
         )
         return np.asarray(polar_of(once_more.shared()) - derived.value)
 
