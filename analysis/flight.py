@@ -209,7 +209,7 @@ def reconstructed(flight: Flown, path: FlightPath | None = None) -> Reconstructe
 def flight_path(flight: Measured) -> FlightPath:
     """The trajectory is reconstructed again with wider priors where the flight contradicts those of the sensor errors.
 
-    Where there is none that explains the measurements, the path is as measured: simpler methods do without it.
+    If no trajectory explains the measurements, the path is as measured, and only simpler methods are used.
     """
     flight.progress("reconstructing the trajectory")
     try:
@@ -311,7 +311,7 @@ def trajectory_with(
     as_measured: bool = False,
     height_noise: float = 1.0,
 ) -> Trajectory:
-    """The most probable trajectory by `data`, which may be others than the flight's own.
+    """The most probable trajectory for `data`, which may differ from the flight's own data.
 
     slope_sigma : prior standard deviation of the slope of angle of attack by upwash; None for that of the
         aircraft file. as_measured : the path as measured instead

@@ -113,7 +113,7 @@ def stretches_text(stretches_s: Iterable[tuple[float, float]]) -> str:
 
 @dataclass(frozen=True)
 class LogOptions:
-    """What is used instead of parts of a log; None where the log's own is."""
+    """Replacements for parts of a log; None where the log's own part is used."""
 
     aircraft: AircraftOption = None
     propeller: PropellerOption = None
@@ -208,7 +208,7 @@ class Options(LogOptions):
     Files, each a path: `aircraft`, `probe`, `zero`, `runs`, `magnetometer`, `transducers`, `thrust_stand`, `airspeed`,
     `columns`, `polar`; `propeller` is a name or a path. Numbers above zero: `weight_N` or `mass_kg`, `wing_area_m2`,
     `span_m`, `air_temperature_K`. Texts as to the command: `battery_Wh`, `usable`, `weights`, `density_altitudes`,
-    `leave_out`. `likelihood` is True or False. Raises InputError for what is none of these.
+    `leave_out`. `likelihood` is True or False. Raises InputError for anything else.
     """
 
     columns: Annotated[

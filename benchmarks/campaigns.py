@@ -181,7 +181,7 @@ def one_flight(job: Job) -> dict[str, Any]:
 
 
 class Study(NamedTuple):
-    """What is flown. most: flights a campaign of each configuration; of B and C in the calmest weather alone."""
+    """The flights to fly. most: flights of each configuration a campaign; B and C fly only in the calmest weather."""
 
     worlds: Sequence[str]
     weather_kt: Sequence[float]
@@ -190,7 +190,7 @@ class Study(NamedTuple):
 
 
 def jobs_of(study: Study) -> Iterator[Job]:
-    """All flights, five a campaign before more of any: an interrupted run has some of everything."""
+    """All flights, first five of each campaign, so that an interrupted run has some of everything."""
     versions = {name: version(name) for name in study.worlds}
     for block in range(0, max(study.most.values()), 5):
         for campaign in study.campaigns:

@@ -1,4 +1,5 @@
-"""CPU time of each part of the daemon at each tick: threads by the kernel's account, and what the sampling thread does.
+"""CPU time of each part of the daemon at each tick: threads as counted by the kernel, and the steps of the sampling
+thread.
 
 `python benchmarks/bench.py daemon-threads` counts everything in real time on device files (needs root): system calls,
 the kernel's side of I2C transfers, changes of thread, cold caches; with `--with before=HEAD~5` of an earlier version as

@@ -204,7 +204,7 @@ def columns(_: Aircraft) -> list[str]:
 
 
 def _without(recording: FlightRecording, data: str) -> FlightRecording:
-    """Without the channel, or the samples, that this quantity goes without."""
+    """The recording without the channel or samples that this case lacks."""
     channels = {name: channel for name, channel in recording.channels.items() if name != WITHOUT.get(data)}
     if data == "torn":
         noise = channels[AIRSPEED_PRESSURE].value[:8].view(np.uint32)  # each flight loses at other times

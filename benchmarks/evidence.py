@@ -212,7 +212,7 @@ def defects(run: Run) -> Tables:
 
 
 def without_a_name(run: Run) -> Tables:
-    """What the verdict says of defects that no setting names, and of the flights of `accuracy`, which have none."""
+    """Verdicts on defects that no setting covers, and on the flights of `accuracy`, which have no defect."""
     file, label = run.folder / "unnamed.jsonl", worlds.version()
     names = unnamed.named()[:1] if run.quick else unnamed.named()
     wrong = unnamed.flown_lines(names, WEATHER_KT[:2], run.n, UNNAMED_SEED, file, run.jobs, label)

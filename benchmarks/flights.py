@@ -221,7 +221,7 @@ def fly_missing(
     file: Path, wanted: Mapping[Key, Job], one_flight: Callable[[Job], Line], key: Callable[[Line], Key], *, jobs: int,
     summary: Callable[[Line], str],
 ) -> dict[Key, Line]:  # fmt: skip
-    """All lines of a file by their keys. Flights that it lacks are flown; each is a line as soon as it is done."""
+    """All lines of a file by their keys. Missing flights are flown; each is written as a line as soon as it is done."""
     file.parent.mkdir(parents=True, exist_ok=True)
     done = {key(line): line for line in known_lines(file)}
     missing = [job for identity, job in wanted.items() if identity not in done]

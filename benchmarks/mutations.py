@@ -62,7 +62,7 @@ class Mutation(NamedTuple):
 
 
 def sites(tree: ast.Module) -> list[ast.expr]:
-    """The expressions that can be mutated, always in the same order. Annotations and joined texts are none."""
+    """The expressions that can be mutated, always in the same order. Annotations and joined texts do not count."""
     annotations = {
         id(inner)
         for node in ast.walk(tree)
@@ -149,7 +149,7 @@ def import_graph() -> dict[Path, set[Path]]:
 
 
 def tests_by_distance(file: Path) -> list[Path]:
-    """All test files: the nearest by imports first, as `make near` has them, then those that no import leads to."""
+    """All test files: first the nearest by imports, in the order of `make near`, then files without an import path."""
     nearest = near.nearest(file, import_graph(), [file], sys.maxsize)
     return nearest + sorted({p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")} - {*nearest})
 

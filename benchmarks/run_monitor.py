@@ -73,7 +73,7 @@ def monitored(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeMaps) -> Moni
 
 
 def overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
-    """What two intervals share, as a share of the shorter one."""
+    """The overlap of two intervals, as a fraction of the shorter one."""
     return (min(a[1], b[1]) - max(a[0], b[0])) / max(1e-9, min(a[1] - a[0], b[1] - b[0]))
 
 

@@ -139,7 +139,7 @@ class Pressures(Sensors):
         return value
 
     def behind(self, which: str, t_s: Array, time_constant_s: float) -> Array:
-        """What a lag of the line adds to a pressure; the transducer's noise comes after it."""
+        """The change of a pressure by a lag of the line; the transducer's noise is added after it."""
         quiet = lambda t: self.truth._pneumatic(which, t)  # noqa: E731
         return self.lagged(quiet, t_s, time_constant_s) - quiet(t_s)
 

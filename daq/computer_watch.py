@@ -22,7 +22,7 @@ TEMPERATURE = "class/thermal/thermal_zone0/temp"  # [m°C]
 
 
 class Strain(enum.Enum):
-    """What the crew is warned of."""
+    """Conditions that the crew is warned of."""
 
     SUPPLY = enum.auto()
     HEAT = enum.auto()
@@ -68,7 +68,7 @@ class ComputerWatch:
 
     @property
     def trouble(self) -> list[str]:
-        """What the crew should know, a clause each."""
+        """Conditions that the crew should know, one clause each."""
         return list(self._notified.values())
 
     def start(self) -> None:

@@ -334,7 +334,7 @@ def installed_drivers() -> dict[str, str]:
 
 
 def load_driver(point: metadata.EntryPoint) -> type[SensorTable]:
-    """The sensor table of an entry point. Raises InputError if it cannot be loaded or is none."""
+    """The sensor table of an entry point. Raises InputError if it cannot be loaded or is not a sensor table."""
     failed = f"driver {point.name} of {_package(point)}"
     try:
         table = point.load()

@@ -26,7 +26,8 @@ CLOSE_WITHIN_S = 8.0  # for a disk that does not answer; TimeoutStopSec of the s
 WRITE_BYTES = 2**18  # per call: while these bytes are joined, the sampling thread cannot run
 TRIAL_BYTES = 4096  # of a new file, before its first sync: a page, the least that a card is given
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
-# Of a card that may be fixed, freed or exchanged while the daemon waits; any other is a mistake in the tray file.
+# Errors of a card that may be fixed, freed or exchanged while the daemon waits; any other error is a mistake in the
+# tray file.
 CARD_FAULTS = frozenset({errno.EIO, errno.EROFS, errno.ENODEV, errno.ENXIO, *FULL})
 
 

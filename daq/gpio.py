@@ -14,7 +14,7 @@ ONE = 1  # the mask of a request's first line
 
 
 class LineFlag(IntFlag):
-    """What a line is asked to be."""
+    """The requested configuration of a line."""
 
     ACTIVE_LOW = 1 << 1
     INPUT = 1 << 2

@@ -163,7 +163,7 @@ class LogFiles:
             error = error or recorder.disk.error
         self._release_replaced()
         for failed in self._replaced.values():
-            failed.disk.give_up()  # what it holds may be all there is
+            failed.disk.give_up()  # it may hold the only copy
         return error or self._missing
 
     def _start(self, now_ns: int, *, wait: bool = False) -> None:
@@ -185,7 +185,7 @@ class LogFiles:
         self._leave_current()
 
     def _should_replace(self, current: Recorder) -> bool:
-        """Whether to try another file. One that cannot be created goes on trying by itself."""
+        """Whether to try another file. A file that cannot be created is tried again automatically."""
         disk = current.disk
         if disk.gone is not None and self._patience_s == GIVE_UP_AFTER_S:
             return True  # the card works

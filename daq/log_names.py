@@ -34,7 +34,7 @@ def all_logs(directory: Path) -> list[Path]:
 def numbered_names(directory: Path) -> Callable[[int], Path]:
     """Names log-NNNN.mcap after the highest number in use. Raises InputError if the directory is unusable.
 
-    A card that fails or is read-only may be usable later: whoever creates the file sees then.
+    A card that fails or is read-only may work later; creating the file will show it.
     """
     taken: list[int] = []
     try:

@@ -62,7 +62,7 @@ WRONG_FOR_NS = 5_000_000_000  # before it is reported; and right for as long, be
 
 
 class Values(msgspec.Struct, frozen=True, kw_only=True):
-    """The latest readings that the crew knows by heart; None where there is none."""
+    """The latest readings whose values the crew knows; None where missing."""
 
     airspeed_mps: float | None = None  # of q_c, without calibration and zero
     height_msl_m: float | None = None
@@ -89,7 +89,7 @@ class Plausibility:
 
     @property
     def implausible(self) -> list[str]:
-        """What is wrong at present, a clause each."""
+        """Current faults, one clause each."""
         return list(self._notified.values())
 
     @property

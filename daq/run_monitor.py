@@ -53,7 +53,7 @@ class JudgedRun(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """Why it is no run, in few words; empty if it is one."""
+        """Why it is not a run, in a few words; empty if it is."""
         return "" if self.rejection is None else _short_text(self.rejection, self.end_s - self.start_s)
 
     @property

@@ -23,7 +23,7 @@ CONTROL_CHARACTERS = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 
 class Format(StrEnum):
-    """What a file is. The formats up to TEXT are read, though not by every command."""
+    """The kind of a file. The formats up to TEXT are read, though not by every command."""
 
     DAEMON = "a log of flightpower's daemon"
     ULOG = "a log of PX4 (ULog)"
@@ -187,7 +187,7 @@ def format_of(path: Path) -> Format:
 
 
 def refusal(path: Path, wanted: str = "") -> InputError:
-    """What a file is and how to get one that is read. wanted : the files that a command reads, if not all."""
+    """The kind of a file, and how to get a readable one. wanted : the kinds that a command reads, if not all."""
     file_format = format_of(path)
     if file_format is Format.EMPTY:
         return InputError(f"{path}: the file is empty")

@@ -95,7 +95,7 @@ class LogWriter:
     def write(self, topic: str, message: Message, *, time_ns: int, tick: int) -> None:
         """Add a message taken at `time_ns` (Unix time [ns]) in tick number `tick`.
 
-        Of a message with a text that is no Unicode only that it was there is written.
+        For a message whose text is not Unicode, only its presence is written.
         """
         channel = self._channels.get(topic) or self._channel(topic)
         try:

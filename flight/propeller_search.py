@@ -40,7 +40,7 @@ APC_BLADES = re.compile(r"-B?([2-6])$", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Table:
-    """A propeller's table with the data of its header. pitch_in [in], blades : None where the head does not have it."""
+    """A propeller's table with the data of its header. pitch_in [in], blades : None if the header lacks it."""
 
     name: str
     propeller: Propeller
@@ -437,7 +437,7 @@ def _log_ratios(table: Table, other: Table, J: tuple[float, float]) -> tuple[Arr
 def _ratios(thrust: Array, power: Array, J: tuple[float, float]) -> Array | None:
     """(4,): logarithm of the ratio of thrusts at J_REFERENCE, its slope over J, its mean, and the mean of power's.
 
-    None where there is no ratio, without thrust in the first table.
+    None if there is no ratio, as without thrust in the first table.
     """
     if not (np.isfinite(thrust).all() and np.isfinite(power).all()):
         return None

@@ -139,7 +139,7 @@ def weight_to_N(text: object, where: str) -> float:
 
     Raises InputError, which names `where`, when it is neither.
     """
-    # What needs no other library first: a text in N or lbf is no mass.
+    # Checks without other libraries come first: a text in N or lbf is not a mass.
     try:
         return to_si(text, "N", where) if _is_common(text, "N") else GRAVITY_MPS2 * to_si(text, "kg", where)
     except InputError:

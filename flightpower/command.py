@@ -1,4 +1,4 @@
-"""`flightpower COMMAND …`: the commands of all sides under one name, and `flightpower new` for files to begin with."""
+"""`flightpower COMMAND …`: all commands under one name, and `flightpower new` for starter files."""
 
 import importlib
 from importlib.util import find_spec
@@ -56,7 +56,7 @@ SIDES = {
 
 
 class Sides(TyperGroup):
-    """Loads the command that is called or completed, and no other: help alone needs none of them."""
+    """Loads only the command that is called or completed; help loads none."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(SIDES)

@@ -31,7 +31,7 @@ def aircraft(
     ] = None,
     replace: Replace = False,
 ) -> None:
-    """An aircraft file: what has to be filled in, and what may be, each with its meaning and how to measure it.
+    """An aircraft file: required and optional keys, each with its meaning and how to measure it.
 
     Name, span, wing area and weight are enough for a power-required curve. --like fills in all keys, those of the
     simulator too, with the values of an aircraft that comes with flightpower: change what differs.

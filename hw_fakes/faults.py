@@ -39,7 +39,7 @@ BUS = "i2c"
 
 
 class FaultKind(enum.StrEnum):
-    """What happens, as the file of faults calls it."""
+    """The fault, as named in the fault file."""
 
     NO_ACKNOWLEDGE = "no_acknowledge"
     TIMEOUT = "timeout"

@@ -135,7 +135,7 @@ def _power(sensors: SensorTruth, t_s: Array, faults: Collection[str]) -> list[Da
 
 
 def _control(flight: Flight, t_s: Array, lift: NDArray[np.bool_]) -> list[DataflashMessages]:
-    """What the autopilot commands, in which mode."""
+    """The autopilot's commands and mode."""
     truth = flight.truth
     throttle = np.interp(t_s, truth["time_s"], np.nan_to_num(truth["throttle"].to_numpy(dtype=float)))
     changes = np.flatnonzero(np.diff(lift, prepend=~lift[0]))
@@ -161,7 +161,7 @@ def _gps(sensors: SensorTruth) -> DataflashMessages:
                                       "VZ": down})  # fmt: skip
 
 
-# Of firmware of 2014, by today's name: its name, codes, and fields; those that are no longer written are filled in.
+# Messages of 2014 firmware, by today's name: name, codes, and fields; fields missing today are filled in.
 OLD = {
     "MSG": ("MSG", "Z", ("Message",)),
     "PARM": ("PARM", "Nf", ("Name", "Value")),

@@ -265,7 +265,7 @@ SINES = ((0.5, 1.0), (0.3, 0.618), (0.2, 0.368))
 
 @dataclass(frozen=True, kw_only=True)
 class PilotWander:
-    """Deviations of a pilot from what a segment of the plan asks for: the largest, and the longest period of each."""
+    """A pilot's deviations from a segment of the plan: the largest size and the longest period of each."""
 
     bank_rad: float = 0.0
     bank_period_s: float = 12.0

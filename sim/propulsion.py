@@ -17,7 +17,7 @@ SLOWEST_REVPS = 5.0
 
 
 class PowerTrainState(NamedTuple):
-    """What the power train does at one instant."""
+    """State of the power train at one instant."""
 
     thrust_N: Any
     shaft_power_W: Any  # taken by the propeller

@@ -112,7 +112,7 @@ class SkipWatch:
         self.look_at(report)
 
     def look_at(self, report: pytest.TestReport | pytest.CollectReport) -> None:
-        """Note a skip; an expected failure (xfail) is none."""
+        """Note a skip; an expected failure (xfail) does not count."""
         if report.skipped and not hasattr(report, "wasxfail") and isinstance(report.longrepr, tuple):
             skip = f"{report.nodeid}: {report.longrepr[2].removeprefix('Skipped: ')}"
             if not any(fnmatchcase(skip, pattern) for pattern in self.expected):

@@ -55,7 +55,7 @@ def folder() -> Path:
 
 
 def cached(directory: Path, key: bytes, make: Callable[[], Made]) -> Made:
-    """What `make` gives, or gave to whichever process asked first for this key; the others wait for it."""
+    """The result of `make`, computed by the first process that needs this key while the others wait."""
     path = directory / hashlib.sha256(key).hexdigest()[:24]
     with _alone(path.with_suffix(".lock")):
         with contextlib.suppress(FileNotFoundError):

@@ -13,5 +13,5 @@ def beside(name: str) -> Path:
 
 
 def needs(path: Path) -> pytest.MarkDecorator:
-    """Skips the tests that it marks where a file of others is missing."""
+    """Skips the marked tests if a shared file is missing."""
     return pytest.mark.skipif(not path.exists(), reason=f"not beside the checkout: shared/data/{path.name}")

@@ -51,7 +51,7 @@ def server() -> Iterator[Server]:
 
 
 def test_an_answer_is_waited_for_however_late_it_comes(server: Server, browser: Browser) -> None:
-    """The answer is given when more time has gone by in the page than it is left without one."""
+    """The page waits longer for the answer than the test's own limit."""
     browser.show(server.address, 800)
     browser.value_of("fetch('/slow').then(finish) && undefined")
     assert server.requested.wait(60)

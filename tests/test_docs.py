@@ -102,7 +102,7 @@ def test_every_page_is_reached_from_the_readme() -> None:
 
 
 def test_pages_linked_from_the_readme_are_pages_of_the_site() -> None:
-    """Those outside docs/ are added by a list; `make site` refuses a link to any other."""
+    """Pages outside docs/ are added by a list; `make site` refuses links to other files."""
     hooks = (ROOT / "docs" / "site" / "hooks.py").read_text("utf-8")
     (added,) = re.findall(r"^ADDED = (\([^)]*\))", hooks, flags=re.MULTILINE)
     links = {link.split("#")[0] for link in LINK.findall((ROOT / "README.md").read_text("utf-8"))}

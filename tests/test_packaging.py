@@ -175,7 +175,8 @@ def test_modules_that_scripts_start_can_be_started() -> None:
 
 
 def test_no_script_of_benchmarks_is_left_to_itself() -> None:
-    """Another script imports it or starts it by name, or make, a page, a test or a file's head names it."""
+    """Each script is imported or started by another one, or is named in the Makefile, a page, a test or a file
+    header."""
     scripts = {path.stem: path.read_text("utf-8") for path in (ROOT / "benchmarks").glob("*.py")}
     pages = [
         ROOT / "Makefile",

@@ -14,7 +14,7 @@ assumptions = importlib.util.module_from_spec(spec)
 sys.modules["assumptions"] = assumptions
 spec.loader.exec_module(assumptions)
 
-MOST = 352  # settings of `analysis`, and other numbers that its modules begin with: none is added without need
+MOST = 352  # settings of `analysis`, and other numbers at the top of its modules; add none without need
 
 
 @pytest.mark.parametrize("record", assumptions.records(), ids=lambda record: f"{record.path} {record.name}")

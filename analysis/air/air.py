@@ -225,8 +225,8 @@ def _height_of_start(above_start_m: pd.Series, q_c_Pa: pd.Series, least_Pa: floa
     """Height [m] above the ground where the log began, and a note; 0 where it began on the ground.
 
     An aircraft that has its airspeed from the first second on is in the air, as in a segment that was cut out of a
-    flight. Where it has none at the end it has landed there. Otherwise the ground is below the lowest point by twice
-    the least height of runs, which is far above it for an aircraft that flies maneuvers.
+    flight. If there is no airspeed at the end, the aircraft has landed. Otherwise the ground is below the lowest point
+    by twice the least height of runs, which is far above it for an aircraft that flies maneuvers.
     """
     pressure = q_c_Pa.dropna()
     if pressure.empty or pressure.loc[: pressure.index[0] + AIR.cold_s].min() <= least_Pa:

@@ -113,8 +113,8 @@ def imu(log: LogFile) -> Calibrated:
     """Find scale and offset of the accelerometers from the tray lying still on each of its six sides.
 
     Start the daemon, motor off. Lay the tray, alone or in the aircraft, on one side after the other for ten seconds
-    each: bottom, right side, top, left side, tail, nose. It need not lie level: 20 deg are no error. Lay it on some
-    sides twice, and the error follows from how well they agree.
+    each: bottom, right side, top, left side, tail, nose. It need not be level: a tilt of 20 deg does no harm. Lay it on
+    some sides twice, and the error follows from how well they agree.
 
     A scale that is wrong by 2 % makes lift and thrust wrong by as much. The lines printed for the aircraft file correct
     for scale and offset, and say how well. Exit code 2 if a side is missing; exit code 1 and no lines if the readings

@@ -147,7 +147,7 @@ def _load_report() -> None:
 
 
 def _pool(campaign: Campaign, output: Path, quiet: bool, request: Request = Request()) -> ExitCode:
-    """Write and print the results of all flights, and what contradicts them.
+    """Write and print the results of all flights and the evidence against them.
 
     Raises InputError when they cannot be pooled.
     """

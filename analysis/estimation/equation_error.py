@@ -76,8 +76,8 @@ def fit_equation_error_in_band(model: Model, segments: Segment | Sequence[Segmen
 def regression_of(model: Model, acting: tuple[str, ...] | None = None) -> Model:
     """The static model with the states of `model` as further inputs and their time derivatives as outputs.
 
-    Outputs of `model` that are not states stay outputs. acting : names of the inputs in the dynamics, in the order of
-    the model's; default: those. Raises InputError for a state that is not an output.
+    Outputs of `model` that are not states stay outputs. acting : names of the inputs in the dynamics, in the model's
+    order; default: all inputs. Raises InputError for a state that is not an output.
     """
     acting = acting or model.inputs
     missing = [state for state in model.states if state not in model.outputs]

@@ -39,7 +39,7 @@ class NamedValues:
 
 
 class UnknownKind(enum.Enum):
-    """What an unknown of an estimation is."""
+    """The kind of an unknown."""
 
     PARAMETER = enum.auto()
     INITIAL_STATE = enum.auto()

@@ -193,7 +193,7 @@ LARGEST_DAMPING = 1e8  # of the information: a step is then rounding error
 def _improve(
     likelihood: Likelihood, point: Evaluation, eigen: _EigenSystem, moving: NDArray[np.intp], damping: float
 ) -> tuple[Evaluation | None, float]:
-    """A point whose cost is not larger, and the damping for the next step. None if no step gives one."""
+    """A point whose cost is not larger, and the damping for the next step. None if no step improves it."""
     problem = likelihood.problem
     largest = problem.largest_step[moving]
     first = 1e-3  # of the information: hardly shortens a step

@@ -162,7 +162,7 @@ def _second_start(
     noise: MeasurementNoise,
     options: FitOptions,
 ) -> Fit | None:
-    """The fit from the estimates of the records cut in pieces; None where there is none.
+    """The fit started from estimates of the records cut in pieces; None if it fails.
 
     In each piece the response starts again, at a state that is estimated. Reference: Bock, Recent advances in parameter
     identification techniques for O.D.E., 1983.

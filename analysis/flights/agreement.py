@@ -248,8 +248,8 @@ def error_parts(stack: FlightStack, prior: Prior, projection: Array = _OF_POLAR)
 def least_squares(values: Array, design: Array, errors: ErrorParts) -> GeneralizedFit:
     """Generalized least squares of values (n, k) on a design (n, k, q).
 
-    The shared errors are estimated along with the q parameters, each with its variance as prior: the same as with the
-    covariance (n k, n k) of all values (Tapley et al. 2004, sec. 4.5), but in a time that grows with n.
+    The shared errors are estimated along with the q parameters, each with its variance as prior. This equals using the
+    covariance (n k, n k) of all values (Tapley et al. 2004, sec. 4.5), but its time grows only with n.
     """
     n, k, q = design.shape
     m = errors.shared.shape[2]

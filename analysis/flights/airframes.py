@@ -37,7 +37,7 @@ class Airframe(NamedTuple):
 
     @property
     def dated(self) -> int:
-        """How many flights have a date: the first ones. Changes are sought in these alone."""
+        """How many flights have a date: the first ones. Changes are searched for only in these."""
         return sum(flight.dated for flight in self.flights)
 
     @property
@@ -78,7 +78,7 @@ def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names
 def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarms_a_year: float) -> Airframe:
     """Builds an airframe from its flights in one configuration, by date. alarms_a_year: see `airframes`
 
-    Whether a flight without a date came before a change is not known: it is pooled only where there is none.
+    A flight without a date may be from before or after a change, so it is pooled only if there is no change.
     """
     dated = [flight for flight in flights if flight.dated]
     ordered = (*dated, *(flight for flight in flights if not flight.dated))

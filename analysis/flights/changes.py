@@ -60,7 +60,8 @@ class Change(NamedTuple):
 
     @property
     def what(self) -> What:
-        """What differs from 0 at the level `EVIDENCE.rare_false_alarms`; the surer of the two where neither does."""
+        """The parameter that differs from 0 at the level `EVIDENCE.rare_false_alarms`, or the more significant one if
+        neither does."""
         z = np.abs([self.drag, self.thrust]) / self.errors
         sure = z > -ndtri(EVIDENCE.rare_false_alarms / 2)
         if sure.all():
@@ -175,7 +176,7 @@ def _normal_equations(of_flights: Series) -> Array:
 
 
 class _Sums(NamedTuple):
-    """Sums over the flights before each of n + 1, of c columns.
+    """Running sums over flights: entry i, of n + 1, covers the flights before i. There are c columns.
 
     products : (n + 1, c, c) products of all columns
     change : (3, n + 1, c, 2) those with the columns of the change, times powers 0 to 2 of the time since the first

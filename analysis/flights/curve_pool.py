@@ -198,8 +198,8 @@ class CurvePool(Pool):
         return common_values(values, errors, unknown)
 
     def _shares(self, V: Array) -> tuple[Array, ErrorParts]:
-        """Powers of each flight at V (k,) less the pool's, as shares of it (flights, k), with their errors. Where a
-        flight did not fly a speed, its error is as large as no other."""
+        """Powers of each flight at V (k,) less the pool's, as shares of it (flights, k), with their errors. At a speed
+        that a flight did not fly, its error is set larger than any other."""
         power = self.mean(V).value
         parts = self._parts(V, np.ones((len(self.curves), len(V))) / power)
         names = list(dict.fromkeys(name for part in parts for name in part.shared))

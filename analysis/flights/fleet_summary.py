@@ -34,7 +34,7 @@ from flightpower.flight.version import version
 def fleet_results(
     fleet: Sequence[Airframe], left_out: Sequence[str], report_of: Callable[[PoolFlight], str] = lambda flight: ""
 ) -> FleetResults:
-    """What is written and drawn of a fleet. report_of : the address of a flight's page, "" where there is none"""
+    """The tables and figures of a fleet. report_of : the address of a flight's page, "" if there is none"""
     kinds: dict[tuple[float, str], list[Airframe]] = defaultdict(list)
     for airframe in fleet:
         kinds[airframe.kind].append(airframe)

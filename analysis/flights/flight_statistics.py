@@ -113,7 +113,7 @@ class FlightStatistics(_OneFlight):
 
     @property
     def statistics(self) -> PoolingStatistics:
-        """As its results have them."""
+        """Taken from its results."""
         assert self.content.pooling is not None  # it is made of these
         return self.content.pooling
 

@@ -174,7 +174,7 @@ class Pool(OfAKind["Pool"], ABC):
         """The curve of all flights as results have it."""
 
     def _form(self, results: PooledResults, request: Request) -> PooledResults:
-        """The results with what only this kind has."""
+        """The results with the fields that only this kind has."""
         return results
 
     def _form_of_flight(self, _: int, flight: PooledFlight) -> PooledFlight:

@@ -49,7 +49,7 @@ def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeu
 
 
 def _rejection(data: pd.DataFrame, V: Array, load: Array) -> Rejection | None:
-    """Why a stretch is no steady point; None if it is one. V, load: (n,), smoothed speed and load factor."""
+    """Why a stretch is not a steady point; None if it is. V, load: (n,), smoothed speed and load factor."""
     seconds = float(data.index[-1] - data.index[0])
     if seconds < STEADY_POINT.shortest_s:
         return Rejection(RunRejected.TOO_SHORT, seconds, STEADY_POINT.shortest_s)

@@ -1,4 +1,5 @@
-"""Finds level accelerations and decelerations (runs) by the criteria of `flight.runs`, and why others are none."""
+"""Finds level accelerations and decelerations (runs) by the criteria of `flight.runs`, and says why others are
+rejected."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -46,7 +47,7 @@ def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list
 
 
 class _Judged(NamedTuple):
-    """Rows of the table, and why they are no run; None if they are one."""
+    """Rows of the table, and why they are not a run; None if they are."""
 
     rows: slice
     rejection: Rejection | None

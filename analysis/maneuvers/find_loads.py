@@ -190,7 +190,7 @@ def _best_part(holds: Array, first: int, last: int) -> tuple[int, int]:
 
 
 def _3211_rejection(holds: Array) -> Rejection | None:
-    """Why holds [s] are no 3-2-1-1; None if they are one."""
+    """Why the holds [s] are not a 3-2-1-1; None if they are."""
     if len(holds) == len(STEPS.units):
         unit = float(np.sum(holds) / np.sum(STEPS.units))
         if np.all(np.abs(holds / unit - STEPS.units) < LOADS.irregular):

@@ -67,7 +67,7 @@ def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
 
 
 class TableLimit(StrEnum):
-    """What a propeller's table has an end of."""
+    """The quantities whose range a propeller table limits."""
 
     MOTOR_SPEED = "motor speed"
     ADVANCE_RATIO = "advance ratio"

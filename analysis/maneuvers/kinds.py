@@ -154,7 +154,7 @@ class Search:
     rejected: list[RejectedManeuver] = field(default_factory=list)
 
     def judged(self, kind: str, rows: slice, rejection: Rejection | None, notes: tuple[str, ...] = ()) -> None:
-        """Keeps a stretch as a maneuver, or with the reason why it is none."""
+        """Records a stretch as a maneuver, or the reason why it is not one."""
         if rejection:
             start_s, end_s = (float(self.table.index[row]) for row in (rows.start, rows.stop - 1))
             self.rejected.append(RejectedManeuver(kind, start_s, end_s, rejection))

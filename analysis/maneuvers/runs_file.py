@@ -99,7 +99,7 @@ def entry_text(entry: ManeuverEntry, remarks: Sequence[str] = ()) -> str:
 
 
 def mistake_in(entry: ManeuverEntry) -> str:
-    """What is wrong with an entry, whether it is kept or not; empty where nothing is."""
+    """The fault of an entry, whether it is kept or not; empty if it has none."""
     if entry.kind not in KINDS:
         return f"kind: {entry.kind[:40]!r} is not one of {', '.join(KINDS)}"
     if not 0 <= entry.start_s < entry.end_s < math.inf:

@@ -121,8 +121,8 @@ def at_nominal_weight(values: Array, aircraft: Aircraft) -> Array:
 def by_density(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> Array:
     """Change of an estimate (m,) by a measured density that is one standard deviation too high, at right airspeeds.
 
-    Airspeed from dynamic pressure is too low by half of it. That is an error of the airspeed scale of this flight, and
-    is estimated as such.
+    Airspeed from dynamic pressure is too low by half of it. This is a scale error of airspeed in this flight, and is
+    estimated as one.
     """
     return values_of(forces_in_denser_air(flight_forces).nominal) - values
 

@@ -1,8 +1,8 @@
 """Where the interval of the curve comes from: its variance by source, of which the whole is the sum.
 
-Errors that no residual shows are independent of all others. Errors of sensors and of thrust were estimated from one
-flight and are correlated, so that what is gained by knowing one of them exactly depends on which others are known. Each
-gets the mean of its gain over all orders in which they could become known (Shapley 1953; for variances Owen 2014,
+Errors that no residual shows are independent of all other errors. Errors of sensors and of thrust were estimated from
+one flight and are correlated, so that what is gained by knowing one of them exactly depends on which others are known.
+Each gets the mean of its gain over all orders in which they could become known (Shapley 1953; for variances Owen 2014,
 SIAM/ASA J. Uncertainty Quantification 2, 245-251): shares that are never negative and add up. Noise of the runs is what
 is left when all of them are known.
 """
@@ -27,7 +27,7 @@ from flightpower.flight.arrays import Array
 
 
 class Share(StrEnum):
-    """What has a share in the interval of the curve, as the report names it."""
+    """Sources of the curve's interval, as named in the report."""
 
     NOISE = "noise of the runs"
     AIRSPEED = "airspeed"

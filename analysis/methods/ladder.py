@@ -102,7 +102,7 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
     """Dynamic method, all other methods, and cross-check.
 
     by_likelihood: also apply the two maximum-likelihood methods.
-    The best method that gives a curve gives that of the flight. Raises NoCurve, beginning with the log's name, when
+    The flight's curve comes from the best method that gives one. Raises NoCurve, beginning with the log's name, when
     none does.
     """
     trajectory, aircraft = flight.trajectory, flight.aircraft

@@ -83,7 +83,7 @@ def _differences(
     run: MethodEstimate, others: list[MethodEstimate], lift: Array, uncertainty: Uncertainty
 ) -> _Differences | None:
     """Where other runs cover the lift coefficient: their mean, weighted by noise. Shared errors change the difference
-    by the difference of their effects. None where they cover none."""
+    by the difference of their effects. None if they cover no lift coefficient."""
     if not others:
         return None
     ends = np.array([method_estimate.flown_CL for method_estimate in others])

@@ -1,8 +1,8 @@
 """Energy and time of legs in wind: one leg after another in steady flight, with turns, circles, climbs and descents.
 
-A leg's airspeed and the wind make its ground speed (wind triangle). Its height changes evenly over the leg; where that
-takes a faster climb than the aircraft's, the rest is climbed on circles. Turns between legs and circles are flown at a
-load factor. A change of speed counts as a change of height of the same energy. Wind is where it blows to, m/s.
+A leg's airspeed and the wind make its ground speed (wind triangle). Height changes evenly over the leg; if that exceeds
+the aircraft's rate of climb, the rest is climbed in circles. Turns between legs and circles are flown at a load factor.
+A change of speed counts as a change of height of the same energy. Wind is where it blows to, m/s.
 """
 
 from dataclasses import dataclass, replace
@@ -147,8 +147,8 @@ def speed_limits(source: RoutePower, condition: Condition, stall_CL: float, marg
 def best_speeds(legs: Legs, limits: SpeedLimits, world: World, battery: Battery) -> Array:
     """The true airspeeds (k,) of least energy within the limits, in the world without errors (n = 1).
 
-    Searched on a grid three times, each time between the neighbors of the best point before. Where the wind lets no
-    speed arrive, the fastest.
+    Searched on a grid three times, each time between the neighbors of the best point before. If no speed can reach the
+    point against the wind, the fastest is used.
     """
     low, high = limits
     points = 41

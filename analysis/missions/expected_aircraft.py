@@ -48,7 +48,7 @@ class ExpectedAircraft:
 
     @property
     def least_mps(self) -> float:
-        """Below it no forces are computed: where the thrust does not do, an aircraft stays there."""
+        """Below it no forces are computed; an aircraft without enough thrust stays at that speed."""
         return 0.5 * self.stall_mps
 
     @property
@@ -100,7 +100,7 @@ def expected_aircraft(
     stall_mps: float | None = None,
     fastest_mps: float | None = None,
 ) -> ExpectedAircraft:
-    """What to plan with. A: polar of an earlier flight.
+    """The aircraft assumed in a plan. A: polar of an earlier flight.
 
     Raises InputError where the file has no propeller, where weight, wing and stall speed contradict each other, and
     where full throttle does not carry the aircraft.

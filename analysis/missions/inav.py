@@ -15,7 +15,7 @@ ITEM = "missionitem"
 
 
 class Action(StrEnum):
-    """What an item of INAV does."""
+    """The effect of an INAV item."""
 
     WAYPOINT = "WAYPOINT"
     HOLD = "POSHOLD_UNLIM"

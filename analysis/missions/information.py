@@ -122,7 +122,7 @@ class Covariances(NamedTuple):
 class AssumedErrors(NamedTuple):
     """What k values assumed for missing keys, each wrong by one standard deviation, do to the estimate.
 
-    scores : (k, m) by how much they pull at the sensor errors: covariance times score is the change of these. Scores
+    scores : (k, m) gradients for the sensor errors: covariance times score is their change. Scores
         add over the pieces of a flight, as information does.
     direct : (k, 3) change of A0, A1, A2 beyond that by the sensor errors
     """

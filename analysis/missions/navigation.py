@@ -39,7 +39,8 @@ class _Part:
     turn_s: float
 
     def reached_m(self, direction: float, wind_x_mps: float, leg_m: float) -> tuple[float, float]:
-        """Along x from where it begins: where it ends, shortened to a leg as far as that goes, and where its turn does.
+        """Distances along x from the start of a part: to its end, shortened to a leg if possible, and to the end of its
+        turn.
 
         direction : 1 along x, -1 back
         """
@@ -131,7 +132,7 @@ def _turned_to(turn: Turn, angle_rad: float) -> Turn:
 
 
 def _crab_rad(part: _Part, begun: Array, wind: Array) -> float:
-    """Heading off the line of the legs by which a part that begins at a place (2,) ends on it."""
+    """Heading relative to the line of the legs with which a part that begins at a position (2,) ends on that line."""
     across = -float(begun[1] + wind[1] * part.seconds) / max(part.air_m, 1.0)
     steepest = 0.64  # 40 deg: beyond it a leg hardly advances
     return asin(min(max(across, -steepest), steepest))

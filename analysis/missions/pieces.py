@@ -136,13 +136,13 @@ def slowest_mps(expected: ExpectedAircraft, wind_kt: float) -> float:
 
 
 def before(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
-    """What every flight begins with. `kept_in_place` holds on into the wind, for the first piece to begin there."""
+    """The beginning of every flight. `kept_in_place` holds on into the wind, for the first piece to begin there."""
     V = expected.cruise_mps
     return Stand(MANEUVERS.stand_s[0]), TakeOff(V), Hold(2.0, V), Turn(V)
 
 
 def after(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
-    """What every flight ends with."""
+    """The end of every flight."""
     V = expected.cruise_mps
     return Turn(V), Land(V), Stand(MANEUVERS.stand_s[1])
 
@@ -239,8 +239,8 @@ def catalog(
 
 
 def _with_room(piece: Piece, narrowest_mps: float, side_m: float) -> Piece | None:
-    """The piece with turns that fit: steeper, and slower where that is not enough. None where none fits; circles are
-    left as they are, since their speed and bank are what they are flown for."""
+    """The piece with turns that fit: steeper, and slower where that is not enough. None if none fits; circles stay
+    unchanged, since their speed and bank are their purpose."""
     maneuvers: list[Maneuver] = []
     for maneuver in piece.maneuvers:
         if isinstance(maneuver, Turn) and maneuver.width_m > side_m:

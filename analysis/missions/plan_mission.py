@@ -26,7 +26,7 @@ class Home(NamedTuple):
 
     @property
     def start(self) -> Start:
-        """Its height is not known; all heights are above it."""
+        """The height of home is not known; all heights are relative to it."""
         return Start(self.latitude_deg, self.longitude_deg, 0)
 
 

@@ -160,8 +160,8 @@ def aerodynamic_source(
 ) -> RoutePower:
     """Power from a model of performance. draws: number of draws, random generator
 
-    largest_CL: that the wing has carried; 0: not known, the largest of level flight. By a gust's low airspeed that may
-    be larger than the wing ever carried: the former counts where it is known.
+    largest_CL: that the wing has carried; 0: not known, the largest of level flight. In the low airspeed of a gust this
+    may exceed what the wing ever carried; a known largest lift coefficient limits it.
     """
     parameters = model.parameters
     parameter_draws = _draw(parameters.values, parameters.covariance, draws)

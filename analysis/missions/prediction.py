@@ -52,7 +52,7 @@ RESOLUTION = Resolution()
 
 
 class Objective(StrEnum):
-    """What airspeeds are chosen for, where they are."""
+    """The goal by which airspeeds are chosen."""
 
     ENERGY = "energy"
     TIME = "time"

@@ -67,7 +67,7 @@ def _row(leg: LegResult) -> tuple[str, ...]:
 
 
 def percent(probability: float) -> str:
-    """A share of draws: their number resolves no more than a tenth of a percent."""
+    """A fraction of draws, printed to a tenth of a percent, which is what the number of draws resolves."""
     if probability >= 1:
         return "> 99.8 %"
     return "< 0.2 %" if probability <= 0 else f"{100 * probability:.1f} %"

@@ -238,7 +238,7 @@ def predicted(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request
 
 def _without_gentle_runs(pieces: list[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Piece]:
     """The pairs of runs without those that the analysis would not take for runs: where motor or propeller's table leave
-    little to accelerate with, a slow throttle is too gentle. All pairs, where it would take none."""
+    little to accelerate with, a slow throttle is too gentle. All pairs, if none would be left."""
     pairs = [piece for piece in pieces if piece.kind is PieceKind.RUNS]
     return [piece for piece in pairs if _taken_for_runs(piece, aircraft, request)] or pairs
 
@@ -393,7 +393,7 @@ def _contributions(
     covariances: Covariances,
     question: Question,
 ) -> tuple[Contribution, ...]:
-    """Each kind of piece, and the worst half width of the plan without it. seconds: of each piece chosen"""
+    """Each kind of piece, and the worst half width of the plan without it. seconds: duration of each chosen piece"""
     listed = []
     for piece, n in Counter(chosen).items():
         increment = increments.get(piece)

@@ -39,7 +39,7 @@ def _item(fields: Sequence[str], where: str) -> Item:
 
 
 def _without_home(items: list[Item]) -> ReadMission:
-    """Home is the first item: a waypoint, or a zero of Mission Planner. Its height is known in frame 0 alone."""
+    """Home is the first item: a waypoint, or a zero of Mission Planner. Its height is known only in frame 0."""
     home = items[0]
     if home.command not in (0, Command.WAYPOINT):
         note = (

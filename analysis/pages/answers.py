@@ -25,7 +25,7 @@ BEYOND_TABLE = "Outside the propeller table: an extrapolation."
 class HeadlineAnswer(NamedTuple):
     """A question, the answer, and a note on it, in plain text.
 
-    speed_mps : of an answer that is a speed     remark : what follows the speed, or the answer that is none
+    speed_mps : the speed, if the answer is one remark : text after the speed, or the answer if it is not a speed
     """
 
     question: str
@@ -144,7 +144,7 @@ def _known_speed(optimum: SpeedInterval) -> float | None:
 
 
 def optimum_remark(optimum: SpeedInterval) -> str:
-    """What follows the speed, or why there is none."""
+    """Text after the speed, or why there is no speed."""
     lo, hi = optimum.lo_mps, optimum.hi_mps
     if optimum.speed_mps is None or hi is None:
         reason = optimum.reason or SpeedReason.NO_OPTIMUM

@@ -123,7 +123,7 @@ FLIGHTS_FORMAT = "flightpower-flights-1"
 def write_pooled(pooled: PooledResults, folder: Path) -> str:
     """Write report.html, results.json, the curve as CSV and, where endurance and range are known, the field table.
 
-    Returns which tables of an earlier analysis stay, in a sentence; empty where there are none.
+    Returns a sentence that names the remaining tables of an earlier analysis; empty if there are none.
     Raises InputError when the folder cannot be written.
     """
     tables = {f"{pool.kind}.csv": to_csv(pool) for pool in of_each_kind(pooled)}

@@ -1,4 +1,4 @@
-"""What the performance is computed with, where the flight itself does not say: priors, limits and steps."""
+"""Priors, limits and steps for performance that the flight itself does not determine."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,6 @@
 """The contents of a fleet's `fleet.json`: airframes with their curves and changes, and the curves of the fleet.
 
-What fills it is in `summary`: the page and the terminal need the form alone.
+`summary` fills it; the page and the terminal only need the form.
 """
 
 from enum import StrEnum

@@ -124,7 +124,7 @@ class FlightsToSee(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TrendQuantity(StrEnum):
-    """What power is compared with."""
+    """The reference of a comparison of power."""
 
     DATE = "date"
     TEMPERATURE = "air temperature"

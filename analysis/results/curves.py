@@ -52,7 +52,7 @@ def curve_result(
     statistics: PoolingStatistics | PowerStatistics | None = None,
     battery: BatteryResult | None = None,
 ) -> CurveResult:
-    """A curve of any kind with what follows from it, as results have it.
+    """A curve of any kind with its best speeds, in the form of the results.
 
     parts : of the interval, where they are not those of the curve's own and shared errors
     battery : that gives the power of the curve

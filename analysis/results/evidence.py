@@ -116,7 +116,7 @@ def with_trust(results: Results) -> Results:
 
 
 def reasons_not_to_trust(results: Results) -> list[str]:
-    """Each in one or two sentences; empty for a result that can be used within its interval, with doubts or without."""
+    """One or two sentences for each item; empty for a result that can be used within its interval, doubtful or not."""
     return [evidence.text for evidence in results.evidence if evidence.level is Trust.NOT_TO_BE_TRUSTED]
 
 
@@ -536,7 +536,8 @@ def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
     )
 
 
-# What each comparison of the daemon doubts. It spares the others: GPS is an aid, whose faults the trajectory shows.
+# What each comparison of the daemon doubts. These need no separate item: GPS is an aid, whose faults the trajectory
+# shows.
 _DOUBTED = {
     Comparison.AIRSPEED: "airspeed, which the speed over the ground contradicts by more than any wind",
     Comparison.ANGLE_OF_ATTACK: "angle of attack, which attitude and climb contradict",

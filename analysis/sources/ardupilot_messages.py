@@ -31,7 +31,7 @@ LIFT = ("QTUN",)  # control of a VTOL's lifting motors
 # Number of the GPS week and milliseconds in it, now and in early firmware; Unix time in telemetry [s].
 GPS_WEEK, EARLY_WEEK, UNIX = ("GWk", "GMS"), ("Week", "TimeMS"), "Unix"
 BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
-# By kind of message, the fields that are read; none stands for all.
+# The fields read of each message type; an empty list means all.
 FIELDS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(AIRSPEED, ("Airspeed", "DiffPress", "Temp", "U", "H", "Pri")),
     **dict.fromkeys(BATTERY, ("Volt", "Curr")),
@@ -219,7 +219,7 @@ def _times_s(kind: str, columns: Mapping[str, NDArray[Any]], count: int) -> list
 def _instances(
     kind: str, columns: dict[str, NDArray[Any]], fields: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, int], Table]]:
-    """The times [s] and fields of each instance of a kind of message; no fields stand for all."""
+    """The times [s] and fields of each instance of a message type; an empty list of fields means all."""
     numbers = {name: without_damage(values) for name, values in columns.items() if values.dtype.kind == "f"}
     clock = _clock(kind, numbers)
     fields = fields or tuple(numbers)

@@ -24,7 +24,7 @@ ULOG_TYPES = frozenset(b"ABCDFILMOPQRS")
 
 
 class LogKind(StrEnum):
-    """What wrote a log, as lists call it."""
+    """The program that wrote a log, as named in lists."""
 
     PX4 = "PX4"
     ARDUPILOT = "ArduPilot"

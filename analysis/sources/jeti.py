@@ -27,7 +27,7 @@ class Type(IntEnum):
 
 
 def read_jeti(text: str) -> dict[str, Array]:
-    """The time since the first value, and each sensor's values at the times of all, (n,) each; NaN where it has none.
+    """Time since the first value, and the values of each sensor at all times, (n,) each; NaN where it has no value.
 
     A column's name is that of device and sensor, with the unit in brackets. Lines that are damaged are left out.
     """

@@ -480,8 +480,8 @@ class EnergyBalance(NamedTuple):
 def energy_balance(grid: Grid) -> EnergyBalance | None:
     """Height against speed by energy: g dh/dt and -V dV/dt, both without what airspeed and power explain.
 
-    Drag is a function of airspeed (a constant, V^3, 1/V, as of energy by time), and the rest of the power goes into
-    both. Both are smoothed over LAWS.energy. None where too little is known.
+    Drag power is a function of airspeed (constant, V^3, 1/V), and the rest of the power raises kinetic and potential
+    energy. Both are smoothed over LAWS.energy. None where too little is known.
     """
     airspeed, height = grid.airspeed(), grid[Q.HEIGHT]
     if airspeed is None or height is None:
@@ -524,7 +524,7 @@ def height_is_checked(channels: Channels) -> bool:
 
 
 def _energy(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
-    """A ratio of climb and speed that cannot be one, whatever the noise of either, where no climb is in the table."""
+    """Finds a ratio of climb and speed that no noise can explain, for a table without a column of climb."""
     airspeed, balance = grid.airspeed(), energy_balance(grid)
     if airspeed is None or balance is None or grid[Q.VELOCITY_DOWN] is not None:
         return

@@ -66,7 +66,7 @@ TEXTS = {  # {}: l or b, for the order of bytes
 
 def read_mat(data: bytes) -> dict[str, Any]:
     """The variables by name: arrays of numbers without axes of length 1, texts, structures as dictionaries, and cells
-    as arrays of objects. What is none of these is left out.
+    as arrays of objects. Everything else is left out.
 
     Raises ValueError, or whatever damage leads to, where an element does not end within the file.
     """

@@ -71,7 +71,7 @@ def _columns(value: Any, labels: Any) -> dict[str, NDArray[Any]]:
 
 
 def _timed(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """The columns if they have a clock, and all are as long as it."""
+    """The columns, if they include a clock and all have its length."""
     clock = next((columns[name] for name in CLOCKS if name in columns), np.zeros(0))
     return columns if len(clock) and all(len(x) == len(clock) for x in columns.values()) else {}
 

@@ -129,7 +129,7 @@ def recorder_of(names: Collection[str]) -> Recorder | None:
 
 
 def known_columns(recorder: Recorder, names: Collection[str]) -> dict[Quantity, tuple[str, Known]]:
-    """The columns of a table by quantity: of each, the first in the recorder's list that is there."""
+    """The columns of a table by quantity: for each, the first present one in the recorder's list."""
     matched = {}
     for quantity, columns in recorder.columns.items():
         matches = ((name, column) for column in columns for name in names if re.fullmatch(column.name, name.lower()))

@@ -1,4 +1,4 @@
-"""The checks of a log before its channels are synchronized, in the order in which each needs those before it.
+"""The checks of a log before its channels are synchronized, ordered so that each can rely on the earlier ones.
 
 Topics and fields: what is required, and names that differ from those of flight/messages.py. Times: nanoseconds, one
 clock for all topics, without jumps; where they start does not matter.

@@ -62,8 +62,8 @@ def corrected_force(measured: Any, errors: Any) -> tuple[Any, Any, Any]:
     """Specific force [m/s^2] without the errors of the accelerometers: constant ones, by vibration, and of scale.
 
     measured: ax, ay, az, and vibration, the square of the motor's speed over that of VIBRATION_REVPS. An offset by
-    vibration across the aircraft moves bank and heading, hardly drag: it is left out. So is the scale across the
-    aircraft, where there is no force to speak of.
+    vibration across the aircraft moves bank and heading, hardly drag: it is left out. The same holds for the lateral
+    scale, where the force is negligible.
     """
     return (
         (measured.ax - errors.ax_bias - errors.ax_vibration * measured.vibration) / (1 + errors.ax_scale),

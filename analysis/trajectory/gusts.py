@@ -3,8 +3,8 @@
 The intensity follows from the evidence of three intensities. Two things move the vertex of the parabola through the
 three away from the true intensity. The process model takes the gusts of neighboring blocks as values at their
 centers; means over blocks have smaller increments, two thirds of the variance where the gusts are much longer than a
-block, so the likelihood is greatest up to a fifth too low. And minus the logarithm of the likelihood is no parabola:
-it rises faster towards low intensities, which moves the vertex up. Both depend on the noise: where it hides the fast
+block, so the likelihood is greatest up to a fifth too low. The negative log likelihood is not a parabola either: it
+rises faster towards low intensities, which moves the vertex up. Both depend on the noise: where it hides the fast
 gusts, the slow ones determine the intensity. The expected likelihood of a Gaussian process by its spectra (Whittle
 1953, Ark. Mat. 2, 423) has the same vertex for the true intensity.
 

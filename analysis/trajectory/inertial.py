@@ -77,7 +77,7 @@ def _at_instants(means: Array) -> Array:
 def _integral(values: Array) -> Array:
     """Integral from the first sample to each, in units of the sample interval; along the first axis.
 
-    By the trapezoidal rule and the first term of its error, a twelfth of the change of the derivative (Euler and
+    Uses the trapezoidal rule and the first term of its error, a twelfth of the change of the derivative (Euler and
     Maclaurin). By that rule from the means themselves pitch and heave of a porpoise of 0.7 Hz were 0.4 % too small, and
     the slope of the angle of attack as much too large.
     """

@@ -107,7 +107,7 @@ class TrajectoryProblem:
         """Follow the attitude no longer over steps that no gyro shows, of these residuals (n-1, 3) of Euler angles.
 
         An aircraft that pitches through the vertical turns its bank and heading around at once, and iterations that
-        have to follow end nowhere. Where it is more than a small share of the flight, the data contradict each other.
+        have to follow end nowhere. If it is more than a small fraction of the flight, the data contradict each other.
         """
         largest_rad = SENSORS.missing[0] * self.blocks.step_s
         too_large = (np.abs(angle_residual_rad) > largest_rad).any(axis=1)

@@ -49,7 +49,8 @@ def _read(path: Path) -> CardLog:
 def trouble(before: dict[str, CardLog], after: dict[str, CardLog]) -> list[str]:
     """What is wrong with the logs: gone, overwritten, shorter, not readable.
 
-    One file may be empty, the last: its power was cut between its name and its first bytes. The next start removes it.
+    Only the last file may be empty: power was cut after it was created and before its first bytes. The next start
+    removes it.
     """
     last = max(after, default="")
     wrong = [

@@ -34,7 +34,7 @@ class Sensor(Protocol):
 
 
 def complaint_of(sensor: object) -> str:
-    """What is wrong with a part although it measures, such as a rate that it does not keep; empty where nothing is.
+    """A fault of a part that still measures, such as a missed rate; empty if there is none.
 
     A driver that audits its part has it in an attribute `complaint`.
     """

@@ -7,7 +7,7 @@ temperature is extrapolated from the last seconds: uncompensated, the pressure c
 the electronics warmed up, a temperature half a second old made it 4.5 Pa too low, or 0.4 m of height, an error that
 decayed within ten minutes and looked like a descent.
 
-A result has no checksum. One that jumps is not believed before the following ones confirm it. An MS5607, which is sold
+A result has no checksum. A reading that jumps is used only after later readings confirm it. An MS5607, which is sold
 on boards for an MS5611 and has a valid checksum there, gives half the pressure.
 """
 

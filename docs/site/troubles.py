@@ -61,7 +61,7 @@ EVIDENCE: Mapping[EvidenceKind, Trouble] = {
         "No flight path explains all measurements.", "Check units, axes and delays of the log, and the aircraft file."
     ),
     EvidenceKind.METHOD_FAILED: Trouble(
-        "The runs allow drag, and no method finds any that can be.",
+        "The flight has runs, but every method finds an impossible drag.",
         "Check weight, wing area, propeller and its table, pole pairs, and units and delays of the log.",
     ),
     EvidenceKind.COUNTED_SPEED: Trouble("Pulses of the motor are lost, or counted with wrong poles.", POLES),
@@ -169,7 +169,7 @@ MISTAKES: Mapping[Mistake, Trouble] = {
         "The ratio to the value from the laws of motion is the ratio of two units.", "Correct the unit in the map."
     ),
     Mistake.SIGN: Trouble("It falls where it should rise.", "Write the column with a minus, or the other axis."),
-    Mistake.DELAY: Trouble("It comes late against the others.", "Give its delay in the map."),
+    Mistake.DELAY: Trouble("Its values lag behind the other channels.", "Give its delay in the map."),
     Mistake.EXCHANGED: Trouble("Two columns fit each other's place.", "Exchange them in the map."),
     Mistake.UNRELATED: Trouble(
         "Its values have nothing to do with the quantity it is mapped to.", "Name another column, or delete the line."

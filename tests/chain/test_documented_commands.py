@@ -2,7 +2,7 @@
 
 These run here: the tutorial's commands that have an output, and every other command that needs no log. Those of the
 daemon: test_documented_daemon_commands.py. Those that need a log, and which are run elsewhere or not at all, and why:
-test_documented_commands_with_a_log.py. Names and options are checked of all.
+test_documented_commands_with_a_log.py. Names and options of all commands are checked.
 """
 
 import json

@@ -196,7 +196,7 @@ def sticks(pulses, count=8) -> bytes:
 
 
 def test_what_the_sticks_say_stands_once_beside_what_the_servos_are_told():
-    """Sticks and servo outputs differ when the autopilot flies; neither is repeated in place of the other."""
+    """Sticks and servo outputs differ when the autopilot flies; neither replaces the other."""
     moved = [1600, 1400, 1300, 1500]
     port, sensor = autopilot()
     port.incoming = [sticks(moved, count=5), servo(), servo()]

@@ -173,7 +173,7 @@ def test_a_gust_is_believed_at_once():
 
 
 def test_a_second_part_at_the_address_is_corrupt_for_as_long_as_it_answers():
-    """Both pull the line down: each bit is 0 where it is 0 in one of them."""
+    """Both parts pull the line down, so a bit is 0 if it is 0 in either."""
     both = bytes(a & b for a, b in zip(frame(0, 8001, 735), frame(0, 8192, 900), strict=True))
     assert set(statuses(*[[both, both]] * 2500)) == {(Status.CORRUPT, None)}
 

@@ -187,7 +187,8 @@ def test_as_much_oversampling_as_fits_into_a_tick(rate_Hz, code):
 
 
 def test_while_the_part_warms_up_pressure_is_compensated_at_the_temperature_of_its_own_moment():
-    """D2 rises by 800 counts a second (0.027 K) and D1 so that pressure stays. A count of either is 0.02 Pa or less.
+    """D2 rises by 800 counts a second (0.027 K) and D1 rises so that pressure stays constant. A count of either is 0.02
+    Pa or less.
 
     Compensated with the last temperature, half a second old on average, pressure is 2.8 Pa low and saws by 5.
     """

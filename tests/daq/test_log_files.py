@@ -245,7 +245,7 @@ def test_a_full_disk_costs_nothing_once_there_is_room_again(tmp_path, faulty):
 
 @pytest.mark.parametrize("failing", ["write_error", "sync_error"])
 def test_a_file_that_cannot_be_continued_is_left_and_nothing_is_lost(tmp_path, faulty, monkeypatch, failing):
-    """What was handed over and not synced goes into the new file: between the two there is no gap."""
+    """Data not yet synced go into the new file, so there is no gap between the two files."""
     monkeypatch.setattr(logbook_module, "GIVE_UP_AFTER_S", 0.05)
     session = RecordingSession(tmp_path)
     session.run(100)

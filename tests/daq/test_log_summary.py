@@ -69,7 +69,7 @@ def test_a_full_card_is_listed_from_its_end_and_says_so(log: Path, tmp_path: Pat
 
 
 def test_logs_of_any_name_are_listed_before_the_numbered_ones(log: Path, tmp_path: Path) -> None:
-    """As a browser or a friend names them; other files are none."""
+    """Copies named by a browser or a person count as logs; other files do not."""
     for name in ("flight[1].mcap", "log-0010.mcap", "log-0009_2026-05-01_100000Z.mcap", "notes.txt", ".part.mcap"):
         (tmp_path / name).write_bytes(log.read_bytes())
     outcome = CliRunner().invoke(app, ["list", str(tmp_path)], env={"COLUMNS": "120"})

@@ -101,7 +101,8 @@ def test_what_cannot_be_true_together_is_told_once(changes, comparison):
 
 
 def test_an_autopilots_attitude_is_not_believed_while_speed_changes():
-    """It takes 3 m/s^2 for 17 deg of pitch: seven decelerations of 5 s, with 3 s of speed held after each."""
+    """The autopilot mistakes 3 m/s^2 for 17 deg of pitch: seven decelerations of 5 s, with 3 s of speed held after
+    each."""
     plausibility, wrong = Plausibility(PROBE), {"attitude": Attitude(roll_rad=0.0, pitch_rad=0.4)}
     for start in range(0, 56, 8):
         for second in range(5):

@@ -36,7 +36,7 @@ GIVE_UP_S = 120.0  # on something that hangs; generous, because the machine may 
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    """The whole file, and for each of its chunks where it ends and when it was closed [ns of log time]."""
+    """The complete file, and the end and closing time [ns of log time] of each chunk."""
     path = fly(tmp_path_factory.mktemp("cut"), SECONDS).path
     with path.open("rb") as stream:
         chunks = make_reader(stream).get_summary().chunk_indexes

@@ -77,7 +77,8 @@ def cycle_of(number: int, samples=SAMPLES) -> Cycle:
 
 
 def heard(link, receive, wanted, seconds=GIVE_UP_S):
-    """Feed the link at its own pace until the peer has received all of `wanted`; messages by type, the last of each."""
+    """Feed the link at its own pace until the peer has received all types in `wanted`; returns the last message of
+    each type."""
     messages, number, deadline = {}, 0, time.monotonic() + seconds
     while not wanted <= set(messages):
         assert time.monotonic() < deadline, f"only {sorted(messages)} came"

@@ -1,4 +1,4 @@
-"""`flightpower`: every command under it, without loading what was not called, and files that can be filled in."""
+"""`flightpower`: its commands, each loaded only when called, and its templates of files."""
 
 import os
 import shlex

@@ -162,7 +162,7 @@ def test_standing_still_there_is_gravity_and_nothing_else(perfect):
 
 
 def test_air_data_contain_the_true_airspeed_and_angles(perfect, flight, flown):
-    """Inverted by the closed form of the hemisphere, which is not how the analysis does it."""
+    """The test inverts the closed form of the hemisphere, unlike the analysis."""
     t, truth = flown
     q_truth = truth["dynamic_pressure_Pa"].to_numpy()
     dp_alpha = perfect.differential_pressure_Pa("alpha", t)

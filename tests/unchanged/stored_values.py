@@ -1,4 +1,4 @@
-"""Numbers and names of any result, condensed to a few lines that can be stored, and what changed since they were.
+"""Condenses the numbers and names of a result to a few storable lines, and reports changes since they were stored.
 
     python -m tests.unchanged                     # renews the stored references, tests/data/unchanged/*.json
     python -m tests.unchanged plans               # only that one
@@ -114,7 +114,8 @@ def changes(before: Mapping[str, Leaf], after: Mapping[str, Leaf], relative: flo
 
 
 def _scale(leaves: Mapping[str, Leaf], path: str) -> float:
-    """The largest of an estimate and its interval's ends: one near zero is no better known for it. 0 for all others."""
+    """The largest magnitude of an estimate and its interval's ends, since a value near zero is not known better for
+    that. 0 for all others."""
     parent, _, last = path.rpartition(".")
     numbers = [leaves.get(f"{parent}.{end}") for end in ESTIMATE] if last in ESTIMATE else []
     return max((abs(number) for number in numbers if isinstance(number, float)), default=0.0)

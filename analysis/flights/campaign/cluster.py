@@ -68,7 +68,7 @@ def _parcel(analyze: Analyze, job: Job) -> Parcel:
 
 
 def _absolute(path: Path) -> Path:
-    """Without `..`, but with its symbolic links: they are part of the name by which a file is asked for."""
+    """`..` is resolved but symbolic links are not: they are part of the requested name."""
     return Path(os.path.normpath(path.absolute()))
 
 

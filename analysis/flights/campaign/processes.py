@@ -110,7 +110,7 @@ def peak_bytes() -> int:
 
 
 class Returned(NamedTuple):
-    """What a job gives back. files: of the flight's folder by name, where the job could not write there itself."""
+    """The result of a job. files: the flight's files by name, if the job could not write them itself."""
 
     outcome: Outcome
     files: Mapping[str, bytes] = {}

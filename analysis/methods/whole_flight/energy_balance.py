@@ -139,7 +139,7 @@ class PowerLaw(NamedTuple):
 
 
 class FlightConditions(NamedTuple):
-    """What stays the same in a flight.
+    """Quantities that are constant during a flight.
 
     idle_sigma_W : standard deviation of idle_power_W          updraft_mps : mean over the flight
             power_scale : true over measured electrical power

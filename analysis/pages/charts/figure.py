@@ -14,7 +14,7 @@ from flightpower.flight.arrays import Array
 
 
 class Cursor(StrEnum):
-    """What the cursor reads: every line at its x, or the nearest point alone."""
+    """What the cursor reads: every line at its x, or only the nearest point."""
 
     EVERY_LINE = "every line"
     NEAREST = "nearest"

@@ -85,7 +85,7 @@ def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[R
 def consistency(agreement: Consistency, overlaid: int = 600) -> Figure:
     """Differences between sensors that should be zero, before and after the correction of sensor errors and gusts.
 
-    overlaid : points of each line, over which another lies
+    overlaid : points of each line that another line covers
     """
     degrees = float(np.degrees(1.0))
     rows = ((ANGLES, Axis("θ - α - γ", "deg"), degrees), (SPEED, Axis("V - GPS", "m/s"), 1.0))

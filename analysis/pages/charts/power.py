@@ -112,7 +112,7 @@ OF_TABLE = {
 
 
 def dashes(results: Results, limits: Sequence[TableLimit] = ()) -> str:
-    """What the dashed parts of the figure of power required are, as a sentence; empty where there are none.
+    """A sentence on the dashed parts of the figure of power required; empty if there are none.
 
     limits : of the propeller table, that the flight left where power required is dashed
     """

@@ -46,8 +46,8 @@ def round_length(length_m: float) -> float:
 def thinned(x: Array, y: Array, points: int = 1000) -> tuple[Array, Array]:
     """Thins a time history to `points`: the least and greatest value of each stretch, in order.
 
-    points: more than the default do not show on a screen. A stretch without a value keeps its first point, so that a
-    gap stays one.
+    points: more than the default do not show on a screen. A stretch without values keeps its first point, so the gap
+    stays visible.
     """
     if len(x) <= points:
         return x, y

@@ -97,7 +97,7 @@ class OptionField(NamedTuple):
         return self.example.split()[-1]
 
     def parsed(self, text: str) -> Any:
-        """As the command reads it. Raises InputError."""
+        """The value as the command reads it. Raises InputError."""
         parser: Callable[[str], Any] | None = (
             get_type_hints(Options, include_extras=True)[self.field].__metadata__[0].parser
         )
@@ -234,7 +234,7 @@ def aircraft_keys(log: Log) -> Json:
 
 
 def aircraft_text(recorded_keys: Json, values: Values, log: str) -> str:
-    """The aircraft file with the values of the page. Raises InputError for a key that there is none of."""
+    """The aircraft file with the values of the page. Raises InputError for an unknown key."""
     unknown = [key for key in values.aircraft if key not in {*recorded_keys, *OFFERED}]
     if unknown:
         raise InputError(f"{unknown[0][:60]!r}: no such key in the aircraft file of {log}")

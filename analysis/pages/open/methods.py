@@ -31,7 +31,7 @@ def listed(runs: list[Maneuver], headline: str) -> list[dict[str, str]]:
 
 
 def method_curve(flight: Reconstructed, name: str, condition: Condition, largest_CL: float) -> MethodResult:
-    """largest_CL : of the report's curve. Raises InputError for a name that there is none of."""
+    """largest_CL : of the report's curve. Raises InputError for an unknown name."""
     if name not in METHODS:
         raise InputError(f"{name[:60]!r}: no such method; there are {', '.join(METHODS)}")
     return method_result(_estimate(flight, METHODS[name]), condition, largest_CL)

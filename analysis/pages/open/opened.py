@@ -80,7 +80,7 @@ class OpenedFlight(ABC):
         return self._curves[request]
 
     def drawn(self, values: Values) -> Json:
-        """The time histories with the channels that were asked for. Raises InputError for one that there is none of."""
+        """The time histories with the channels that were asked for. Raises InputError for an unknown name."""
         if len(values.channels) > LIMITS.channels:
             raise FieldError(
                 f"{len(values.channels)} channels: {LIMITS.channels} are drawn at most; remove some", "channels"

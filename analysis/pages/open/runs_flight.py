@@ -219,7 +219,7 @@ class RunsFlight(OpenedFlight):
             return []
 
     def _runs_file(self, values: Values, path: Path) -> Path | None:
-        """The list of runs as a file. Raises InputError for a kind that there is none of."""
+        """The list of runs as a file. Raises InputError for an unknown kind."""
         if values.runs is None:
             return None
         write_file(path, runs_text(values.runs, self.path.name).encode())
@@ -262,7 +262,7 @@ class RunsFlight(OpenedFlight):
 
 
 def runs_text(runs: Sequence[Run], log: str) -> str:
-    """`runs.toml` of the runs of the page, in order of time. Raises FieldError at the run that is none."""
+    """`runs.toml` of the runs of the page, in order of time. Raises FieldError at an invalid run."""
     text = head(log)
     for i, run in sorted(enumerate(runs), key=lambda numbered: numbered[1].start_s):
         entry = ManeuverEntry(kind=run.kind, start_s=run.start_s, end_s=run.end_s, keep=run.keep)

@@ -145,7 +145,7 @@ def _sentence(text: str) -> str:
 
 
 class Halving(NamedTuple):
-    """What halves the interval, in sentences, and whether more runs of the same kind do."""
+    """Sentences on how to halve the interval, and whether more runs of the same kind would do it."""
 
     text: str
     by_more_runs: bool
@@ -194,7 +194,7 @@ def more_runs_to_halve(part: IntervalPart, runs: int) -> int | None:
 
 
 def _largest_shared(results: Results, sources: Sources | None, speed_mps: float) -> str:
-    """What the part that all runs share consists of, the largest first, and what reduces that."""
+    """The sources of the part common to all runs, largest first, and how to reduce them."""
     shares = shares_of_shared(sources, speed_mps)
     if not shares:
         return f"What is common to all runs are {ERRORS_IN_COMMON}."

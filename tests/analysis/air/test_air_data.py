@@ -52,7 +52,7 @@ def test_a_sound_flight_says_nothing(flown, probe) -> None:
 
 
 def test_speed_follows_a_single_sample_of_dynamic_pressure_by_its_root(flown, probe) -> None:
-    """Two percent of q_c are two of dynamic pressure and one of speed, at that sample and at no other."""
+    """Two percent of q_c are two percent of dynamic pressure and one percent of speed, at that sample only."""
     _, table = flown
     before = result(table, probe).table
     row = table.index.get_indexer([CRUISE_S[0]], method="nearest")[0]

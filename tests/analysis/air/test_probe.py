@@ -56,7 +56,7 @@ def tunnel(seed=0, probe=hemisphere) -> TunnelData:
 
 
 def crooked(alpha, beta, qbar):
-    """Pressures of a probe that is nobody's formula: uneven ports, an axis off by 2 and 1 deg, a flatter nose."""
+    """Pressures of an irregular probe: uneven ports, an axis off by 2 and 1 deg, a flatter nose."""
     alpha, beta = alpha + np.radians(2.0), beta - np.radians(1.0)
     wind = np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], axis=-1)
 

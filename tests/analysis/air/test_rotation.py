@@ -82,8 +82,8 @@ def test_upwash_in_proportion_to_lift_is_taken_out(nexstar: Aircraft, propeller:
 
 @pytest.mark.parametrize("scale", [1.0, 0.6])
 def test_upwash_follows_the_lift_of_a_porpoise(nexstar: Aircraft, propeller: Propeller, scale: float) -> None:
-    """The lift coefficient swings by half at 0.7 Hz, and the upwash with it. An upwash averaged over 0.5 s would
-    lose a fifth of that, which the slope of the angle of attack would take for its own."""
+    """The lift coefficient swings by half at 0.7 Hz, and the upwash with it. An upwash averaged over 0.5 s would lose
+    a fifth of that, and the slope of angle of attack would absorb the loss."""
     slower = nexstar.weighing(nexstar.mass.weight_N * scale**2)
     CL = slower.mass.weight_N / (QBAR_PA * slower.geometry.wing_area_m2)
     aircraft = replace(slower, probe=ProbeInstallation(position_m=(0.0, 0.0, 0.0), upwash_per_CL_rad=0.02 / CL))

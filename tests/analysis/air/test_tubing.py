@@ -187,7 +187,8 @@ def test_what_is_steady_stays_and_gaps_stay_gaps() -> None:
 
 
 def test_what_is_left_of_a_response_without_its_delay_has_no_phase_at_low_frequency() -> None:
-    """61 ms are 11 deg at 0.5 Hz. Of a first-order lag (omega tau)^3/3 is left, 0.13 deg; the amplitude stays."""
+    """61 ms are 11 deg at 0.5 Hz. A first-order lag leaves a phase of (omega tau)^3/3, 0.13 deg, and keeps its
+    amplitude."""
     line = PneumaticLine(length_m=0.9, diameter_m=0.5e-3, cavity_m3=500e-9)
     f = np.array([0.5])
     full_response, remainder = response([line], f, SEA_LEVEL)[0], remainder_of(line, SEA_LEVEL)(f)[0]
@@ -198,7 +199,7 @@ def test_what_is_left_of_a_response_without_its_delay_has_no_phase_at_low_freque
 
 @pytest.mark.parametrize(("cavity_mm3", "corrected"), [(20.0, False), (500.0, True)])
 def test_only_a_long_and_narrow_line_is_worth_its_noise(nexstar: Aircraft, cavity_mm3: float, corrected: bool) -> None:
-    """8 ms stay a delay; 61 ms, beyond 40 ms, are divided out and the note says so."""
+    """A lag of 8 ms is treated as a delay; 61 ms, above the limit of 40 ms, is divided out with a note."""
     line = PneumaticLine(length_m=0.9, diameter_m=0.5e-3, cavity_m3=cavity_mm3 * 1e-9)
     aircraft = replace(nexstar, probe=replace(nexstar.probe, lines={"alpha": line}))
     t = np.arange(0, 20, 0.04)

@@ -36,7 +36,8 @@ def test_in_turbulence_it_converges_from_equation_error_in_15_iterations(seed):
 
 @pytest.mark.parametrize("seed", [58, 183, 415, 838])
 def test_an_unstable_aircraft_converges_from_equation_error_in_15_iterations(seed):
-    """Neither state has process noise. Each intensity is tried at its lower bound, and again without the other."""
+    """Neither state has process noise. Each intensity is tried at its lower bound, and then with the other one at
+    zero."""
     fit = fitted(
         twins.UNSTABLE,
         twins.unstable(seed),

@@ -1,4 +1,4 @@
-"""What a verdict says of residuals that are not white, of outliers and of instability, and from which size on."""
+"""Verdicts on residuals that are not white, on outliers and on instability, and the size at which they begin."""
 
 from types import SimpleNamespace
 

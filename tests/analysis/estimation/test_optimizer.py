@@ -20,7 +20,8 @@ CURVATURE = 4.0  # of the cost: a standard error of 0.5
 
 @dataclass
 class Parabola:
-    """Cost with its minimum at zero. Its information exceeds the curvature: each step goes `share` of the way.
+    """Cost with its minimum at zero. Its information exceeds the curvature, so each step covers the fraction `share` of
+    the distance.
 
     ln_det_R: grows by this with each standard error of distance     kink: slope of the cost on either side of the start
     """
@@ -56,7 +57,7 @@ class Parabola:
 
 @pytest.mark.parametrize("last", [1.01, 1.3, 1.9])
 def test_the_gradient_at_the_stop_is_zero_to_a_ten_thousandth_of_a_standard_error(last):
-    """Each step halves the distance, so the last step is as long as what is left of the way. Steps are `last` times
+    """Each step halves the distance, so the last step is as long as the remaining distance. Steps are `last` times
     1e-4 standard errors, then half of it: the second is the first that is short enough."""
     left, reason = Parabola(share=0.5).stop(2**10 * last * 1e-4)
     assert reason is Stop.OPTIMUM
@@ -116,7 +117,7 @@ def test_a_step_that_raises_the_cost_is_halved_before_it_is_damped() -> None:
 
 @pytest.mark.parametrize("most", [1, 4])
 def test_as_many_steps_are_made_as_allowed(most: int) -> None:
-    """Each goes a third of the way: none of the first few ends at the optimum."""
+    """Each step goes a third of the way, so none of the first few reaches the optimum."""
     parabola = Parabola(share=1 / 3)
     parabola.start = 9.0
     point, iterations, reason = maximize(parabola, parabola.evaluate(np.array([9.0])), most)

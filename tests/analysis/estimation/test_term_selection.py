@@ -157,7 +157,7 @@ def test_a_fit_gives_the_standard_errors_of_least_squares():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_constant_added_to_a_candidate_changes_nothing_but_the_constant(method):
-    """Also one ten thousand times as large as what varies: it is no dependence on the constant."""
+    """This also holds for a term whose mean is ten thousand times its variation: it does not depend on the constant."""
     candidates, z = flight(7)
     result = method(candidates, z)
     moved = {name: values + 2e4 * np.std(values) for name, values in candidates.items()}

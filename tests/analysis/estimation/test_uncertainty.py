@@ -81,7 +81,8 @@ def test_with_colored_noise_corrected_intervals_cover_and_those_of_the_bound_do_
 
 
 def test_with_white_noise_the_default_equals_the_bound_and_raw_is_too_small():
-    """Mean variances over 40 seeds. The raw autocorrelation lacks what the fit took out: why it is not the default."""
+    """Mean variances over 40 seeds. The raw autocorrelation lacks the part absorbed by the fit, so it is not the
+    default."""
     variances: dict[str, list] = {}
     for seed in range(40):
         fit = fit_noisy(np.random.default_rng(seed).standard_normal((N, 2)))

@@ -87,7 +87,8 @@ def test_cross_validation_leaves_each_maneuver_out_once():
 
 
 def test_two_inputs_that_are_alike_are_named():
-    """Alike to 1e-4: the sum is known to 0.07, each of the two only to 1000 times that. Apart: nothing is said."""
+    """Two inputs equal to 1e-4: their sum is known to 0.07, each coefficient only to 1000 times that. Apart: nothing
+    is said."""
     rng = np.random.default_rng(0)
     u1, noise = rng.standard_normal((2, 200))
 

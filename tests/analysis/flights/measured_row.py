@@ -1,8 +1,8 @@
 """Synthetic flights whose rows have the sizes of flights that were simulated and analyzed (measured_row.json).
 
 The model is that of the joint estimate (`analysis.flights.joint`): the first step estimates the errors of the
-installation, the second drag and thrust for these. What the data of each step say, and by how much its residuals
-scatter, follows from the covariances of the measured row, as in a pool.
+installation, the second drag and thrust for these. The information of each step and the scatter of its residuals follow
+from the covariances of the measured row, as in a pool.
 """
 
 import json

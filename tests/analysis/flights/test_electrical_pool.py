@@ -130,7 +130,7 @@ def of_tray(*logs: str, battery: bool = True) -> list[Results]:
 
 
 def test_one_more_flight_costs_a_pool_of_drag_nothing() -> None:
-    """The curve of five flights with drag stays to the last digit; electrical power of all six comes with it."""
+    """The curve of five flights with drag is unchanged to the last digit; electrical power of all six is added."""
     five, autopilot = of_tray(*"bcdef"), flight("a", 0.02)
     alone, mixed = pool_results(five), pool_results([autopilot, *five])
     assert alone.other_kind is None and mixed.kind is Kind.POWER_REQUIRED

@@ -145,7 +145,7 @@ def test_a_roller_coaster_pulls_and_pushes_beyond_a_quarter() -> None:
     (result,), rejected = find_loads(loaded(pull_and_push(1.5, 0.5)))
     assert result.kind == "roller coaster" and not rejected
     assert result.notes[0].startswith("load factor 0.5 to 1.5")
-    # It lasts while the load factor differs from 1 by more than 0.15: a tenth of either end is not of it.
+    # It lasts while the load factor differs from 1 by more than 0.15, so a tenth at each end does not belong to it.
     assert result.start_s == pytest.approx(10.0 + 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
     assert result.end_s == pytest.approx(18.0 - 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
     for most, least in ((1.22, 0.5), (1.5, 0.78), (1.0, 0.5), (1.5, 1.0)):

@@ -1,4 +1,4 @@
-"""The record of a flight that no log holds, for methods that take the record."""
+"""Makes the record of a flight without a log, for methods that need one."""
 
 from pathlib import Path
 from types import SimpleNamespace

@@ -92,7 +92,7 @@ def test_sensor_errors_contain_scale_and_slope_of_thrust(scale: float, slope: fl
 
 
 def test_the_tight_prior_of_the_lag_is_replaced_by_one_of_0_3_s() -> None:
-    """One reading of 0.2 s +- 0.01 s: 0.2 s x 0.3^2/(0.3^2 + 0.01^2), whatever the trajectory's prior was."""
+    """One reading of 0.2 s +- 0.01 s: 0.2 s x 0.3^2/(0.3^2 + 0.01^2), whatever prior the trajectory had."""
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f)
     i, prior, reading = SENSOR_ERRORS.index("air_data_lag"), 0.012, 0.01

@@ -1,4 +1,4 @@
-"""The variance of power required by source: shares that add up, and what each of them answers to."""
+"""The variance of power required by source: the shares add up, and each responds to its own error."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""What the report draws of each run: speed and angle of attack as the trajectory and its sensor errors give them."""
+"""Curves that the report draws for each run: speed and angle of attack from the trajectory and its sensor errors."""
 
 from dataclasses import replace
 

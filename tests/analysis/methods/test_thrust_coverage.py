@@ -55,7 +55,7 @@ def test_the_curve_is_flagged_where_the_table_was_extrapolated() -> None:
 
 
 def test_the_curve_is_flagged_where_less_than_half_of_the_samples_near_a_speed_are_covered() -> None:
-    """As where accelerations are in the table, and slower decelerations through the same speed beyond it."""
+    """Example: accelerations within the table, and decelerations through the same speed outside it."""
     V = np.linspace(12, 24, 400)
     for covered_of_ten, enough in ((4, False), (6, True)):
         data = pd.DataFrame({"V_mps": V, "propeller_covered": np.arange(400) % 10 < covered_of_ten})

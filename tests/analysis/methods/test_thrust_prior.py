@@ -112,7 +112,7 @@ def test_a_stand_that_the_flight_contradicts_is_named_and_widens_the_interval() 
 
 
 def test_a_thrust_outside_the_95_percent_of_its_prior_adds_all_of_its_correction_to_the_interval() -> None:
-    """A wrong weight looks the same: the curve may be that of the table. 1 % of thrust is nothing, 8 % is."""
+    """A wrong weight looks the same, so the curve of the table may be right. 1 % of thrust is not reported, 8 % is."""
     (rejected,) = rejected_assumptions(fitted(NEXSTAR, noise_mps2=0.002, scale=0.08))
     assert rejected.change[3] == pytest.approx(-0.08, abs=0.01) and "Check the weight" in rejected.warning
     assert not rejected_assumptions(fitted(NEXSTAR, noise_mps2=0.002))

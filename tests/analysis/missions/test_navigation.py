@@ -20,7 +20,7 @@ def nexstar() -> ExpectedAircraft:
 
 @pytest.fixture(scope="module")
 def pieces_flown(nexstar: ExpectedAircraft) -> list[Piece]:
-    """Each piece of the catalog, so that each follows another."""
+    """All pieces of the catalog in turn."""
     return catalog(nexstar, Space(LEG_M, HEIGHT_M), Pilot(autopilot=False, load=0.8), 5.0)
 
 
@@ -62,7 +62,7 @@ def test_legs_end_at_the_same_two_places_and_take_longer_against_the_wind(nexsta
 
 @pytest.mark.parametrize("pairs", [2, 3])
 def test_the_landing_is_into_the_wind(nexstar: ExpectedAircraft, pieces_flown: list[Piece], pairs: int) -> None:
-    """Also after a number of turns that would have it downwind: the last one is a circle then."""
+    """This also holds after turns that would end downwind: the last turn then becomes a circle."""
     plan = sequence([*pieces_flown[:1] * 2, *pieces_flown[-1:] * pairs], nexstar)
     corrected = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 4.0)
     history = fly(corrected, nexstar, HEIGHT_M, 4.0)

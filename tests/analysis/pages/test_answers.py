@@ -171,7 +171,7 @@ def test_a_standard_error_is_shown_to_two_digits() -> None:
 
 
 def test_the_terminal_shows_curve_answers_and_every_warning(with_battery: Results) -> None:
-    """Brackets in a text are text: Rich would take them for markup and drop them."""
+    """Brackets in a text are text: Rich would treat them as markup and drop them."""
     out = io.StringIO()
     results = replace(with_battery, warnings=["The log is torn [bold]here[/bold]."])
     print_summary(results, Path("flight.report/report.html"), Console(file=out, width=200))

@@ -1,4 +1,4 @@
-"""Steady flight in which every force is added up again along the path and across it."""
+"""Sums all forces in steady flight again, along the path and across it."""
 
 import numpy as np
 import pandas as pd

@@ -136,7 +136,8 @@ def test_one_speed_leaves_the_loss_by_torque_to_the_resistances(nexstar, propell
 
 
 def test_motor_speed_at_full_throttle_is_that_of_the_motor_s_constants(nexstar) -> None:
-    """As recorded; with 12 poles entered for 14 it reads 7/6 of that. Half throttle says nothing."""
+    """The recorded speed; with 12 poles entered instead of 14 it reads 7/6 of the true one. Half throttle says
+    nothing."""
     p = nexstar.propulsion
     voltage, current = 14.0, 30.0
     n_revps = p.motor_kv_rpm_per_volt * (voltage - current * p.motor_resistance_ohm) / 60

@@ -100,7 +100,7 @@ def test_efficiency_is_told_at_the_speed_where_it_is_known_best_and_never_of_a_s
 
 
 def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_meter() -> None:
-    """A scale of all power moves neither; noise moves both."""
+    """Scaling all power moves neither speed; noise moves both."""
     result = curve()
     assert result.least_power_speed.speed_mps == 14.0 and result.best_range_speed.speed_mps == V[np.argmin(POWER_W / V)]
     assert (result.least_power_speed.lo_mps, result.least_power_speed.hi_mps) == (14.0, 14.0)
@@ -220,7 +220,7 @@ def test_a_glide_is_with_the_idling_propeller_unless_its_table_gives_the_drag() 
 
 
 def test_drag_that_takes_more_than_the_battery_gives_is_withheld() -> None:
-    """43.7 W against drag at 14 m/s: of 46 W for the motor an efficiency of 95 %, of 41 W none that can be."""
+    """Drag needs 43.7 W at 14 m/s: 46 W for the motor means an efficiency of 95 %, and 41 W an impossible one."""
     possible = values()
     assert possible.sink and possible.CD0 and possible.B and possible.cruise_power
     weaker = estimate()

@@ -66,7 +66,7 @@ def flown(name: str, share: float, sum_of: frozenset[str] = frozenset(), late_s:
 @pytest.mark.parametrize("shares", [(0.6, 0.4), (0.5, 0.3, 0.2), (0.85, 0.15)])
 @pytest.mark.parametrize("scale", [1.0, 1.03])
 def test_a_monitor_that_shows_the_sum_of_others_is_counted_alone(shares: tuple[float, ...], scale: float) -> None:
-    """Also by a meter that reads 3 % more, at other times than theirs; a pack that is no part of the sum is added."""
+    """This also holds for a meter that reads 3 % more and samples at other times; a pack outside the sum is added."""
     parts = [flown(f"part {i}", share, late_s=0.3) for i, share in enumerate(shares)]
     total = flown("total", scale)
     for order in ([total, *parts], [*parts, total]):
@@ -174,7 +174,7 @@ def test_what_no_small_aircraft_can_measure_is_left_out(name: str, least: float,
      (CURRENT, 20.0, 300.0), (MOTOR, 100.0, 100.0), (GPS[0], 15.0, 30.0), ("a thermometer [K]", 290.0, 50.0)],
 )  # fmt: skip
 def test_a_single_value_far_from_its_neighbors_is_left_out(name: str, usual: float, spike: float) -> None:
-    """What lasts for three samples is no spike. The first and the last sample can be one."""
+    """A deviation of three samples is not a spike. The first and the last sample can be one."""
     for i in (0, 1, 50, 98, 99):
         for height, is_plausible in ((0.95, True), (1.05, False)):
             value = np.full(100, usual)

@@ -134,7 +134,7 @@ def test_a_drift_is_told_and_taken_out_along_a_line() -> None:
 
 
 def zero_file(**readings: float) -> bytes:
-    """As `daq zero` writes it."""
+    """A file as written by `daq zero`."""
     pressure = "differential_pressure_Pa"
     of = {
         "dp_alpha_Pa": ("/probe/alpha", pressure),

@@ -367,7 +367,7 @@ def test_a_log_of_a_jeti_radio_needs_no_map(tmp_path: Path) -> None:
 
 
 def test_a_radio_that_logs_no_motion_needs_a_map(tmp_path: Path) -> None:
-    """Its names are known, and say neither airspeed nor position; other columns may."""
+    """Its column names are known and include neither airspeed nor position; other columns may."""
     table = pd.DataFrame({"Time": TRUE["t_s"], "RSSI(dB)": 80, "VFAS(V)": TRUE["voltage_V"], "v": TRUE["tas_mps"]})
     table.to_csv(tmp_path / "flight.csv", index=False)
     with pytest.raises(InputError, match="a table, whose columns need a map"):

@@ -136,7 +136,7 @@ def test_bias_and_gust_are_taken_out_of_sideslip(exact, bias: float, gust: float
 def test_bias_slope_and_gust_are_taken_out_of_alpha_and_airspeed(exact, gust_u, gust_w, bias, scale) -> None:
     """Air that moves forward takes from the airspeed; air that sinks takes from it and from the angle of attack.
 
-    Both components are along the body's axes, so that a gust from ahead, which is air that moves aft, lowers the angle.
+    Both components are in body axes, so a gust from ahead (air moving aft) lowers the angle.
     """
     calm = consistency(trajectory_of(exact.table, exact.states, {})).before
     states = exact.states.copy()

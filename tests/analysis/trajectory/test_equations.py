@@ -98,7 +98,7 @@ STEADY = {"phi": 0.2, "theta": 0.15, "psi": 2.0, "v_north": -6.0, "v_east": 13.0
 
 
 def test_a_gust_changes_the_flow_as_air_that_moves_along_the_body_axes() -> None:
-    """To first order, at zero sideslip: airspeed and flow angles of the velocity less the gust's."""
+    """To first order, at zero sideslip: airspeed and flow angles of velocity minus gust velocity."""
     psi = np.arctan2(15.0, -7.0)
     x = {"theta": 0.2, "psi": psi, "v_north": -6.0, "v_east": 13.0, "v_down": 0.5, "wind_north": 1.0, "wind_east": -2.0}
     u, v, w = body_from_earth((-7.0, 15.0, 0.5), (0.0, 0.2, psi))

@@ -42,8 +42,8 @@ def minus_twice_log_likelihood(y: np.ndarray, gust: dryden.GaussMarkov, noise: f
 
 @pytest.mark.parametrize("noise", [0.01, 0.13, 0.5])
 def test_the_intensity_of_simulated_gusts_is_found_whatever_the_noise(noise) -> None:
-    """6,000 blocks (20 minutes). The increments know their standard deviation within 1 % where there is no noise, and
-    within 3 % where it hides most of them. The parabola's vertex itself is 5 % low at the first."""
+    """6,000 blocks (20 minutes). The increments show their standard deviation within 1 % without noise, and within 3 %
+    where noise hides most of them. The parabola's vertex itself is 5 % low at the first."""
     sigma, n = 0.77, 6000
     unit = dryden.longitudinal(*CRUISE)
     y = block_means(dryden.longitudinal(sigma, *CRUISE[1:]), n) + noise * np.random.default_rng(4).standard_normal(n)

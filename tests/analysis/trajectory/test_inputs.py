@@ -432,7 +432,7 @@ def test_the_prior_of_a_zero_contains_its_change_between_rest_and_flight() -> No
 
 
 def test_a_thrust_column_makes_no_vibration() -> None:
-    """Its motor speed goes with the root of thrust, so that an offset by vibration would be an error of thrust."""
+    """Motor speed follows the square root of thrust, so an offset from vibration would look like an error of thrust."""
     column, real = parse_propeller(THRUST_AS_SPEED, "thrust"), load_propeller("apc-10x5e")
     assert column.is_thrust_column and not real.is_thrust_column
     usual, none = (stated_sigma(STATED, motor_speed=motor_speed) for motor_speed in (True, False))

@@ -185,7 +185,8 @@ def test_an_oscillating_iteration_is_damped(monkeypatch, overshoot: float) -> No
 
 
 def test_a_change_of_the_wind_is_a_gust_along_and_across_the_heading() -> None:
-    """A wind from behind is a longitudinal gust, one from the left a lateral one; the profile is none."""
+    """A wind from behind is a longitudinal gust and one from the left a lateral gust; the wind profile is not a
+    gust."""
     height = np.array([20.0, 20.0, 60.0, 60.0])
     x = np.zeros((4, len(STATES)))
     psi, north, u, w = (STATES.index(name) for name in ("psi", "wind_north", "gust_u", "gust_w"))

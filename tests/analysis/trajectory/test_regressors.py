@@ -27,7 +27,7 @@ def exact():
 
 
 def straight_flight(exact, V, bank=0.0, wind=(3.0, -2.0), **columns):
-    """Problem and states of level flight to the north at airspeed V (rows of the table,) in a wind."""
+    """Problem and states of level flight to the north in wind, at airspeed V (one value a row)."""
     angle = columns.get("alpha_rad", exact.table["alpha_rad"])
     table = exact.table.assign(V_mps=V, dalpha_dlndp_alpha_rad=angle, **columns)
     problem = TrajectoryProblem(table, [slice(0, 0)])

@@ -96,7 +96,7 @@ def test_the_ratio_is_the_mean_of_the_posterior_of_intensity_and_length() -> Non
 
 def test_longer_gusts_of_the_same_fast_part_have_more_slow_power() -> None:
     """Power at frequency zero is sigma^2 T: with sigma^2 over T the same, it grows with the square of T. Four minutes
-    of vertical gusts show it already, twenty of all."""
+    already show it for vertical gusts, twenty minutes for all gusts."""
     assert np.mean([_estimated(2.0, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(4, rel=0.2)
     assert np.mean([_estimated(0.5, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(1 / 4, rel=0.2)
     assert np.mean([_estimated(2.0, 240, seed)[2] for seed in range(30)]) == pytest.approx(4, rel=0.3)

@@ -47,7 +47,7 @@ def delayed(flight):
 @pytest.mark.slow
 def test_a_delay_of_the_probe_is_found_to_a_twentieth(as_flown, delayed) -> None:
     """Compared with the undelayed flight, so that noise cancels: 5 %, as required of a calibration of the tubes. It
-    comes out 4 % small, which is more than its standard error: estimators.md, what is known to be missing."""
+    comes out 4 % too small, more than its standard error; estimators.md lists this as known."""
     as_it_is, late = (
         {s.error: s for s in time_shifts(trajectory)}["air_data_lag"] for trajectory in (as_flown[1], delayed)
     )

@@ -50,7 +50,7 @@ PROPELLER = load_propeller("apc-12x8e")
 
 
 class Truth(NamedTuple):
-    """What the aircraft did, (n,) each."""
+    """The true motion of the aircraft, (n,) each."""
 
     t_s: Array
     V_mps: Array

@@ -400,7 +400,7 @@ def test_stretches_of_twenty_seconds_clear_of_the_ground_count() -> None:
 
 
 def test_a_log_that_begins_in_flight_has_the_autopilot_s_zero() -> None:
-    """Its lowest pressure is a flown one. On the ground the lowest is the zero, whoever has corrected it before."""
+    """The lowest pressure occurred in flight. On the ground the lowest is the zero, whoever has corrected it before."""
     n, least_Pa = 600, 40.0
     silent = {name: np.full(n, np.nan) for name in recording.GPS}
     flown = np.full(n, 130.0)

@@ -1,4 +1,4 @@
-"""What a numerical derivative need not compute again is kept, and everything else is computed."""
+"""A numerical derivative reuses unaffected values and recomputes everything else."""
 
 from itertools import pairwise
 

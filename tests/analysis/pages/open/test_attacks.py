@@ -203,7 +203,7 @@ def test_a_message_says_at_which_field_it_belongs(page: LocalPage) -> None:
 
 
 def test_every_format_that_is_analyzed_can_be_dropped(page: LocalPage) -> None:
-    """And is listed with its kind; a table gets a map of its columns by their names, if it has none."""
+    """It is listed with its kind; a table without a map gets one drafted from its column names."""
     t_s = [k / 5 for k in range(60)]
     table = "time [s],airspeed [m/s],pressure [Pa],voltage [V],current [A]\n"
     table += "".join(f"{t},{15 + t / 10},{101000 - t},12.5,{5 + t / 100}\n" for t in t_s)
