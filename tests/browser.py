@@ -38,13 +38,18 @@ QUIET_ROUNDS = 3  # in which a page neither waits for an answer nor does what is
 
 
 class Browser:
-    """Commands and events of the protocol. complaints: errors and warnings of the console; requests: their URLs."""
+    """Commands and events of the protocol.
+
+    complaints: errors and warnings of the console; requests: their URLs; questions: of dialogs, which `answer` closes
+    """
 
     def __init__(self, to_browser: int, from_browser: int):
         self._out, self._in = os.fdopen(to_browser, "wb"), os.fdopen(from_browser, "rb")
         self._number, self._rest, self._session = 0, b"", ""
         self.complaints: list[str] = []
         self.requests: list[str] = []
+        self.questions: list[str] = []
+        self.answer = True
         self._events: list[str] = []
         self._unanswered: set[str] = set()
         target = self.command("Target.createTarget", url="about:blank")["targetId"]
@@ -53,17 +58,21 @@ class Browser:
             self.command(f"{domain}.enable")
 
     def command(self, method: str, **parameters: object) -> dict[str, Any]:
+        number = self._send(method, **parameters)
+        while True:
+            answer = self._next()
+            if answer.get("id") == number:
+                assert "error" not in answer, f"{method}: {answer['error']}"
+                return answer["result"]
+
+    def _send(self, method: str, **parameters: object) -> int:
         self._number += 1
         message = {"id": self._number, "method": method, "params": parameters}
         if self._session:
             message["sessionId"] = self._session
         self._out.write(json.dumps(message).encode() + b"\0")
         self._out.flush()
-        while True:
-            answer = self._next()
-            if answer.get("id") == self._number:
-                assert "error" not in answer, f"{method}: {answer['error']}"
-                return answer["result"]
+        return self._number
 
     def _speaks(self, within_s: float) -> bool:
         return b"\0" in self._rest or bool(select.select([self._in], [], [], within_s)[0])
@@ -89,6 +98,9 @@ class Browser:
         elif event == "Runtime.consoleAPICalled":
             messages = [argument.get("value", argument.get("description")) for argument in content["args"]]
             self.complaints.append(str(messages))
+        elif event == "Page.javascriptDialogOpening":
+            self.questions.append(content["message"] or content["type"])
+            self._send("Page.handleJavaScriptDialog", accept=self.answer)
         elif event == "Network.requestWillBeSent":
             self.requests.append(content["request"]["url"])
             self._unanswered.add(content["requestId"])

@@ -13,6 +13,7 @@ let last = null, first = null;  // the newest curve, and that of the flight as i
 let other = null;  // another log to compare with, and its curve
 let polar = "";  // the file of a predicted polar
 let method = "";  // another method than that of the report, by its name
+let written = "";  // the edits with which the log was opened, or of which the report was written
 let pointed = NaN, asked = 0;  // time under the pointer; number of the newest question
 
 async function ask(path, body) {
@@ -97,7 +98,7 @@ async function list() {
     const row = put(body, "tr");
     put(put(row, "td"), log.of_file ? "em" : "span", {}, log.date);
     const button = put(put(row, "td"), "button", {type: "button", "aria-current": String(Boolean(flight && flight.file === log.name))}, log.name);
-    button.addEventListener("click", () => open(log.name));
+    button.addEventListener("click", () => { if (mayLeave()) open(log.name); });
     for (const text of [log.length, `${log.kind}, ${log.size}`, log.report ? "yes" : ""]) put(row, "td", {}, text);
   }
   const choice = at("other"), others = logs.filter(log => flight && log.name !== flight.file);
@@ -111,6 +112,13 @@ async function list() {
   if (!logs.length) put(put(body, "tr"), "td", {colspan: 5}, "No log in this folder yet.");
   return logs;
 }
+
+function edits() {
+  return JSON.stringify([edited && runs.map(({kind, start_s, end_s, keep}) => [kind, start_s, end_s, keep]), changed, propeller]);
+}
+
+const unwritten = () => Boolean(flight) && edits() !== written;
+const mayLeave = () => !unwritten() || confirm(`The edits of ${flight.file} are not in a report. Discard them?`);
 
 function open(file, note = "") {
   return working(`reading ${file} …`, async () => {
@@ -131,6 +139,7 @@ async function show(file) {
   }
   if (flight.edited_runs && flight.edited_runs.length) [runs, edited] = [flight.edited_runs, true];
   if (flight.remembered) changed = {...(Object.keys(flight.remembered).length ? flight.remembered : typed)};
+  written = edits();
   at("title").textContent = file;
   for (const [name, on] of [["whole", whole()], ["by-runs", !whole()]]) at("flight").classList.toggle(name, on);
   at("runs-title").textContent = whole() ? "Stretches of the flight" : "Runs";
@@ -178,7 +187,7 @@ async function addFile(file) {
 async function drop(file) {
   await working(`adding ${file.name} …`, async () => {
     const {kind, note} = await answered(await fetch(`file/${encodeURIComponent(file.name)}`, {method: "PUT", body: file}));
-    if (kind === "log" || kind === "table") return open(file.name, note);
+    if ((kind === "log" || kind === "table") && mayLeave()) return open(file.name, note);
     if (kind === "polar") polar = file.name;
     await list();
     if (kind === "polar" && flight && !whole()) recompute();
@@ -460,10 +469,12 @@ function listen() {
     const {said, kept, command} = await ask("write", values());
     say([...said, ...kept.map(name => `the previous list is now ${name}`)].join("; "));
     at("command").textContent = command;
+    written = edits();
     showReport(true);
     await list();
   }));
   at("logs").querySelector("input").addEventListener("change", event => { addFiles([...event.target.files]); event.target.value = ""; });
+  addEventListener("beforeunload", event => { if (unwritten()) event.preventDefault(); });
   addEventListener("dragover", event => { event.preventDefault(); document.body.classList.add("dropping"); });
   addEventListener("dragleave", () => document.body.classList.remove("dropping"));
   addEventListener("drop", event => {

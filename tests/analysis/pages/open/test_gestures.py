@@ -142,6 +142,28 @@ def test_the_cursor_reads_all_strips_and_shows_the_place(page: Browser) -> None:
     assert page.value_of("parseFloat(document.querySelector('#track .here').getAttribute('cx'))") > 0
 
 
+def test_edits_that_no_report_has_are_not_left_without_a_question(page: Browser) -> None:
+    """Neither for another log nor with the page; edits taken back are no edits."""
+    choose, leave = (
+        "document.querySelector('#logs tbody button').click()",
+        "new Event('beforeunload', {cancelable: true})",
+    )
+    page.questions.clear()
+    changed_curve(page, "runs[0].keep = !runs[0].keep; changedRuns()")
+    page.answer = False
+    page.value_of(choose)
+    assert page.questions == ["The edits of log.mcap are not in a report. Discard them?"]
+    assert page.value_of("edited") is True
+    assert page.value_of(f"dispatchEvent({leave})") is False
+    changed_curve(page, "document.getElementById('as-found').click()")
+    assert page.value_of(f"dispatchEvent({leave})") is True
+    page.answer = True
+    changed_curve(page, "runs[0].keep = !runs[0].keep; changedRuns()")
+    changed_curve(page, choose)
+    page.wait_for(AS_OPENED)
+    assert len(page.questions) == 2
+
+
 def test_another_weight_changes_the_curve_and_back(page: Browser) -> None:
     box = "document.querySelector('[data-key=\"mass.weight\"]')"
     type_in = (
