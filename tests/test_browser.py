@@ -51,7 +51,7 @@ def server() -> Iterator[Server]:
 
 
 def test_an_answer_is_waited_for_however_late_it_comes(server: Server, browser: Browser) -> None:
-    """The page waits longer for the answer than the test's own limit."""
+    """The answer comes later, by the page's clock, than a wait without progress would last."""
     browser.show(server.address, 800)
     browser.value_of("fetch('/slow').then(finish) && undefined")
     assert server.requested.wait(60)

@@ -183,7 +183,7 @@ def _porpoise(expected: ExpectedAircraft, V: float, porpoise: Porpoise) -> Path:
 
 def climb_rate_mps(expected: ExpectedAircraft) -> float:
     """Rate of climb and descent between the ground and the height of the flight [m/s]: with a margin to what the
-    battery gives, at the speed between maneuvers. Raises InputError if the value is impossible."""
+    battery gives, at the speed between maneuvers. Raises InputError if there is no such margin."""
     V = expected.cruise_mps
     most_mps = V * (expected.thrust_N(1.0, V) - float(expected.drag_N(V))) / expected.aircraft.mass.weight_N
     if most_mps <= 0:

@@ -110,7 +110,7 @@ def test_a_pool_of_one_flight_of_electrical_power_is_that_flight() -> None:
     )
     V, condition = np.array([12.0, 15.0, 20.0]), item.reference
     assert pooled.flown_CL == pytest.approx(item.flown_CL)
-    for of in ("nominal", "drawn"):
+    for of in ("nominal", "power_draws"):
         powers = [getattr(source, of).battery_W(V, condition, 0.0, 1.0) for source in (item, pooled)]
         assert powers[1].mean(axis=0) == pytest.approx(powers[0].mean(axis=0), rel=3e-3)
         assert powers[1].std(axis=0) == pytest.approx(powers[0].std(axis=0), rel=0.08)

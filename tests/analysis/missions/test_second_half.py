@@ -50,7 +50,7 @@ def predicted(first: FlightTable, second: FlightTable) -> Half:
         provenance_of_file(LOG, "", None, ""),
     )
     rng = np.random.default_rng(0)
-    power = source_of(of_results(results), None, 1000, rng).drawn
+    power = source_of(of_results(results), None, 1000, rng).power_draws
     samples = samples_of(second, electrical.airspeed.scale, electrical.airspeed.zero_Pa)
     measured_J, drawn_J = 0.0, np.zeros(1000)
     for rows in second.airborne:

@@ -81,10 +81,10 @@ def test_power_is_interpolated_to_three_parts_in_a_thousand(
 ) -> None:
     """Over all weights and densities that the controls reach."""
     by_python = model(propeller.with_beyond_zero_thrust(beyond_zero_thrust), full_throttle=full_throttle)
-    others = random_conditions(condition, 12, seed=5)
+    conditions = random_conditions(condition, 12, seed=5)
     compared = 0
-    for other, result in zip(others, answers_of(browser, by_python, condition, others), strict=True):
-        expected = performance_at(by_python, TitledCondition("", other), ENERGY_J)
+    for requested, result in zip(conditions, answers_of(browser, by_python, condition, conditions), strict=True):
+        expected = performance_at(by_python, TitledCondition("", requested), ENERGY_J)
         flight = expected.level_flight
         V = np.array(result["flight"]["V"])
         assert (V[0], V[-1]) == pytest.approx((flight.V[0], flight.V[-1]), rel=1e-6)
