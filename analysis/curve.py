@@ -172,7 +172,7 @@ def maximum_lift_to_drag(A: Array) -> float:
 
 
 class Cost(Enum):
-    """What is least at a best speed."""
+    """The quantity that a best speed minimizes."""
 
     POWER = auto()  # the best endurance
     ENERGY_PER_METER = auto()  # the best range
@@ -306,7 +306,7 @@ def polar_curve(
 def stored_curve(result: CurveResult, wing_area_m2: float, idle_W: float | None = None) -> Curve | None:
     """The electrical curve that results have, with the errors that flights share; None where they lack statistics.
 
-    idle_W : instead of what the results know
+    idle_W : replaces the value in the results
     """
     statistics = result.statistics
     if not isinstance(statistics, PowerStatistics):

@@ -252,8 +252,9 @@ def flight_path(flight: Measured) -> FlightPath:
 def _with_noise_in_flight(flight: Measured, trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
     """The trajectory by the height's noise in flight, where that is larger than at rest; and a note on it.
 
-    The rest of a real flight is quieter than its flight: 0.07 m and 0.7 m of a Citation's height. Noise of the height
-    alone is no contradiction of sensors. The noise is the one that its own residuals show, by fixed-point iterations.
+    The rest of a real flight is quieter than its flight: 0.07 m and 0.7 m of a Citation's height. Noise of height alone
+    does not mean that sensors contradict each other. The noise follows from its own residuals, by fixed-point
+    iterations.
     """
     for _ in range(3):
         if not trajectory.converged or [*misfit(trajectory)] != ["height"]:

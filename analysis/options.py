@@ -300,7 +300,7 @@ class Options(LogOptions):
     ] = None
 
     def __post_init__(self) -> None:
-        """Refuses at once what a program, which no parser checks, or a text gives wrongly."""
+        """Refuses wrong values at once, from a program (no parser checks it) or from a text."""
         for name in ("weight_N", "mass_kg", "wing_area_m2", "span_m", "air_temperature_K"):
             value = getattr(self, name)
             if value is not None and not (isinstance(value, int | float) and 0 < value < math.inf):

@@ -402,7 +402,7 @@ def altered_text(data: bytes, number: int) -> bytes:
 
 
 class Hang(BaseException):
-    """One input took too long. No error of altered bytes, which readers catch."""
+    """One input took too long. It is not an error that altered bytes cause, which readers catch."""
 
 
 @dataclass
@@ -444,7 +444,7 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
             try:
                 with warnings.catch_warnings(record=True) as warned:
                     warnings.simplefilter("always")
-                    warnings.simplefilter("ignore", ResourceWarning)  # which Python does not show
+                    warnings.simplefilter("ignore", ResourceWarning)  # a slot that Python does not expose
                     target.run(path)
                 if warned:
                     raise RuntimeError(
@@ -492,7 +492,7 @@ def main(
         data, count = original(target), round(inputs * target.share)
         for first in range(seed, seed + count, BATCH):
             jobs.append(((first - seed) / count, (index, data, first, min(first + BATCH, seed + count), until)))
-    jobs.sort(key=lambda job: job[0])  # all targets advance alike, so that the time limit cuts none alone
+    jobs.sort(key=lambda job: job[0])  # all targets advance equally, so the time limit does not cut off any one of them
     tallies = [Tally() for _ in TARGETS]
     with ProcessPoolExecutor(processes) as pool:
         for (_, job), tally in zip(jobs, pool.map(tried, [job for _, job in jobs]), strict=True):

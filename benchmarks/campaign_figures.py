@@ -139,7 +139,7 @@ def singles_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
 
 
 def promised(lines: list[dict[str, Any]], number: int, V: Array) -> Array:
-    """Half width (speeds,) [%] that so many flights promise, of which some are the same."""
+    """Half width (speeds,) [%] promised by so many flights, some of which are the same."""
     pool = pooled(lines)
     return pool.half_widths_percent([len(range(i, number, len(lines))) for i in range(len(lines))], V)
 

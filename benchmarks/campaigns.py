@@ -85,7 +85,8 @@ def version(world: str) -> str:
 
 
 def errors_of(world: World, job: Job) -> DrawnErrors:
-    """Errors of the installation by the campaign, those of the day by the seed. C has another installation."""
+    """Errors of the installation follow from the campaign, errors of the day from the seed. C has another
+    installation."""
     first = SEEDS_A_CAMPAIGN * job.campaign
     installation = flights.draw_errors(world.errors, first)
     if job.configuration == "C":

@@ -30,7 +30,7 @@ NOT_TRUSTED, REFUSED = 1, 2  # exit codes: a result with a warning; input that i
 
 
 def run(*command: object, may_refuse: bool = False) -> bool:
-    """Whether the command did it, or refused its input where it may."""
+    """Whether the command succeeded, or refused its input where it may."""
     line = [sys.executable, "-m", "flightpower", *(str(part) for part in command)]
     done = subprocess.run(line, capture_output=True, text=True)
     if done.returncode not in (0, NOT_TRUSTED) and not (may_refuse and done.returncode == REFUSED):

@@ -116,7 +116,7 @@ class Parts:
     """
 
     def __init__(self) -> None:
-        self._inside_ns = self._outside_ns = 0.0  # of counting: in the part that is counted, and in the one around it
+        self._inside_ns = self._outside_ns = 0.0  # cost of counting: in the counted part, and in the one around it
         self.spent_ns: dict[str, float] = defaultdict(float)
         self._running: list[str] = []
         self._since_ns = 0

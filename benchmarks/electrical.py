@@ -207,7 +207,7 @@ def _without(recording: FlightRecording, data: str) -> FlightRecording:
     """The recording without the channel or samples that this case lacks."""
     channels = {name: channel for name, channel in recording.channels.items() if name != WITHOUT.get(data)}
     if data == "torn":
-        noise = channels[AIRSPEED_PRESSURE].value[:8].view(np.uint32)  # each flight loses at other times
+        noise = channels[AIRSPEED_PRESSURE].value[:8].view(np.uint32)  # each flight loses samples at other times
         rng, end_s = np.random.default_rng(noise), max(float(channel.t_s[-1]) for channel in channels.values())
         kept_s, lost_s = rng.exponential(((KEPT_S,), (LOST_S,)), (2, round(end_s / KEPT_S)))
         starts_s = np.cumsum(kept_s + lost_s) - kept_s - lost_s

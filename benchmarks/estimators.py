@@ -47,7 +47,7 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
     flight, propeller = flown.flight, load_propeller(aircraft.propulsion.propeller)
     transducers = flights.transducers_of(errors, setup.seed) if calibrated else None
     measured = transducers.corrected(flown.table) if transducers else flown.table
-    if transducers:  # what it leaves of the error
+    if transducers:  # remaining part of the error
         V_scale = (1 + errors.values.V_scale) / np.sqrt(transducers.airspeed.slope) - 1
         errors = replace(errors, values=replace(errors.values, V_scale=float(V_scale)))
     air, still, at_rest = flights.air_of(measured, aircraft, probe)
@@ -69,7 +69,7 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
     figures = trajectory_errors(trajectory, air, errors, flight.truth, SLOW_OVER_STALL * flights.stall_mps(aircraft))
     for name, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):
         chosen = [run for run in runs if run.kind.startswith(kind)]
-        if kind:  # the longest, as one who has to choose would
+        if kind:  # the longest one, as a user without better knowledge would choose
             chosen = sorted(chosen, key=lambda run: run.start_s - run.end_s)[:1]
         figures[name] = compared(dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar)
     if cross_check:

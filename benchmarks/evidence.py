@@ -66,8 +66,7 @@ AIRCRAFT_OF_OTHER_SIZE = ("light-1kg", "survey-6kg")
 # Coverage asked for, %: where the world is as assumed, in every other, and where errors are twice as large as stated.
 ASKED: Mapping[str, tuple[int, int]] = {"study": (93, 97), "twice": (88, 100)}
 ASKED_ELSEWHERE = (90, 98)
-WIDTH = 118  # of a line of a page
-# What may change without changing a figure.
+WIDTH = 118  # text between marks on a line of a page parts that may change without changing a figure
 NO_FIGURES = ("docs", "paper", "tests", "debian", "README.md", "CHANGELOG.md", "CITATION.cff")
 MARK = re.compile(r"(<!-- begin ([\w.-]+) -->)(\n?).*?(<!-- end -->)", re.DOTALL)
 
@@ -163,7 +162,7 @@ def _by_weather(methods: Sequence[Record]) -> list[Record]:
 
 
 def _short(record: Record, title: str) -> Record:
-    """The columns of a curve that a page shows."""
+    """The columns of a curve shown on a page."""
     renamed = {"error": record["95 % of errors below"], "half width": record["half width"], "mean": record["mean"]}
     return {title: record["of"]} | {name: record[name] for name in ("flights", "coverage, %", "±")} | renamed
 

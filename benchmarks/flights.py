@@ -107,7 +107,7 @@ def flown(
     *,
     wind_too: bool = False,
 ) -> Flown:
-    """Fly a plan; turbulence of W20 in place of the plan's where it is not 0. The table is the caller's own.
+    """Fly a plan; turbulence of W20 in place of the plan's where it is not 0. The caller owns the table.
 
     wind_too : the mean wind at 20 ft is W20, too, calm included
 
@@ -192,7 +192,7 @@ def as_read(pressures_Pa: np.ndarray, seed: int) -> list[float]:
 
 
 def transducers_of(errors: DrawnErrors, seed: int) -> TransducerCalibration:
-    """The calibration of these transducers by a water column, from the means of its plateaus."""
+    """The calibration of these transducers by a water column, from the means at its plateaus."""
     e, true_Pa = errors.values, column_pressures()
     slopes = np.array([1 + e.alpha_scale, 1 + e.beta_scale, (1 + e.V_scale) ** 2])
     offsets = np.array([errors.zero[name] for name in CHANNELS])
@@ -228,7 +228,7 @@ def fly_missing(
     began = time.monotonic()
     with ProcessPoolExecutor(jobs) as pool, file.open("a", encoding="utf-8") as stream:
         if stream.tell() and not file.read_text("utf-8").endswith("\n"):
-            stream.write("\n")  # after a line that was cut off
+            stream.write("\n")  # after a truncated line
         running = [pool.submit(one_flight, job) for job in missing]
         for count, future in enumerate(as_completed(running), start=1):
             line = future.result()

@@ -4,7 +4,7 @@
     .venv/bin/python benchmarks/injected_faults.py imu_range      # those whose names begin so
 
 A reading is wrong if it is marked ok and off by more than its noise, in CHECKS. Leaves with 1 if one is wrong of a
-fault that readings show, or if a fault is not told within 5 s. What no reading shows is listed with the reason.
+fault that readings show, or if a fault is not told within 5 s. Faults that no reading shows are listed with the reason.
 """
 
 import struct
@@ -194,7 +194,7 @@ class Wires:
         return Port()
 
 
-# --- what parts do
+# --- effects inside parts
 
 
 def registers(**values: int) -> Callable[[FakeTray, int], None]:
@@ -490,7 +490,7 @@ def outcomes(begin: str = "") -> Iterator[tuple[Fault, Outcome]]:
 
 
 def is_reported(fault: Fault, outcome: Outcome) -> bool:
-    """Whether events and state had it within REPORTED_S."""
+    """Whether events and state reported it within REPORTED_S."""
     return not fault.reported or all(s is not None and s <= REPORTED_S for s in (outcome.event_s, outcome.state_s))
 
 

@@ -102,7 +102,8 @@ def compared(
 
 
 def one_flight(setup: Setup, **wrong: float) -> Rows:
-    """Each method's curve; as titles without figures the causes of disagreements. wrong: as in `drawn`."""
+    """The curve of each method; causes of disagreements appear as titles without figures. wrong: as in
+    `draw_errors`."""
     aircraft = load_aircraft(setup.aircraft)
     errors = draw_errors(load_world(setup.world).errors, setup.seed, **wrong)
     flown = fly(aircraft, flights.tunnel_probe(), errors, setup.plan, setup.turbulence_kt, setup.seed)

@@ -192,7 +192,7 @@ def steady_power_W(csv: Path, rho: float) -> Array:
 
 
 def row(title: str, results: Results, reference_W: Array, cost: Record) -> Record:
-    """One line of the table: where the curve reaches."""
+    """One line of the table, for the speeds that the curve covers."""
     curve = results.power_required
     V = [point.speed_mps for point in curve]
     flown = (SPEEDS_MPS >= V[0]) & (SPEEDS_MPS <= V[-1])

@@ -4,7 +4,7 @@
     python benchmarks/unnamed.py --defects none --seed 7000 --flights 30
 
 A defect is injected between the simulated flight and the log: it changes the aircraft that flies, what a sensor gives,
-or what the analysis is told. Nothing of the analysis knows its name. Flights are kept, one a line, in `--file`.
+or what the analysis is told. The analysis has no setting for this defect. Flights are kept, one a line, in `--file`.
 """
 
 import os
@@ -51,7 +51,7 @@ from flightpower.sim.world import load_world
 from flightpower.simulate import _tray_variant, _write_without_hardware
 
 AIRCRAFT, PLAN, WORLD = "nexstar", "two-pairs", "study"
-FINE_S = 0.005  # of what a sensor's own lag is computed on
+FINE_S = 0.005  # grid on which a sensor's own lag is computed
 
 
 class Sensors:
@@ -168,7 +168,7 @@ class BlockedFlowAngle(Pressures):
 
 
 class WaterInTheLine(Pressures):
-    """A drop moves: the airspeed's zero walks by some 12 Pa over the flight."""
+    """A water drop moves in a line: the zero of airspeed wanders by some 12 Pa over the flight."""
 
     def changed(self, which: str, value: Array, t_s: Array) -> Array:
         aloft = (t_s > 0.15 * self.duration_s) & (t_s < 0.9 * self.duration_s)
@@ -235,7 +235,7 @@ class LateGyro(Sensors):
 
 
 class UnevenAccelerometer(Sensors):
-    """Along the body it reads 6 % more of what is positive."""
+    """Its reading along the body is 6 % too large where it is positive."""
 
     def imu(self, t_s: Array) -> tuple[Array, Array]:
         force, rate = self.truth.imu(t_s)

@@ -17,7 +17,7 @@ LONGEST_BLOCK_S = 2.0  # the daemon reports a disk that takes longer
 
 
 class ComputerFact(NamedTuple):
-    """ok, and what was found, with advice where it is not."""
+    """Status `ok` and the finding, or the status with advice."""
 
     ok: bool
     text: str

@@ -20,7 +20,7 @@ class PlannedRun(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     times: int = 1
 
     def flown_by(self, kind: str, first_mps: float, last_mps: float) -> bool:
-        """Whether a run of that kind and those speeds is this one."""
+        """Whether a run of that kind and those speeds matches this line."""
         low, high = sorted((self.from_mps, self.to_mps))
         shared = min(high, max(first_mps, last_mps)) - max(low, min(first_mps, last_mps))
         return kind == self.kind and shared >= COVERED * (high - low)

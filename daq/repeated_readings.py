@@ -30,8 +30,8 @@ LEARNED_NS = 4_000_000_000  # of changing values, before a repetition shows anyt
 
 
 class Repetition(NamedTuple):
-    """What of a kind of message is compared. It is stale when the same for `limit_ns`, if it otherwise lasted for
-    `usual_ns` at most on average.
+    """The fields of a message type that are compared. It is stale when the same for `limit_ns`, if it otherwise lasted
+    for `usual_ns` at most on average.
     """
 
     fields: tuple[str, ...]

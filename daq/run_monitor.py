@@ -45,7 +45,8 @@ class JudgedRun(NamedTuple):
 
     @property
     def notified(self) -> bool:
-        """Whether the pilot gets a message. In turns no run is expected; a small change of speed was none to repeat."""
+        """Whether the pilot gets a message. In turns no run is expected, and a small change of speed is not worth
+        repeating."""
         if self.rejection is None:
             return True
         enough = self.speed_change >= LEVEL_RUN.smallest_speed_change

@@ -68,8 +68,8 @@ def cycles(
 ) -> Iterator[Cycle]:
     """Read all sensors at each tick. Every cycle ends with /daq/tick; /time is added once a second.
 
-    threaded: buses and ports are read by threads of their own, within DEADLINE_TICKS; needs a real clock. What arrives
-    later comes with a later cycle, and names its own tick.
+    threaded: buses and ports are read by threads of their own, within DEADLINE_TICKS; needs a real clock. Readings that
+    arrive later come with a later cycle and name their own tick.
     """
     time_due_ns = clock.now_ns()
     period_ns = round(1e9 / rate_Hz)

@@ -68,7 +68,7 @@ SENSOR_BITS = {
     "/battery": 0x2000000,
 }
 LOGGING_BIT = 0x1000000
-ALL_BITS = 0xFFFFFFFF  # what is not there does not fail: MAVProxy would say "fence breach"
+ALL_BITS = 0xFFFFFFFF  # a missing sensor cannot fail: MAVProxy would say "fence breach"
 
 
 class SensorBits(NamedTuple):

@@ -221,7 +221,7 @@ def pages(folder: Path, version: str) -> None:
 
 
 def copyright_of(packages: Path, path: Path) -> None:
-    """Whose the package's parts are, from what their distributions state."""
+    """Copyright holders of the package's parts, from their distributions' metadata."""
     _, _, notice, *terms = (ROOT / "LICENSE").read_text().splitlines()
     stanzas = [
         "Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/\nUpstream-Name: flightpower",

@@ -174,7 +174,7 @@ class Battery(Message):
 
 
 class Analog(Message):
-    """The voltage at one input of an analog converter (ADS1115). Its inputs take turns."""
+    """The voltage at one input of an analog converter (ADS1115). The inputs of the converter are sampled in turn."""
 
     topics = ("/analog",)
 

@@ -246,7 +246,7 @@ def nearest(tables: Iterable[Table], query: Query, count: int = 3) -> list[Table
 
 
 def _without_sizes(query: Query) -> Query:
-    """The query without words that are sizes themselves (11x7E)."""
+    """The query without words that are themselves sizes (11x7E)."""
     return query._replace(words=tuple(word for word in query.words if not SIZE.fullmatch(word)))
 
 
@@ -270,7 +270,7 @@ def cost_of(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, 
         costs.append(_cost_of_size(base, query, tables, J))
     if base.origin is not Origin.MEASURED:
         costs.append(_cost_of_computed(base, tables, J))
-    usual = Uncertainty()  # what a table of the very propeller that is flown is off by
+    usual = Uncertainty()  # error of a table of exactly the flown propeller
     return Cost(
         base.name,
         J or flight_J(base),

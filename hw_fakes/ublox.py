@@ -434,8 +434,8 @@ def _degrees_minutes(angle_deg: float, digits: int, letters: str) -> str:
     return f"{int(degrees):0{digits}d}{minutes:08.5f},{letters[angle_deg < 0]}"
 
 
-# The I2C side ("DDC"): the stream of the messages behind three register addresses (section "DDC port"). That the
-# receiver stretches the clock is not simulated.
+# The I2C side ("DDC"): the stream of the messages behind three register addresses (section "DDC port"). Clock
+# stretching by the receiver is not simulated.
 DDC_ADDRESS = 0x42
 WAITING_HIGH, WAITING_LOW, STREAM = 0xFD, 0xFE, 0xFF
 NOTHING = 0xFF  # value of a register without content

@@ -42,7 +42,7 @@ def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
         station, plane = mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_FIXED_WING
         sent.append((time_us, GROUND_STATION, _heartbeat(station, mavlink.MAV_AUTOPILOT_INVALID)))
         sent.append((time_us, AUTOPILOT, _heartbeat(plane, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)))
-    # The first of a moment is the heartbeat, by which the sender is known.
+    # The first message of a moment is the heartbeat, which identifies the sender.
     sent.sort(key=lambda entry: (entry[0], not isinstance(entry[2], mavlink.MAVLink_heartbeat_message)))
     path.write_bytes(
         b"".join(

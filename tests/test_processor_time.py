@@ -79,7 +79,7 @@ def test_what_takes_long_without_its_marker_fails(tmp_path: Path) -> None:
 
 
 def test_a_child_that_still_runs_is_counted() -> None:
-    """A browser is one: it ends with the session. What ended is not counted twice."""
+    """A browser is one: it ends with the session. Time of finished processes is not counted twice."""
     code = "import time\nwhile time.process_time() < 0.3: pass\nprint('done', flush=True); input()"
     before = used_s() - time.process_time()
     with subprocess.Popen([sys.executable, "-S", "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:

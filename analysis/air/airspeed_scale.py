@@ -32,7 +32,7 @@ class AirspeedScale(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def pressure_factor(self) -> float:
-        """Dynamic pressure over its reading: airspeed is its root."""
+        """Ratio of dynamic pressure to its reading; airspeed goes with its square root."""
         return (1 + self.scale) ** -2
 
     def corrected(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -58,7 +58,8 @@ class AirspeedScale(msgspec.Struct, frozen=True, kw_only=True):
     def notes_on_aircraft(self, aircraft: Aircraft, where: str) -> list[str]:
         """A note if the scale was determined with another installation than that of this flight.
 
-        Raises InputError naming `where` if it was determined with another aircraft. What has no name is not compared.
+        Raises InputError naming `where` if it was determined with another aircraft. An installation without a name is
+        not compared.
         """
         if self.aircraft and self.aircraft != aircraft.name:
             raise InputError(

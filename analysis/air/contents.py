@@ -21,7 +21,7 @@ from flightpower.flight.propeller import Propeller
 from flightpower.flight.propeller_files import load_propeller, parse_propeller
 from flightpower.flight.propeller_search import with_table_error
 
-# By attachment that an analysis needs, the option instead.
+# For each attachment that an analysis needs, the option that can replace it.
 REMEDIES = {
     "aircraft.toml": "--aircraft FILE (`flightpower new aircraft` writes a template)",
     "propeller.csv": '--propeller NAME or FILE (or [propulsion] propeller = "apc-12x8e" in the aircraft file)',
@@ -52,7 +52,7 @@ class LogContents(NamedTuple):
 
 
 class Replacements(NamedTuple):
-    """Used instead of the contents of the log where not None.
+    """Replacements for contents of the log; None where the log's own are used.
 
     weight_N : of the aircraft     zero : by channel
     files : where these were read from, or the name of a shipped propeller, by the attachment that each replaces
@@ -139,7 +139,7 @@ def _recorded_aircraft(log: Log, *, needed: bool) -> Aircraft | None:
 
 
 def propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
-    """The propeller that an aircraft file names, else that of the log.
+    """The propeller named in the aircraft file, otherwise that of the log.
 
     The log's table is that of the propeller its own aircraft file names. Raises InputError when there is none, or it is
     malformed.

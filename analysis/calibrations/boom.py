@@ -133,8 +133,8 @@ def boom(
     up and down again, so that the boom bends by some degrees. Let it stand for ten seconds without weight at the end.
 
     A boom that bends under its load factor makes the angle of attack wrong, most in slow and accelerated flight. The
-    lines printed for the aircraft file correct for it, and say how well. How far the aircraft gives on its gear is
-    subtracted: it is in the log.
+    lines printed for the aircraft file correct for it, and say how well. The yielding of the landing gear is in the log
+    and is subtracted.
 
     Run this command without --weights first: it lists the times at which the aircraft stood still. Exit code 2 if the
     lists do not fit them.

@@ -149,11 +149,10 @@ def _speed_groups(speed_mps: Array) -> NDArray[np.int64]:
 def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float = 0.0) -> ProbeCalibration:
     """Smooth maps through a tunnel's measurements, the order of each chosen by cross-validation.
 
-    angle_scale_sigma: relative standard error of the tunnel's own angles (turntable, blockage, walls). The measurements
-    do not show it.
-    Raises InputError if there are too few points, points without flow or at one angle only, or if they do not support
-    a calibration: the maps predict too little of the variance of alpha or beta at points left out, or
-    the standard error of the slope of alpha exceeds TUNNEL.largest_slope_sigma.
+    angle_scale_sigma: relative standard error of the tunnel's own angles (turntable, blockage, walls). This error does
+    not show in the measurements. Raises InputError if there are too few points, points without flow or at one angle
+    only, or if they do not support a calibration: the maps predict too little of the variance of alpha or beta at
+    points left out, or the standard error of the slope of alpha exceeds TUNNEL.largest_slope_sigma.
     """
     if np.any(tunnel.speed_mps > UNITS.plausible.tip_mps[1]):
         raise InputError(f"{source}: speeds above {UNITS.plausible.tip_mps[1]:.0f} m/s; is their unit right?")

@@ -72,7 +72,7 @@ def held_speeds(table: pd.DataFrame, source: str) -> list[HeldSpeed]:
 
     Raises InputError where the log does not begin and end with a motor that stands, or has too few speeds.
     """
-    revps = table["n_revps"].fillna(0.0).to_numpy()  # a standing motor sends no messages
+    revps = table["n_revps"].fillna(0.0).to_numpy()  # a stopped motor sends no messages
     t_s = table.index.to_numpy()
     step_s = float(t_s[1] - t_s[0])
     settling = round(GROUND.reference_s / step_s)

@@ -47,7 +47,7 @@ def calibrate(
     coefficients, *_ = np.linalg.lstsq(X, readings, rcond=None)
     residuals = readings - X @ coefficients
     dof = len(p) - 2
-    # Few residuals determine their own size poorly: Student's distribution, so that 95 % intervals are such.
+    # Few residuals determine their own size poorly: Student's distribution, so that the 95 % intervals hold
     factor = float(special.stdtrit(dof, 0.975)) / NORMAL_95
     sigma = factor * np.sqrt(np.sum(residuals**2, axis=0) / dof * np.linalg.inv(X.T @ X)[1, 1])
     slopes = coefficients[1]
@@ -80,7 +80,7 @@ def calibrate(
         alpha=lines["alpha"],
         beta=lines["beta"],
         airspeed=speed,
-        # Airspeed is as the root of its pressure.
+        # Airspeed goes with the square root of its pressure.
         airspeed_scale=float(np.sqrt(speed.slope) - 1),
         airspeed_scale_error=speed.slope_error / speed.slope / 2,
     )

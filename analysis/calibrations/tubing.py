@@ -68,7 +68,7 @@ class Lag:
 
     @property
     def more_steps(self) -> int:
-        """Number of further such steps for a sufficient interval, whose width goes with 1/sqrt(number)."""
+        """Number of further such steps for a sufficient interval; its width goes with 1/sqrt(number)."""
         half = (self.hi_s - self.lo_s) / (2 * self.lag_s)
         return max(math.ceil(self.steps * ((half / LAG.half_width[1]) ** 2 - 1)), 0) if self.bounded else 0
 

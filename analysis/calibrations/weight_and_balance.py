@@ -77,7 +77,7 @@ def _why_not(supports: Sequence[Support], errors: ScaleErrors, share: float) -> 
                 f"readings of support {number} differ by {1e3 * apart:.0f} g, more than three times their error: let"
                 " the scale settle, and weigh without wind"
             )
-    largest = 10 * Uncertainty.weight_fraction  # of what the analysis assumes without a weighing
+    largest = 10 * Uncertainty.weight_fraction  # of the error that the analysis assumes without a weighing
     if share > largest:
         return (
             f"the standard error of the weight is {100 * share:.1f} %, more than {100 * largest:.0f} %:"

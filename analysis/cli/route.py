@@ -51,7 +51,7 @@ class SpeedChoice(StrEnum):
 
 @dataclass(frozen=True)
 class RouteOptions(StallOptions):
-    """What is known of flight, wind and battery."""
+    """Assumptions about flight, wind and battery."""
 
     legs: Annotated[
         str | None,
@@ -301,7 +301,7 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
 
 
 def _questions(results: "RouteInput", flight: "Flight", options: RouteOptions) -> list[str]:
-    """What was given and is far from the flight, each as a question."""
+    """Entered values that are far from the flight, each as a question."""
     from flightpower.analysis.performance.request import unusual_battery, unusual_weight
 
     given_Wh = flight.battery.energy_J / 3600 if options.battery_Wh is not None else None

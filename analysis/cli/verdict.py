@@ -29,6 +29,6 @@ def report_evidence(evidence: Sequence["Evidence"], print_results: Callable[[], 
 
 
 def evidence_of_kinds(results: "PooledResults | ComparisonResults") -> list["Evidence"]:
-    """The evidence against what is estimated by either kind of power, each piece once."""
+    """The evidence against the estimates by either kind of power, each piece once."""
     of_other = results.other_kind.evidence if results.other_kind else []
     return [*results.evidence, *(piece for piece in of_other if piece not in results.evidence)]

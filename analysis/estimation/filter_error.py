@@ -174,7 +174,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
         if not without.cost <= point.cost + FILTER_ERROR.zero_cost:
             zero = fixed
             smaller, without = _holding(likelihood, fixed, point)
-        # The filter may need the least noise of one state. Which one makes the data likeliest is seen after a step.
+        # The filter may need the least noise of one state. Only a step shows which one makes the data likeliest.
         without_noise = {
             key: value for key, value in (negligible | zero).items() if key.kind is UnknownKind.PROCESS_NOISE
         }

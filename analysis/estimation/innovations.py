@@ -36,7 +36,7 @@ class InnovationsLikelihood:
         return self.problem.keys.index(key)
 
     def holding(self, values: Mapping[UnknownKey, float], theta: Array) -> tuple["InnovationsLikelihood", Array]:
-        """The likelihood with these ln w and ln v fixed, and theta without them."""
+        """The likelihood with ln w and ln v fixed; theta excludes them."""
         keep = np.array([key not in values for key in self.problem.keys])
         return replace(self, problem=self.problem.without(keep), fixed=self.fixed | dict(values)), theta[keep]
 

@@ -122,7 +122,7 @@ def maximize(
             return point, iteration, Stop.OPTIMUM
         eigen = _step_matrix(likelihood, point, correction, moving, length < SEARCH.near * np.sqrt(values))
         gain = point.gradient[moving] @ eigen.step(point.gradient[moving], 0.0)
-        if gain < 1e-13 * abs(point.cost):  # hidden by the rounding errors of the cost
+        if gain < 1e-13 * abs(point.cost):  # below the rounding errors of the cost
             return point, iteration, Stop.OPTIMUM
         new, damping = _improve(likelihood, point, eigen, moving, damping)
         if new is None or new.cost == point.cost:  # rounding errors dominate, or the gradient is wrong
@@ -157,7 +157,7 @@ def _secant(correction: Array, step: Array, change: Array, curvature: Array, inf
     scale = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
     for before in (correction, zero):
         missing = change - (curvature + before) @ step
-        product = missing @ step  # below 1e-8 of the norms it is rounding
+        product = missing @ step  # below 1e-8 of the norms only rounding errors are left
         if abs(product) <= 1e-8 * np.linalg.norm(missing / scale) * np.linalg.norm(step * scale):
             return before
         updated: Array = before + np.outer(missing, missing) / product

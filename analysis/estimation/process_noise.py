@@ -142,9 +142,9 @@ def noise_from_predictions(
 
     From sample k the model predicts sample k + 1. The error d of this prediction has the covariance
     V + Phi V Phi' + Q h, and that of two in succession is -V Phi', where V is the covariance of measurement noise of
-    the states, Phi the transition matrix and Q h that of process noise over the step. Both together give V and Q. An
-    output that is no state has the measurement noise that the noise of the states does not explain. Variances smaller
-    than their own standard errors start at those.
+    the states, Phi the transition matrix and Q h that of process noise over the step. From both together follow V and
+    Q. An output that is no state has the measurement noise that the noise of the states does not explain. Variances
+    smaller than their own standard errors start at those standard errors.
     """
     p = [values.get(q.name, q.start) for q in model.parameters]
     positions = [model.outputs.index(state) for state in model.states]

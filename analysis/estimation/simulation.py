@@ -50,7 +50,7 @@ def trapezoidal(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
     error = x + h / 2 * (now + rate) - y
     newton = y - ca.solve(ca.jacobian(error, y), error)
     x_next = x
-    for _ in range(3):  # each squares the error
+    for _ in range(3):  # each of these squares the error
         x_next = ca.substitute(newton, y, x_next)
     return x_next
 

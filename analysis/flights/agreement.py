@@ -2,7 +2,7 @@
 
 The estimates of two flights are correlated, since both were drawn to the same prior. For the shared parameters x, each
 estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's mean, n_f the flight's own error, and c_f
-the effect of errors that all flights have in common. Both tests use the covariance of the differences that follows.
+the effect of errors that all flights have in common. Both tests use the covariance of these differences.
 """
 
 from collections.abc import Callable, Sequence
@@ -166,9 +166,9 @@ One = TypeVar("One", bound=Compared)
 def outliers(n: int, compared: Callable[[list[int]], Sequence[One]], false_alarms: float) -> dict[int, One]:
     """Numbers of the flights that differ from the pool of agreeing flights; the worst is removed first.
 
-    compared: of some flights, by number, each with the pool of the others. Curve and installation are tested, each at
-    the level `false_alarms` over the number of tests. At most half of the flights are named; of two flights none is,
-    since either may be wrong.
+    compared: numbers of the flights to compare, each with the pool of the others. Curve and installation are tested,
+    each at the level `false_alarms` over the number of tests. At most half of the flights are named; of two flights
+    none is, since either may be wrong.
     """
     agreeing, differing = list(range(n)), dict[int, One]()
     while len(agreeing) > 2 and 2 * (len(differing) + 1) <= n:
@@ -195,7 +195,7 @@ def remounted_flights(stack: FlightStack, prior: Prior) -> frozenset[int]:
     """Numbers of the flights that contradict a common installation: those that differ, or all flights where the rest
     differ as well.
 
-    stack: of the flights as their files say
+    stack: the flights, grouped as their files say
     """
     if len(stack.values) < 2 or not homogeneity(stack, prior, INSTALLATION_PART).differs:
         return frozenset()
@@ -286,7 +286,7 @@ def chi_square_test(chi_square: float, degrees_of_freedom: int) -> Test:
 
 
 def of_difference(value: Array, covariance: Array) -> LargestDifference:
-    """Whether a difference (n,) at several speeds is one at all. covariance : (n, n)"""
+    """Whether a difference (n,) at several speeds is significant. covariance : (n, n)"""
     z = value / np.sqrt(np.diag(covariance))
     index = int(np.argmax(np.abs(z)))
     return LargestDifference(index, float(z[index]), largest_of_errors(covariance)(abs(float(z[index]))))

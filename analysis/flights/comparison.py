@@ -52,7 +52,7 @@ _N_POLAR = len(POLAR)
 
 
 class Relation(NamedTuple):
-    """What two pools have in common.
+    """The errors and conditions that two pools have in common.
 
     same_installation, same_propeller : of electrical power, whether both are of one aircraft
     contradicted : by which the flights contradict the one installation that the files of both name; None where not
@@ -177,7 +177,7 @@ class Comparison(OfAKind["Comparison"]):
         return [*self._notes_of_kind(names, evidence), *([self.refused] if self.refused else [])]
 
     def _notes_of_kind(self, names: tuple[str, str], evidence: list[Evidence]) -> list[str]:
-        if self.a.kind is Kind.ELECTRICAL:  # both sides together: a board may have flown on both
+        if self.a.kind is Kind.ELECTRICAL:  # both sides together, since a board may have flown on both
             contents = [flight.content for pool in (self.a, self.b) for flight in pool.flights]
             apart = one_name(self.a, self.b) and not self.relation.same_installation
             return [*vehicle_notes(contents), *([NOT_ONE_VEHICLE] if apart else [])]

@@ -55,7 +55,7 @@ class CurveDifference(NamedTuple):
 
     @property
     def share(self) -> Uncertain:
-        """The difference as a share of the other's power (n,)."""
+        """The difference as a fraction of the other's power (n,)."""
         return self.value_W.through(np.diag(1 / self.power_W))
 
     @property

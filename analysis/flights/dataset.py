@@ -115,7 +115,7 @@ class Dataset:
                 content = _read_row(row)
                 if content is not None:
                     flight = read_curve(content) if content.pooling is None else of_content(content)
-                    folder = row.get("folder") or ""  # rows of earlier versions have none
+                    folder = row.get("folder") or ""  # rows of earlier versions lack it
                     newest[row["flight"]] = (row["configuration"], replace(flight, folder=folder))
         by_configuration: dict[str, list[PoolFlight]] = defaultdict(list)
         for key in sorted(newest, key=lambda key: (newest[key][1].start_unix_s or math.inf, key)):
@@ -172,12 +172,13 @@ class Dataset:
         fs, root = file_system(self.address)
         folder = _folder(root, airframe)
         fs.makedirs(folder, exist_ok=True)
-        with fs.transaction, fs.open(f"{folder}/{name}.parquet", "wb") as stream:  # whole, or not at all
+        with fs.transaction, fs.open(f"{folder}/{name}.parquet", "wb") as stream:  # complete, or not at all
             pq.write_table(pa.Table.from_pylist(rows, schema=schema), stream, compression="zstd")
 
 
 def stored(results: Mapping[str, Any] | Results) -> StoredFlight:
-    """A flight's row, without what a mission is computed from. Raises InputError as `read_statistics` does."""
+    """A flight's row, without the fields from which a mission is computed. Raises InputError as `read_statistics`
+    does."""
     content = read_results(results)
     if content.pooling is None:
         return _stored_curve(read_curve(content))

@@ -1,4 +1,4 @@
-"""What is written and drawn of a fleet: `fleet.json` from its airframes."""
+"""The contents of a fleet's files and figures: `fleet.json` from its airframes."""
 
 import math
 from collections import defaultdict

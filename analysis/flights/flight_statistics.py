@@ -44,7 +44,7 @@ class SharedMeasurement(NamedTuple):
 
     @property
     def vector(self) -> Array:
-        """(M,), what it adds to information times mean."""
+        """(M,), the data's contribution to information times mean."""
         return np.array(self.coefficients) * self.value / self.sigma**2
 
 
@@ -68,12 +68,12 @@ class _OneFlight:
 
     @property
     def start_unix_s(self) -> float | None:
-        """Start of its log; None where that is not known."""
+        """Start of its log; None if not known."""
         return self.content.start_unix_s
 
     @property
     def dated(self) -> bool:
-        """Whether it is known when it was flown."""
+        """Whether the date of the flight is known."""
         return self.start_unix_s is not None
 
 
@@ -114,7 +114,7 @@ class FlightStatistics(_OneFlight):
     @property
     def statistics(self) -> PoolingStatistics:
         """Taken from its results."""
-        assert self.content.pooling is not None  # it is made of these
+        assert self.content.pooling is not None  # computed from these fields
         return self.content.pooling
 
     @property

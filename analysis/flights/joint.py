@@ -26,7 +26,7 @@ from flightpower.analysis.methods.consider import DENSITY, UPDRAFT
 from flightpower.analysis.uncertain import Uncertain
 from flightpower.flight.arrays import Array
 
-# Errors that each flight has its own of; others are common to all flights.
+# Errors that are separate for each flight; all others are common to all flights.
 OWN_CHANGES = frozenset({UPDRAFT, DENSITY, *ZERO_STEPS.values()})
 _INSTALLATION = np.array([name in INSTALLATION_ERRORS for name in POOLED])
 
@@ -76,7 +76,7 @@ class Prior(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Flights whose parameters are the same among all that are estimated.
+    """Flights that share all estimated parameters.
 
     columns : (M,) where these are     counts : (n,) how many flights like each there are, each with its own errors
     """
@@ -217,7 +217,7 @@ def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array,
 
 
 def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
-    """The prior of what the flights share; the widest, where theirs differ. The stand's measurement is taken from the
+    """The prior of the shared parameters; the widest where flights differ. The stand's measurement is taken from the
     first flight: flights with one propeller share it."""
     widest = np.min([flight.prior_information for flight in flights], axis=0)
     share = 1.0 if flights[0].installation else 1 - POOLING.remounted**2
@@ -230,7 +230,7 @@ def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
 
 
 def solve(groups: Sequence[Group], prior: Prior) -> PooledEstimate:
-    """Solve for all parameters (k,) that the flights share."""
+    """Solves for all shared parameters (k,)."""
     H, b = prior.information.copy(), prior.vector.copy()  # not symmetric: the first step does not see the second
     for stack, indices, counts in groups:
         H[np.ix_(indices, indices)] += np.tensordot(counts, stack.normal_matrix, 1)

@@ -71,8 +71,8 @@ Estimate = TypeVar("Estimate", bound=OfAKind[Any])
 
 
 def first_of_kinds(kinds: Sequence[Kind], made_by: Callable[[Kind], Estimate]) -> Estimate:
-    """The estimate by the first kind of power, with that by the other. A kind that is refused is left out, and the
-    reason kept. Raises the first InputError where all are.
+    """The estimate by the first kind of power, and the estimate by the other kind. A kind that is refused is left out,
+    and the reason kept. Raises the first InputError where all are.
     """
     estimates, refused = [], []
     for kind in kinds:
@@ -157,7 +157,8 @@ class Pool(OfAKind["Pool"], ABC):
 
     @abstractmethod
     def deviations_for_trends(self) -> tuple[Array, ErrorParts]:
-        """Deviation of each flight's power from the pool in percent (flights,), where flights are surest."""
+        """Deviation of each flight's power from the pool in percent (flights,), at the speed where flights are most
+        certain."""
 
     @abstractmethod
     def planned_difference(self, flights: int) -> Array:
@@ -178,7 +179,7 @@ class Pool(OfAKind["Pool"], ABC):
         return results
 
     def _form_of_flight(self, _: int, flight: PooledFlight) -> PooledFlight:
-        """The row of one flight, by number, with what only this kind has."""
+        """The row of one flight, by number, with the fields that only this kind has."""
         return flight
 
     @cached_property

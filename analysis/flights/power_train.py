@@ -51,7 +51,7 @@ class DragPool(Protocol):
 
 
 def pooled_use(pool: DragPool) -> PooledUse | None:
-    """None where no flight has a power train. Losses that are measured count, where there are any, or else assumed."""
+    """None where no flight has a power train. Measured losses are used if there are any, otherwise assumed ones."""
     candidates = [
         (candidate, candidate.content.use, candidate.content.use.model)
         for candidate in pool.flights

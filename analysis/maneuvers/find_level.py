@@ -56,7 +56,7 @@ class _Judged(NamedTuple):
 def _judged(
     stretch: list[slice], table: pd.DataFrame, motion: SmoothedMotion, sign: int, noise: float
 ) -> list[_Judged]:
-    """The verdict on each stretch that is worth one. sign: of the acceleration. noise: `noise_share`."""
+    """The verdict on each stretch that deserves one. sign: of the acceleration. noise: `noise_share`."""
     scale, runs = speed_ratio_of(table), []
     for rows in stretch:
         measures = _measures(table.iloc[rows], motion, rows, sign)._replace(noise_share=noise)

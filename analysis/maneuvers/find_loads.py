@@ -164,7 +164,7 @@ def _edges(elevator: Array, step_s: float) -> tuple[Array, Array]:
     times, signs = [], []
     for sign in (1.0, -1.0):
         for rows in stretches(sign * change > angle_rad):
-            # The difference over `over` samples lasts that long after the step: subtract half of it.
+            # A difference over `over` samples outlasts the step by that many: subtract half of them.
             times.append(((rows.start + rows.stop - 1) / 2 - over / 2) * step_s)
             signs.append(sign)
     order = np.argsort(times)

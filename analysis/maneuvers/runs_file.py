@@ -108,7 +108,7 @@ def mistake_in(entry: ManeuverEntry) -> str:
 
 
 def head(log: str, name: str = "runs.toml") -> str:
-    """The remarks that the file begins with."""
+    """The remarks at the top of the file."""
     return HEAD.format(log=log, name=name, kinds=", ".join(KINDS))
 
 
@@ -189,7 +189,7 @@ def _same(entry: ManeuverEntry, stretch: RejectedManeuver) -> bool:
     return entry.kind == stretch.kind and apart < 0.01
 
 
-PRESSURES = ("q_c_Pa", "dp_alpha_Pa", "static_Pa")  # flight is recognized only if all of these are measured
+PRESSURES = ("q_c_Pa", "dp_alpha_Pa", "static_Pa")  # a flight is recognized only if all of these are measured
 
 
 def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | None = None) -> Maneuvers:

@@ -70,7 +70,7 @@ class LoadSettings(Settings):
 
     @property
     def pushed(self) -> float:
-        """Load factor below which a roller coaster goes."""
+        """A roller coaster goes below this load factor."""
         return 1 - self.deviation.roller_coaster
 
 
@@ -92,7 +92,7 @@ class Steps3211Settings(Settings):
 
     @property
     def units(self) -> NDArray[np.float64]:
-        """What the maneuver is named for: the durations of its four steps, (4,)."""
+        """The durations of the four steps that give the maneuver its name, (4,)."""
         return np.array([3.0, 2.0, 1.0, 1.0])
 
 

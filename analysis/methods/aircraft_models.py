@@ -28,7 +28,7 @@ from flightpower.flight.aerodynamics import body_axes, lift_slope, stability_axe
 from flightpower.flight.aircraft import Aircraft, Uncertainty
 from flightpower.flight.arrays import Array
 
-STATED = Uncertainty()  # by an aircraft file that states nothing
+STATED = Uncertainty()  # for an aircraft file that states no uncertainty
 
 
 @dataclass(frozen=True, kw_only=True)

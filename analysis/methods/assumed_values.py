@@ -167,7 +167,7 @@ def _note(key: str, description: str, share: float, V: float) -> str:
 
 
 def with_assumption_uncertainty(estimate: DynamicEstimate, added: AssumptionUncertainty | None) -> DynamicEstimate:
-    """The estimate with the uncertainty by assumed values in its systematic part."""
+    """The estimate with the uncertainty from assumed values added to its systematic part."""
     if added is None:
         return estimate
     systematic = estimate.systematic + added.covariance
@@ -225,7 +225,7 @@ def with_step_of_motor_speed(
     thrust.
 
     Pulses per interval are either truncated, which loses half a step on average, or rounded, which loses none. No
-    reading shows which, so motor speed has this error with even odds. What scatters about it is in the residuals.
+    reading shows which, so motor speed has this error with even odds. The scatter about it is in the residuals.
     values_from: as for `with_transducer_uncertainty`.
     """
     turning = air["n_revps"].to_numpy(dtype=float)

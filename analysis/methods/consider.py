@@ -121,8 +121,8 @@ def at_nominal_weight(values: Array, aircraft: Aircraft) -> Array:
 def by_density(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> Array:
     """Change of an estimate (m,) by a measured density that is one standard deviation too high, at right airspeeds.
 
-    Airspeed from dynamic pressure is too low by half of it. This is a scale error of airspeed in this flight, and is
-    estimated as one.
+    Airspeed computed from dynamic pressure is too low by half the relative error. This is a scale error of airspeed in
+    this flight, and is estimated as one.
     """
     return values_of(forces_in_denser_air(flight_forces).nominal) - values
 
@@ -156,7 +156,7 @@ def _weight_factor(aircraft: Aircraft) -> float:
     return 1 + aircraft.uncertainty.weight_fraction
 
 
-STATE_STEP = 1e-4  # of the derivatives by the states [rad], [m/s]
+STATE_STEP = 1e-4  # derivatives with respect to the states [rad], [m/s]
 
 
 def noise_covariance(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array], list[Segment]]) -> Array:

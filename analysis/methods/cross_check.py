@@ -115,7 +115,7 @@ def _means(signal: Array, block: int) -> Array:
 
 
 class CrossCheck(NamedTuple):
-    """A polar, and how its estimation ended."""
+    """A polar, and the reason why its estimation ended."""
 
     polar: Polar
     verdict: str

@@ -187,7 +187,7 @@ def estimate_polar(
     changes[covariance.DENSITY] = covariance.at_nominal_density(fit.values + by_density, aircraft) - fit.values
     rejected = rejected_assumptions(fit)
     changes |= {str(rejected_assumption.assumption): rejected_assumption.change for rejected_assumption in rejected}
-    if as_measured is not None:  # another defect may look like this one: the interval contains the curve without it
+    if as_measured is not None:  # another defect may look the same, so the interval also contains the uncorrected curve
         without = np.pad(as_measured, (0, len(fit.values) - len(as_measured)))
         changes[str(Assumption.MOTOR_SPEED)] = (fit.values - without) / NORMAL_95
     values = fit.values

@@ -4,8 +4,8 @@ All quantities are means over the blocks of the trajectory, five a second. The t
 errors, so that a method can be repeated along a perturbed trajectory. Forces are divided by mass [m/s^2].
 
 Gusts within a block push the aircraft forward: lift tilts forward while it is largest (Katzmayr effect). The
-accelerometer measures this push. So drag is larger than what means of force and angle of attack give, by the covariance
-of lift and angle: 0.7 % in 15 kt.
+accelerometer measures this force. So drag is larger than what means of force and angle of attack give, by the
+covariance of lift and angle: 0.7 % in 15 kt.
 """
 
 from functools import cached_property

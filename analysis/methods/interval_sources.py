@@ -74,7 +74,7 @@ def variance_by_source(
     by_source: dict[Share, Array] = defaultdict(lambda: np.zeros(len(V)))
     polar = joint.parameters.at([joint.names.index(name) for name in POLAR])
     for name, change in polar.shared.items():
-        if name == covariance.DENSITY:  # kept for the comparison of flights; here at the density of this one
+        if name == covariance.DENSITY:  # also kept for comparing flights; here at this flight's density
             change = covariance.at_nominal_density(polar.value + change, aircraft) - polar.value
         by_source[OF_CHANGE.get(name, Share.TRANSDUCERS)] += (gradient @ change) ** 2
     for source, shares in shares_of_correlated(joint, gradient).items():
@@ -102,7 +102,7 @@ def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Share, A
     power = gradient * sigma[:n]
 
     def explained(sources: Iterable[Share]) -> Array:
-        """Variance that goes when these are known exactly."""
+        """The variance removed if these errors were known exactly."""
         rows = [i for source in sources for i in members[source]]
         with_them, own = power @ correlation[:n, rows], correlation[np.ix_(rows, rows)]
         return np.asarray(np.sum(with_them * np.linalg.lstsq(own, with_them.T, rcond=None)[0].T, axis=1))

@@ -198,7 +198,8 @@ DYNAMIC_TITLE = "dynamic method"
 
 
 def estimate_by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, MethodTried, AssumptionUncertainty | None]:
-    """The dynamic method's estimate; None where it gives no curve, and why. With the uncertainty by assumptions."""
+    """The dynamic method's estimate, or None and the reason if it gives no curve. With the uncertainty by
+    assumptions."""
     runs = flight.maneuvers.level_runs
     if not runs:
         return None, tried(DYNAMIC, DYNAMIC_TITLE, MethodRejection.NOT_FLOWN, "accelerations or decelerations"), None

@@ -161,7 +161,7 @@ def input_tables(
 
     columns = {
         **{name: f[name] for name in ALONG},
-        "ax": f["ax"] + flight_forces.cov_az_alpha[rows],  # without the push by gusts
+        "ax": f["ax"] + flight_forces.cov_az_alpha[rows],  # without the force of gusts
         "az": f["az"],
         "qS_over_m_mps2": qS_over_m(V),
         "thrust_x_over_m_mps2": thrust_over_m(V),
@@ -258,7 +258,7 @@ def estimate_with(method: Method, inputs: MethodInputs) -> MethodEstimate:
 
 
 def not_flown(method: MethodDescription) -> MethodEstimate:
-    """No estimate, because no run was flown of any kind that the method takes."""
+    """No estimate, because no run was flown of the kinds that the method needs."""
     note = f"no run of the required kind was flown: {' or '.join(method.kinds)}"
     return MethodEstimate(method, not_flown=method.kinds, notes=(note,))
 

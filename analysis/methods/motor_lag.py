@@ -25,7 +25,7 @@ def with_motor_lag(model: Model) -> Model:
 def beyond_doubt(fit: Fit) -> bool:
     """Whether a lag is more than MOTOR_SPEED.least_errors of its standard errors, and long enough to matter.
 
-    fit: of the model with it
+    fit: the fit of the model that includes it
     """
     lag_s, error_s = value_and_error(fit, PARAMETER)
     return bool(fit.verdict.ok and abs(lag_s) > max(MOTOR_SPEED.least_errors * error_s, CONSISTENCY.least_shift_s))

@@ -34,7 +34,7 @@ THRUST_TITLES = {
 
 
 class Assumption(StrEnum):
-    """What a flight may reject. The values are keys of `pooling.changes` in results.json."""
+    """Assumptions that a flight may reject. The values are keys of `pooling.changes` in results.json."""
 
     THRUST_TABLE = "doubt of thrust"
     PARABOLIC_POLAR = "doubt of the polar's shape"

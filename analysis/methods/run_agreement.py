@@ -1,4 +1,4 @@
-"""Each acceleration and deceleration against the others of its kind: the flight's own certificate.
+"""Each acceleration and deceleration compared with the others of its kind: the flight tests itself.
 
 Each run alone gives power at one lift coefficient, and this is compared with all other runs. Their difference has the
 noise of both, an error of the path's slope in each, which residuals of some seconds do not show (D changes by L times
@@ -49,7 +49,8 @@ def runs_against_others(
 def one_kind_against_another(
     method_estimate: MethodEstimate, other: MethodEstimate, condition: Condition, uncertainty: Uncertainty
 ) -> RunAgainstOthers | None:
-    """The accelerations against the decelerations, or the like: what differs by thrust or lag. None without both."""
+    """The accelerations compared with the decelerations: errors of thrust or lag make them differ. None without
+    both."""
     if method_estimate.polar is None or other.polar is None:
         return None
     return _compared(
@@ -99,7 +100,7 @@ def _differences(
     weighed = (weight[:, :, None] * rows[:, None, :]).reshape(len(CL), -1)
 
     def by_others(values: list[Array]) -> Array:
-        """The weighed mean (k, n) of what changes the polars by (3, n) each."""
+        """The weighted mean (k, n) of changes of the polars, (3, n) each."""
         return np.asarray(weighed @ np.concatenate([value.reshape(3, -1) for value in values]))
 
     CD, CD_others = rows @ _polar(run), by_others([_polar(method_estimate) for method_estimate in others])[:, 0]

@@ -66,8 +66,8 @@ class MotorSpeed:
 
     @property
     def least_pole_share(self) -> float:
-        """The smallest error of motor speed by poles, which come in pairs: two of 24. Also the prior standard deviation
-        of an error that the runs show."""
+        """The smallest error of motor speed from a wrong number of poles, which come in pairs: two of 24. Also the
+        prior standard deviation of an error that the runs show."""
         return 2 / 24
 
     @property

@@ -67,7 +67,7 @@ def thrust_prior(aircraft: Aircraft) -> ThrustPrior:
     uncertainty = aircraft.uncertainty
     sigma = np.array([uncertainty.thrust_scale_fraction, uncertainty.thrust_slope])
     mean, vector = np.zeros(2), np.zeros(2)
-    with np.errstate(divide="ignore"):  # an error stated as zero is known
+    with np.errstate(divide="ignore"):  # an error stated as zero means a known value
         covariance, information = np.diag(sigma**2), np.diag(1 / sigma**2) + stand_information(aircraft)
     for measurement in stand_measurements(aircraft):
         row, value = measurement.row(THRUST), measurement.value / measurement.sigma

@@ -2,7 +2,7 @@
 
 A leg's airspeed and the wind make its ground speed (wind triangle). Height changes evenly over the leg; if that exceeds
 the aircraft's rate of climb, the rest is climbed in circles. Turns between legs and circles are flown at a load factor.
-A change of speed counts as a change of height of the same energy. Wind is where it blows to, m/s.
+A change of speed counts as a change of height of the same energy. Wind is the direction it blows to, m/s.
 """
 
 from dataclasses import dataclass, replace
@@ -31,7 +31,8 @@ class Battery(NamedTuple):
     resistance_ohm: float = 0.0
 
     def drawn_W(self, power_W: Array) -> Array:
-        """What the cells give up: V_oc I, where V_oc I - R I^2 = P. Infinite where they cannot give the power."""
+        """Voltage and energy that the cells deliver: V_oc I, where V_oc I - R I^2 = P. Infinite where the cells cannot
+        deliver the power."""
         if self.open_circuit_V is None or not self.resistance_ohm:
             return power_W
         V, R = self.open_circuit_V, self.resistance_ohm
@@ -105,7 +106,7 @@ def ground_speed(V: Array, course_rad: Array, wind_east_mps: Array, wind_north_m
 def energy_and_time(legs: Legs, V: Array, world: World, battery: Battery) -> tuple[Array, Array]:
     """Energy from the cells [J] and time [s], (n, k), at commanded true airspeeds V (k,) or (n, k) [m/s].
 
-    Infinite where the wind lets the aircraft not arrive.
+    Infinite where the aircraft cannot arrive against the wind.
     """
     V = V * world.airspeed
     over_ground = ground_speed(V, legs.course_rad, world.wind_east_mps, world.wind_north_mps)

@@ -217,7 +217,7 @@ class _Steps:
 
 
 def _title(command: int) -> str:
-    """What MAVLink calls it, in a message; imported where one is made."""
+    """Its name in MAVLink, for a message; imported only then."""
     from pymavlink.dialects.v20 import ardupilotmega
 
     command_entry = ardupilotmega.enums["MAV_CMD"].get(command)

@@ -1,7 +1,7 @@
 """Missions of INAV as mwp and the Configurator save them: XML with `missionitem`.
 
 Source: INAV's docs/Navigation.md. Places are degrees, heights meters above home, or above the sea where bit 0 of the
-third parameter is set; a jump names a number of this file. Speeds of legs are for multicopters alone.
+third parameter is set; a jump names a number of this file. Speeds of legs apply to multicopters only.
 """
 
 import math

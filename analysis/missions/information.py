@@ -4,8 +4,8 @@ The equations are linearized along the planned flight. The covariance of the sen
 trajectory and the random errors of the states are those of `analysis.trajectory`, at the gust intensity expected; drag
 is regressed as in `analysis.methods.dynamic`, and its noise is that of `analysis.methods.consider`: by errors of the
 states, and by what else the residuals contain. The latter is taken as white, of the size that flights of this kind have
-shown. Earlier flights add what they know of drag and of the installation's sensor errors. A `Question` names the half
-width to minimize.
+shown. Earlier flights add their information on drag and on the installation's sensor errors. A `Question` names the
+half width to minimize.
 """
 
 import math
@@ -79,7 +79,7 @@ def polar(results: Sequence[Results]) -> Array | None:
 def information(results: Sequence[Results]) -> Array | None:
     """Information (m, m) of the flights about the errors that stay with the installation; None without any.
 
-    What each flight knew beyond the prior, each error by itself: results.json has no correlations.
+    The information each flight adds to the prior, error by error: results.json has no correlations.
     """
     total = np.zeros((len(SENSOR_ERRORS), len(SENSOR_ERRORS)))
     for flight_results in results:
@@ -132,7 +132,7 @@ class AssumedErrors(NamedTuple):
 
     @property
     def none(self) -> "AssumedErrors":
-        """No effect, as on the difference of two flights of one installation."""
+        """No effect; it cancels in the difference of two flights of one installation."""
         return AssumedErrors(0 * self.scores, 0 * self.direct)
 
 

@@ -27,7 +27,7 @@ class Command(IntEnum):
     GUIDED = 92
     DELAY = 93
     PLACE_PAYLOAD = 94
-    LAST_PATH = 95  # commands up to it fly somewhere
+    LAST_PATH = 95  # commands up to this number fly somewhere
     SET_MODE = 176
     JUMP = 177
     CHANGE_SPEED = 178
@@ -85,7 +85,7 @@ EQUIPMENT = frozenset(Equipment)
 
 
 class Frame(IntEnum):
-    """MAV_FRAME of heights; the second of each pair is for integers. MISSION: of items that have no place."""
+    """MAV_FRAME of heights; the second of each pair is for integers. MISSION: the frame of items without a position."""
 
     ABOVE_SEA = 0
     MISSION = 2
@@ -158,7 +158,7 @@ class ReadMission(NamedTuple):
 
 
 def item_of(number: int, command: int, frame: int, params: Sequence[float]) -> Item:
-    """params: seven; the last ones are the position. Latitude and longitude of zero, or none, are no place."""
+    """params: seven; the last ones are the position. Latitude and longitude of zero, or missing, mean no position."""
     first = (params[0], params[1], params[2], params[3])
     placed = math.isfinite(params[4]) and math.isfinite(params[5]) and (params[4] != 0 or params[5] != 0)
     return Item(number, command, frame, first, params[4] if placed else None, params[5] if placed else None, params[6])

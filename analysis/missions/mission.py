@@ -38,7 +38,7 @@ class Speed(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Straight flight to a place, then circles there.
+    """Straight flight to a point, then circles there.
 
     speed: None where the mission leaves it open     circle_s, turns: of the circles     radius_m: None: by the bank
     launched: it begins at rest     dropped_kg: payload that leaves the aircraft at the end

@@ -126,7 +126,7 @@ def _turned_to(turn: Turn, angle_rad: float) -> Turn:
     turn_rad = 2 * pi
     more = (angle_rad - turn.angle_rad + pi) % turn_rad - pi
     angle = turn.angle_rad + more
-    if abs(angle) < pi / 2:  # rather a circle than none
+    if abs(angle) < pi / 2:  # a circle is better than no turn
         angle += copysign(turn_rad, turn.angle_rad)
     return replace(turn, angle_rad=angle)
 
@@ -134,7 +134,7 @@ def _turned_to(turn: Turn, angle_rad: float) -> Turn:
 def _crab_rad(part: _Part, begun: Array, wind: Array) -> float:
     """Heading relative to the line of the legs with which a part that begins at a position (2,) ends on that line."""
     across = -float(begun[1] + wind[1] * part.seconds) / max(part.air_m, 1.0)
-    steepest = 0.64  # 40 deg: beyond it a leg hardly advances
+    steepest = 0.64  # 40 deg: above it a leg hardly advances
     return asin(min(max(across, -steepest), steepest))
 
 

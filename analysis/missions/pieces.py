@@ -112,7 +112,7 @@ class PieceKind(StrEnum):
 
     @property
     def manual_only(self) -> bool:
-        """Whether no autopilot's mission holds it."""
+        """Whether an autopilot's mission cannot express it."""
         return self is PieceKind.PORPOISE
 
 

@@ -82,7 +82,7 @@ PATH = PlannedPath()
 
 @dataclass(frozen=True)
 class ExpectedNoise(Settings):
-    """What a flight leaves uncertain, before it is flown."""
+    """The uncertainty that a flight would leave, computed before it is flown."""
 
     residuals_in_gusts: tuple[tuple[float, float], ...] = setting(
         ((0.0, 0.029), (0.15, 0.040), (0.75, 0.060)),

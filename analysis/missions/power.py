@@ -115,7 +115,7 @@ class RoutePower:
 def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.random.Generator) -> RoutePower:
     """Power from an aerodynamic model if the results have one, else from a curve of electrical power.
 
-    idle_W: None: as the results know it, or zero. Raises InputError where they have neither.
+    idle_W: None: from the results, or zero. Raises InputError where they have neither.
     """
     reference = Condition(results.test.weight_N, results.test.air_density_kgpm3, results.aircraft.wing_area_m2)
     idle = results.main.idle_power_W if idle_W is None else idle_W

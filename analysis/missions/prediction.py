@@ -284,7 +284,7 @@ class Route:
         return best_speeds(legs, self._limits(legs), self.nominal, self.flight.battery)
 
     def _fastest(self) -> Array:
-        """The fastest speed flown that full throttle holds."""
+        """The fastest flown speed that full throttle can hold."""
         low, high = self.limits
         V = high + np.linspace(0.0, 1.0, 201)[:, None] * (low - high)
         holds = self.source.nominal.best_climb_mps(V, self.legs.condition) > 0

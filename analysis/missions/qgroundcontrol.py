@@ -117,7 +117,7 @@ def _landing(entry: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _item(position: int, item: dict[str, Any], where: str) -> Item:
-    """Jumps name an item by its `doJumpId`; its position is that where it has none."""
+    """Jumps name an item by its `doJumpId`, or by its position if it has none."""
     parameters = item["params"] if "params" in item else [item[f"param{i}"] for i in range(1, 5)]
     parameters = [*parameters, *item["coordinate"]] if len(parameters) == 4 and "coordinate" in item else parameters
     params = [math.nan if value is None else float(value) for value in parameters]

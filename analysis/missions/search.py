@@ -115,7 +115,7 @@ class FlightPlan:
 
     @property
     def piece_seconds(self) -> list[float]:
-        """How long each of the pieces takes in the plan, in its wind."""
+        """Duration of each piece in the plan, in its wind."""
         return seconds_by_piece(self.pieces, self.history, self.aircraft)
 
 
@@ -126,7 +126,7 @@ def seconds_by_piece(pieces: Sequence[Piece], history: TimeHistory, aircraft: Ex
 
 
 class _Increment(NamedTuple):
-    """seconds: of one piece. What it adds: errors, polar to information, scores to `AssumedErrors`."""
+    """seconds: of one piece. Contribution of a piece: errors, polar to information, scores to `AssumedErrors`."""
 
     seconds: float
     errors: Array
@@ -276,7 +276,7 @@ def _seconds_of(history: TimeHistory) -> float:
 
 
 def _by_itself(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
-    """Not kept in place: what a piece shows must not depend on where it begins."""
+    """Not kept over the field, since the information in a piece must not depend on where it begins."""
     return _flown(sequence(pieces, aircraft, request.wind_from_leg_deg), aircraft, request)
 
 
@@ -306,7 +306,7 @@ def _increment(
     [s].
     """
     alone, alone_s = base
-    repeated = 2  # of a piece in the flight that its information is computed from
+    repeated = 2  # duration of a piece in the flight from which its information was computed
     planned = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
     if piece.kind is PieceKind.RUNS:
         expectation, seconds = _evaluated(planned, aircraft, request)

@@ -123,7 +123,7 @@ def near_stall(results: WithCurves, speed_mps: float | None) -> str:
 
 
 def _fastest_stall_mps(slowest: SlowestFlown) -> float:
-    """The speed of the largest lift coefficient that the wing carried: it stalls no faster."""
+    """The speed at the largest lift coefficient that the wing carried: the stall speed is not higher."""
     return slowest.speed_mps * math.sqrt(slowest.lift_coefficient / slowest.largest_lift_coefficient)
 
 

@@ -42,7 +42,7 @@ Json = dict[str, Any]
 
 
 class Grid(NamedTuple):
-    """What the reader may ask for, and how finely it is computed.
+    """The range of values that the reader may ask for, and the resolution.
 
     lightest, heaviest : times the weight flown; the curve is that of the lift coefficients flown, so its speeds go by
     the square root     nodes : along each axis, by which interpolated power is within 0.3 %
@@ -81,7 +81,7 @@ class OtherConditions(NamedTuple):
 
 
 def other_conditions_section(performance: Performance | None) -> OtherConditions | None:
-    """Controls around what was flown. None where performance is not known."""
+    """Limits of the controls around the flown values. None where performance is not known."""
     if performance is None:
         return None
     mass_kg = performance.flown.condition.weight_N / GRAVITY_MPS2

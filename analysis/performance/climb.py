@@ -191,7 +191,7 @@ def available_result(
 
 
 def _notes_on_speed(full: FullThrottlePerformance, maximum: Interval | None, fastest_mps: float) -> list[str]:
-    """What limits the highest level speed."""
+    """The cause that limits the highest level speed."""
     if maximum is None and np.nanmax(full.climb.value) > 0:
         return [f"No highest level speed: excess power remains up to {full.V[-1]:.1f} m/s."]
     if maximum is None:

@@ -42,7 +42,7 @@ Floats = float | Array
 
 @dataclass(frozen=True)
 class PerformanceModel:
-    """What performance is computed from.
+    """Inputs for computing performance.
 
     parameters : A0, A1, A2, thrust_scale, thrust_slope, alpha_0, alpha_CL, shaft_scale, friction, copper, meter_scale;
     then unloaded_revps and revps_per_Nm, where full throttle is known
@@ -224,7 +224,7 @@ def best_range(flight: LevelFlight, energy_J: float, sustained: NDArray[np.bool_
 
 
 def _optimum(flight: LevelFlight, sustained: NDArray[np.bool_], objective: Array) -> Optimum:
-    """Where the objective (2m + 1, k) is largest.
+    """The speed at which the objective (2m + 1, k) is largest.
 
     Every sigma point has its own optimum: the value there is known better than the speed.
     """

@@ -219,7 +219,7 @@ def with_assumed_motor(propulsion: Propulsion, data: pd.DataFrame, propeller: Pr
 
     data : columns V [m/s], n [rev/s], rho [kg/m^3], covered (by the propeller's table)
     """
-    voltage = propulsion.battery_voltage_V or 10.0  # any will do for losses in watts
+    voltage = propulsion.battery_voltage_V or 10.0  # any value will do for losses in watts
     assumed: dict[str, float] = {"battery_voltage_V": voltage, "battery_resistance_ohm": 0.0}
     assumed["propeller_inertia_kgm2"] = ASSUMED_MOTOR.inertia_over_diameter_5 * propeller.diameter_m**5
     if not motor_is_known(propulsion):

@@ -81,7 +81,7 @@ class UncertainValue(NamedTuple):
         return Interval(value=float(self.value), lo=float(self.lo), hi=float(self.hi))
 
     def interval(self, least: float = -np.inf) -> Interval:
-        """The interval; of no width where the standard error is unknown. Its lower end is clipped at `least`, but
+        """The interval; zero width if the standard error is unknown. Its lower end is clipped at `least`, but
         never above the value."""
         finite_interval = self.interval_if_known()
         value = float(self.value)

@@ -57,7 +57,7 @@ class Request:
         ]
 
     def questions(self, flown_weight_N: float) -> list[str]:
-        """What is asked for and far from the aircraft, each as a question."""
+        """Requests far from the aircraft's values, each as a question."""
         questions = [unusual_weight("--weights", weight_N, flown_weight_N) for weight_N in self.weights_N]
         return [question for question in (*questions, unusual_battery(self.battery_Wh, flown_weight_N)) if question]
 
@@ -117,7 +117,7 @@ def _battery_Wh(text: str) -> float:
     value = _si_or_nan(match["charge"], "A h") * _si_or_nan(match["voltage"], "V") if match else _number(text, "W h")
     if math.isnan(value) and not math.isnan(_si_or_nan(text, "A h")):
         raise InputError(f'--battery-Wh {text}: a charge; give the voltage as well, such as "{text.strip()}, 14.8 V"')
-    most_Wh = 300.0 * ASKED.heaviest_kg  # nothing but the best cells
+    most_Wh = 300.0 * ASKED.heaviest_kg  # only the best cells reach this
     if not (0 < value < most_Wh):
         raise InputError(
             f"--battery-Wh {text}: should be watt hours above zero and below {most_Wh:.0f}, such as 74,"

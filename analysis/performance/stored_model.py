@@ -34,7 +34,7 @@ def model_result(model: PerformanceModel) -> ComputationModel:
 
 
 def model_of(result: ComputationModel) -> PerformanceModel:
-    """The model again; without what only the page shows. Raises InputError for an impossible propeller."""
+    """The model read back, without parts that only the page shows. Raises InputError for an impossible propeller."""
     parameters = ParameterVector(
         tuple(result.names), np.array(result.values), np.array(result.covariance).reshape(2 * (len(result.names),))
     )

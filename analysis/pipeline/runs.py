@@ -20,7 +20,7 @@ from flightpower.flight.log_reader import Log
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis(Estimated):
-    """All that is known of a flight, for the report; results: what is written.
+    """Everything known about a flight, for the report; results: the written results.
 
     consistency : of speed and angles before and after the correction of sensor errors
     performance : None where the battery or the thrust of level flight is not known

@@ -32,7 +32,7 @@ class Contradiction(StrEnum):
 
     SIZE = "wing area or span"
     FLIGHT = "one flight of two airframes"
-    INSTALLATION = "installation that returns"  # the probe was remounted meanwhile: its errors are others
+    INSTALLATION = "installation that returns"  # the probe was remounted meanwhile, so its errors changed
 
 
 class ContradictionResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -61,7 +61,7 @@ class ChangeResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlightShareResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Drag and thrust that one flight alone shows, less their mean before the first change.
+    """Drag and thrust from one flight alone, minus their mean before the first change.
 
     In percent, with 95 % half widths without the errors that all flights of the airframe share.
     """

@@ -38,7 +38,7 @@ class Cause(StrEnum):
     AIRSPEED = "airspeed"
     AIR_DATA_LAG = "air-data lag"
     PROPELLER_TABLE = "propeller table"
-    UNEXPLAINED = "unexplained"  # the part of a difference that no cause explains
+    UNEXPLAINED = "unexplained"  # the part of a difference without a known cause
 
 
 class SpeedReason(StrEnum):
@@ -94,7 +94,7 @@ class NextFlightLowers(StrEnum):
 class MethodRejection(StrEnum):
     """Why a method that needs more does not give the curve of a flight."""
 
-    NONE = ""  # it gives the curve
+    NONE = ""  # the method that gives the curve
     NOT_FLOWN = "no maneuver that it needs was flown"
     NO_TRAJECTORY = "no flight path explains the measurements"
     MISFIT = "its flight path does not fit the measurements, and its curve is not to be trusted"
@@ -150,7 +150,7 @@ class EvidenceKind(StrEnum):
 
 
 class PartOfResult(StrEnum):
-    """What a piece of evidence concerns."""
+    """The subject that a piece of evidence concerns."""
 
     CURVE = "the whole curve"
     AT_SPEED = "the curve near one speed"
@@ -357,7 +357,7 @@ class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):
     lo_mps: float | None  # null too where the interval has no lower end
     hi_mps: float | None
     inside_flown_range: bool
-    reason: SpeedReason = SpeedReason.NONE  # why one of these is null
+    reason: SpeedReason = SpeedReason.NONE  # the reason if one of these is null
 
 
 class SlowestFlown(msgspec.Struct, frozen=True, kw_only=True):
@@ -412,7 +412,7 @@ class ConsistencyCheck(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class JointConflict(msgspec.Struct, frozen=True, kw_only=True):
-    """Sensor errors that each may be and together are improbable, by the first estimate.
+    """Sensor errors that are plausible one by one and improbable together, from the first estimate.
 
     errors : estimate less prior mean, in the standard deviations that it has if the prior is right
     probability : of any as improbable in a flight whose priors are right, at most
@@ -708,7 +708,7 @@ class EnergyBalanceResult(msgspec.Struct, frozen=True, kw_only=True):
     thrust_basis: str = ""  # where thrust comes from; empty where it is not known
     # Drag times airspeed over the motor's electrical power in level flight, by the flight's energy without a prior
     # where it is known best; null where that is not known, in the log of a simulation, whose current no meter measured.
-    # Earlier versions give null, or the curve's own estimate.
+    # Earlier versions wrote null, or the curve's own estimate.
     thrust_efficiency: Interval | None = None
     # Shaft power by the propeller's table over the motor's electrical power, mean of the flight under power; null where
     # thrust is not known.
@@ -825,7 +825,7 @@ class Results(WithCurves, frozen=True, kw_only=True):
 
     @property
     def source(self) -> str:
-        """What the results are of, for a message."""
+        """A description of the results' subject, for a message."""
         return f"the flight {self.log}"
 
     @property

@@ -56,7 +56,7 @@ class Scatter(msgspec.Struct, frozen=True, kw_only=True):
     speed_mps: float
     observed_percent: float  # root mean square
     expected_percent: float
-    excess_percent: float  # what the errors do not explain
+    excess_percent: float  # the part that the errors do not explain
 
 
 class AgreementTest(msgspec.Struct, frozen=True, kw_only=True):
@@ -222,7 +222,7 @@ class PowerDifference(msgspec.Struct, frozen=True, kw_only=True):
     difference_percent: float
     lo_percent: float
     hi_percent: float
-    independent_half_width_percent: float  # what it would be if A and B shared no error
+    independent_half_width_percent: float  # the difference if A and B shared no error
 
     @property
     def excludes_zero(self) -> bool:

@@ -151,7 +151,7 @@ def _estimation(results: Results) -> Iterator[Evidence]:
     elif (
         results.path is not None
         and not results.path.converged
-        and results.status is not CurveStatus.BY_ANOTHER_METHOD  # such a method does without
+        and results.status is not CurveStatus.BY_ANOTHER_METHOD  # a method that does not need it
     ):
         yield Evidence(
             kind=EvidenceKind.TRAJECTORY_NOT_CONVERGED,
@@ -195,7 +195,7 @@ def _level(figure: float, limit: float) -> Trust:
 
 @dataclass(frozen=True)
 class _Deviation:
-    """What deviates, its name in the file, and by how many standard deviations."""
+    """The deviating quantity, its name in the file, and the deviation in standard errors."""
 
     title: str
     subject: str
@@ -407,15 +407,15 @@ def _shaft(results: Results) -> Iterator[Evidence]:
 def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
     """Judges the efficiency from battery to thrust that the flight's energy alone shows.
 
-    A current that is measured wrong makes one that no power train has, or hardly any. Outside of what they have, a
-    deviation of 95 % is enough.
+    A current that is measured wrong makes one that no power train has, or hardly any. Against others, a deviation of 95
+    % is enough.
     """
     eta = results.balance.thrust_efficiency if results.balance else None
     if eta is None or eta.lo <= 0:
         return
     usual, T = POWER_TRAIN.efficiency, TRUST
     error = math.hypot(math.log(eta.hi / eta.lo) / (2 * NORMAL_95), usual.sigma * (1 - usual.mean))
-    z_limit = -float(special.ndtri(T.false_alarm_rate))  # on each side: too little current, and too much
+    z_limit = -float(special.ndtri(T.false_alarm_rate))  # limits on both sides: too little current, and too much
 
     def efficiency_at(sigmas: float) -> float:
         return usual.mean * math.exp(sigmas * error)
@@ -536,8 +536,8 @@ def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
     )
 
 
-# What each comparison of the daemon doubts. These need no separate item: GPS is an aid, whose faults the trajectory
-# shows.
+# The measurements that each of the daemon's comparisons puts in doubt. These need no separate item: GPS is an aid,
+# whose faults the trajectory shows.
 _DOUBTED = {
     Comparison.AIRSPEED: "airspeed, which the speed over the ground contradicts by more than any wind",
     Comparison.ANGLE_OF_ATTACK: "angle of attack, which attitude and climb contradict",

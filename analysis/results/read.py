@@ -44,7 +44,7 @@ OF_SEVERAL = {
 }
 FORMATS = (FORMAT, "flightpower-results-2")  # the newest first
 RESULTS_OF = "results of `analyze`"
-# Errors that a curve's flights share were numbered by the parameters of the energy balance.
+# Shared errors of a curve's flights were numbered by the parameters of the energy balance.
 _NUMBERED = {f"prior {i}": prior_error(name) for i, name in enumerate((*DRAG, *PROPELLER, *LIFT))}
 _OF_CURVE = {
     "least_power_speed": "least_power_speed",
@@ -179,8 +179,8 @@ def _air(air: Json | None, temperature_K: float | None, pressure_Pa: float | Non
 
 
 def _battery(of_curve: Json, use: Json) -> Json | None:
-    """Whatever has its energy. Of electrical power the share that is used follows from the endurance; pools did not say
-    it, and had what `analyze` takes."""
+    """Any record that has its energy. Of electrical power the share that is used follows from the endurance; pools did
+    not say it, and had what `analyze` takes."""
     energy_Wh, usable = use.get("battery_energy_Wh"), use.get("usable", ASKED.usable)
     if energy_Wh is None:
         return None

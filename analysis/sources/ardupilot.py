@@ -219,7 +219,7 @@ def _truth(log: Messages) -> dict[str, Channel]:
 
 
 def _without_current(batteries: list[Battery]) -> dict[frozenset[str], str]:
-    """What a battery shows that gave no current."""
+    """Readings of a battery without a current."""
     with_voltage = [battery for battery in batteries if len(battery.voltage.value)]
     return (
         {recording.OF_BATTERY: f" (it shows {np.median(with_voltage[0].voltage.value):.1f} V and no current)"}
@@ -293,7 +293,8 @@ def _motors(log: Messages) -> list[Channel]:
 
 
 def _airspeed_pressure(table: Table) -> Channel:
-    """Differential pressure at the density of indicated airspeed. The message's own has not ARSPD_RATIO in it."""
+    """Differential pressure at the density of indicated airspeed. The message's own airspeed does not contain
+    ARSPD_RATIO."""
     sign = np.where(np.asarray(table["DiffPress"]) < 0, -1.0, 1.0)
     return channel(table["t_s"], recording.pressure_of_indicated_airspeed(sign * np.asarray(table["Airspeed"])))
 

@@ -173,7 +173,7 @@ def read_messages(path: Path) -> Messages:
 
 
 def _columns(log: "DataflashLog | TelemetryLog | TextLog | MatlabLog", kind: str) -> dict[str, NDArray[Any]]:
-    """The columns of a kind; from a large file no more than what is read."""
+    """The columns of a message type; from a large file only those that are needed."""
     if not isinstance(log, DataflashLog) or not FIELDS[kind]:
         return log.columns(kind)
     clocks = (name for clocks in CLOCKS for name, _ in clocks)
@@ -236,7 +236,8 @@ def _instances(
 
 
 def _are_instances(numbers: NDArray[np.float64]) -> bool:
-    """Whether these are numbers of sensors: I is also the integral of a controller. A few may be damaged."""
+    """Whether these are numbers of sensors: the name I is also used for the integral of a controller A few may be
+    damaged."""
     finite = numbers[np.isfinite(numbers)]
     return bool(np.mean((finite == np.round(finite)) & (finite >= 0) & (finite < 256)) > 0.5) if len(finite) else True
 

@@ -28,7 +28,7 @@ def read_autopilot_log(path: Path, autopilot: Autopilot) -> "FlightRecording":
 
 
 def all_channels(path: Path, autopilot: Autopilot) -> "AllChannels":
-    """Every number that a log has over time. Raises InputError where it cannot be read."""
+    """All numbers that a log has over time. Raises InputError where it cannot be read."""
     match autopilot:
         case Autopilot.PX4:
             from flightpower.analysis.sources import px4

@@ -42,7 +42,7 @@ READABLE = Readable()
 
 @dataclass(frozen=True)
 class Instances(Settings):
-    """Which of several sensors measures."""
+    """Which of several sensors is used."""
 
     turning_revps: float = setting(5.0, "rev/s", "a motor that stands shows less, by noise")
     second_pack: float = setting(0.5, "1", "of its power; one with more feeds the motor, too, or measures the same")

@@ -133,7 +133,7 @@ class DataflashLog:
     def columns(self, name: str, wanted: Collection[str] = ()) -> dict[str, NDArray[Any]]:
         """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers.
 
-        wanted: the fields that are taken, where not all are.
+        wanted: the fields to read, if not all.
         """
         numbers = [number for number, kind in self._kinds.items() if kind.name == name]
         if not numbers:

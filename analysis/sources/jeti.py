@@ -17,7 +17,7 @@ VALUE = ("number", "type", "decimals", "value")  # the cells of each sensor's va
 
 
 class Type(IntEnum):
-    """Types of values that are numbers; the others are times and dates."""
+    """Types of values that are numbers; the other types are times and dates."""
 
     BITS_6 = 0
     BITS_14 = 1

@@ -75,7 +75,7 @@ class Law(NamedTuple):
     lag_s: float = 0.0
 
 
-# Units that are taken for SI units, by words: the SI unit for a ratio.
+# Units that are mistaken for SI units, by words: the SI unit for a ratio.
 TAKEN_FOR_SI = {
     "degrees": ("deg", "rad"), "knots": ("knot", "m/s"), "km/h": ("km/h", "m/s"), "feet": ("ft", "m"),
     "miles per hour": ("mile/hour", "m/s"), "g": ("standard_gravity", "m/s^2"), "thousandths": ("mm", "m"),

@@ -229,7 +229,7 @@ def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
 
 
 def _running_clock(columns: Columns) -> str | None:
-    """The first column that ascends throughout, by steps that are alike; None where none does."""
+    """The first column that rises throughout in similar steps; None if there is none."""
     for name, value in columns.items():
         step = np.diff(value[np.isfinite(value)])
         regular = len(step) and step.min() > 0 and np.percentile(step, 95) < 2 * np.median(step)
@@ -255,7 +255,7 @@ def map_without_question(table: Path, columns: Columns) -> tuple[ColumnMap, str]
 
 
 def _of_recorder(columns: Columns) -> dict[Quantity, MappedColumn]:
-    """The columns that vary of a recorder that is known; empty where none is."""
+    """The varying columns of a known recorder; empty if there is none."""
     recorder = recorder_of(columns)
     if recorder is None:
         return {}
@@ -336,7 +336,7 @@ def _is_named(name: str, pattern: str, quantity: Quantity) -> bool:
 
 
 def _without_suffix(name: str) -> str:
-    """A name without its last word; empty where it has one."""
+    """A name without its last word; empty if it has only one."""
     return re.sub(r"[^A-Za-z0-9%/^]*[A-Za-z0-9%/^]+$", "", name)
 
 

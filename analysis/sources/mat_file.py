@@ -39,7 +39,7 @@ class Kind(IntEnum):
 
 
 class Class(IntEnum):
-    """What a matrix holds. Sparse matrices, objects and functions are not read."""
+    """The content of a matrix. Sparse matrices, objects and functions are not read."""
 
     CELL = 1
     STRUCT = 2
@@ -93,7 +93,7 @@ def _elements(data: memoryview, end: str) -> Iterator[tuple[int, memoryview]]:
     while offset + 8 <= len(data):
         kind, length = struct.unpack_from(f"{end}II", data, offset)
         start = offset + 8
-        if kind >> 16:  # a small one, within its own head
+        if kind >> 16:  # a small element, within its own header
             kind, length, start = kind & 0xFFFF, kind >> 16, offset + 4
         if start + length > len(data) or (start == offset + 4 and length > 4):
             raise ValueError(f"an element of {length} bytes is longer than what is left of it")

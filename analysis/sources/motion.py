@@ -17,7 +17,7 @@ Q = Quantity
 
 
 class Motion(StrEnum):
-    """Laws, each named after what it shows."""
+    """Laws, each named after the quantity that it shows."""
 
     LIFT_BY_ANGLE_OF_ATTACK = "lift rises with the angle of attack"
     FORCE_ALONG_PATH = "the force along the path gains speed and height"
@@ -42,7 +42,7 @@ class Signals(Protocol):
         ...
 
     def climb(self) -> Array:
-        """Climb by the pressure [m/s]."""
+        """Rate of climb from pressure [m/s]."""
         ...
 
     def turn_rate(self) -> Array:
@@ -89,7 +89,7 @@ def _bank(s: Signals) -> tuple[Array, Array]:
     return quantity(s, Q.ROLL_RATE), s.change(bank, 2)
 
 
-# By law, two signals (n,) that rise together. Each raises KeyError where a quantity is missing.
+# For each law, two signals (n,) that rise together. Each raises KeyError where a quantity is missing.
 SIDES: Mapping[Motion, Callable[[Signals], tuple[Array, Array]]] = {
     Motion.LIFT_BY_ANGLE_OF_ATTACK: _lift,
     Motion.FORCE_ALONG_PATH: _along_path,

@@ -75,8 +75,8 @@ def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel
     """Velocity north and east [m/s], of positions [rad].
 
     The slopes of straight lines through positions about each instant: so many that the noise of positions, often that
-    of the last digit, adds no more than the noise of a receiver's velocity. Positions that the table repeats until the
-    next one count once.
+    of the last digit, adds no more than the noise of a receiver's velocity. A position that the table repeats until the
+    next one counts once.
     """
     t_s = latitude.t_s
     lat, lon = latitude.value, np.interp(t_s, longitude.t_s, np.unwrap(longitude.value))

@@ -396,6 +396,6 @@ def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
     for name, field in sources:
         for topic in topics.get(name, []):
             celsius = topic.channel(field)
-            if np.any(celsius.value != 0):  # no thermometer: exactly 0 throughout
+            if np.any(celsius.value != 0):  # no thermometer: the value is always exactly 0
                 thermometers[f"{name} {topic.instance}"] = Channel(celsius.t_s, celsius.value + 273.15)
     return thermometers

@@ -7,7 +7,7 @@ from flightpower.flight.formats import Format, format_of
 
 
 class Autopilot(StrEnum):
-    """Whose log it is."""
+    """The autopilot that wrote a log."""
 
     PX4 = "PX4"
     ARDUPILOT = "ArduPilot"

@@ -161,7 +161,7 @@ def without_damage(value: ArrayLike) -> Array:
 def modes(t_s: ArrayLike, numbers: ArrayLike, names: Mapping[int, str]) -> list[Event]:
     """The changes of a mode that is logged as a number (n,) at times (n,); one without a name keeps its number."""
     t, number = np.asarray(t_s, dtype=float), np.asarray(numbers, dtype=float)
-    finite = np.isfinite(t) & (np.abs(number) < 2**31)  # a larger one is damaged
+    finite = np.isfinite(t) & (np.abs(number) < 2**31)  # a larger number is damaged
     t, number = t[finite], number[finite].astype(int)
     changed = np.flatnonzero(np.append(True, number[1:] != number[:-1])[: len(number)])
     return [Event(float(t[i]), EventKind.MODE, names.get(int(number[i]), f"mode {number[i]}")) for i in changed]
@@ -338,7 +338,7 @@ def _without_parts(batteries: Sequence[Battery]) -> tuple[list[Battery], list[st
         parts = [battery for battery in others if battery.name in total.sum_of] or _parts_of(total, others)
         if not parts or total.name in left_out:
             continue
-        if power[total.name] < max(power[part.name] for part in parts):  # a sum that does not work
+        if power[total.name] < max(power[part.name] for part in parts):  # a summing monitor that fails
             left_out.add(total.name)
         else:
             left_out |= {part.name for part in parts}
@@ -413,7 +413,7 @@ def propulsion(
 
 
 def most_varying(channels: Sequence[Channel]) -> Channel | None:
-    """The channel that varies most: of several airspeed sensors, the one that is connected."""
+    """The channel that varies most: of several airspeed sensors, this is the connected one."""
     varying = [channel for channel in channels if len(channel.value) and np.ptp(channel.value) > 0]
     return max(varying, key=lambda channel: float(np.std(channel.value)), default=None)
 

@@ -138,7 +138,7 @@ def without_zeros(table: pd.DataFrame, zeros: Zeros | None) -> tuple[pd.DataFram
 
 
 def _without_rest(daq_zeros: dict[str, float]) -> Zeros:
-    """The zeros taken by `daq zero`, for a log without rest."""
+    """The zeros measured by `daq zero`, for a log without rest."""
     missing = [_channel_name(name) for name in CHANNELS if name not in daq_zeros]
     notes = ["The aircraft never stood still in this log: the zeros are those taken by `daq zero`."]
     if missing:

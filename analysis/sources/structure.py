@@ -42,7 +42,7 @@ def check_decodable(log: Log) -> None:
 def check_lacking(log: Log) -> None:
     """Raises InputError if a topic that the power curve needs is only written wrongly, or under another name.
 
-    For logs that really lack the topic, and so give electrical power instead.
+    For logs that lack the topic and therefore give electrical power.
     """
     check_decodable(log)
     for topic in TOPICS_FOR_DRAG:

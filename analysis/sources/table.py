@@ -76,7 +76,7 @@ def log_of_table(path: Path, map_file: Path | None = None) -> Log:
 
 
 def unchecked_units(channels: Channels, column_map: ColumnMap) -> dict[str, str]:
-    """Sentences, by quantity, on units that nothing in the table checks."""
+    """Sentences on units, by quantity, that nothing in the table can check."""
     notes = {}
     for quantity, checked in ((Q.HEIGHT, height_is_checked(channels)), (Q.AIR_TEMPERATURE, False)):
         if quantity in channels and not checked:
@@ -118,7 +118,7 @@ def as_log(path: Path, channels: Channels) -> Log:
     temperature = averaged.get(Q.AIR_TEMPERATURE)
     if pressure is not None:
         topics["/static"] = {"pressure_Pa": pressure}
-        if temperature is None and Q.ANGLE_OF_ATTACK in averaged:  # the drag methods need one
+        if temperature is None and Q.ANGLE_OF_ATTACK in averaged:  # the drag methods need one of these
             temperature = Channel(pressure.t_s, np.asarray(temperature_at(_height(pressure.value))))
         if temperature is not None:
             topics["/static"] |= {"temperature_K": temperature}
@@ -177,7 +177,7 @@ def _possible(quantity: Quantity, channel: Channel) -> Channel:
 
 
 def _averaged(channel: Channel) -> Channel:
-    """Means of so many samples that their interval is one of a log."""
+    """Means over so many samples that their interval suits a log."""
     width = int(np.ceil(STRUCTURE.interval_s[0] / float(np.median(np.diff(channel.t_s))) - 1e-6))
     if width < 2:
         return channel
@@ -253,7 +253,7 @@ def _entries(topic: str, fields: Fields, start_s: float) -> Entries:
 
 
 def _zeros() -> bytes:
-    """What a table shows is corrected for the zero of its sensors."""
+    """Table values are already corrected for the zeros of the sensors."""
     still = {"mean": 0.0, "standard_deviation": 0.0, "samples": 1}
     readings = {f"/probe/{name}": {"differential_pressure_Pa": still} for name in ("alpha", "beta", "airspeed")}
     return json.dumps({"format": "flightpower-zero-1", "readings": readings}).encode()

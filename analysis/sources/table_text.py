@@ -139,7 +139,7 @@ def _unique(names: Sequence[str]) -> tuple[str, ...]:
 def seconds_of_times(cells: Any) -> Array | None:
     """Seconds since the first of the cells (n,), which are dates with times, or times of day that pass midnight.
 
-    None where fewer than half are. cells : pandas.Series of texts
+    None if fewer than half can be read. cells : pandas.Series of texts
     """
     dates = pd.to_datetime(cells, errors="coerce", utc=True, format="ISO8601")
     if dates.notna().mean() >= 0.5 * cells.notna().mean():

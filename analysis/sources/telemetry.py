@@ -60,7 +60,7 @@ class TelemetryLog:
         self._columns = _as_dataflash({name: _table(name, many) for name, many in rows.items()})
 
     def form(self, name: str) -> None:
-        """How messages are packed: nothing, units are SI here."""
+        """How messages are packed; empty, because units are already SI."""
 
     def columns(self, name: str) -> Columns:
         """The fields of all messages of a name, (n,)."""

@@ -18,7 +18,7 @@ from pyulog import ULog
 class BlockwiseULog(ULog):  # type: ignore[misc]
     """The log with these topics, or all; it also has facts and dropouts of the flight, and untagged texts."""
 
-    BLOCK_BYTES: ClassVar[int] = 1 << 22  # that are in memory at once
+    BLOCK_BYTES: ClassVar[int] = 1 << 22  # bytes in memory at once
 
     def __init__(self, stream: BinaryIO, topics: Collection[str] | None):
         super().__init__(_Advancing(stream), None if topics is None else list(topics))
@@ -79,7 +79,7 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
             if topics is not None and added.message_name not in topics:
                 self._filtered_message_ids.add(added.msg_id)
                 return None
-            if added.msg_id in self._subscriptions:  # what was collected before is pyulog's matter
+            if added.msg_id in self._subscriptions:  # pyulog handles what was collected before
                 raise ValueError
             self._subscriptions[added.msg_id] = added
             return int(added.msg_id)
@@ -119,6 +119,6 @@ class _Advancing:
         """Raises EOFError where it comes back to one place again and again."""
         place = self._seek(offset, whence)
         self._visits[place] += 1
-        if self._visits[place] > 10:  # each reading comes to it once, the search for a sync mark once more
+        if self._visits[place] > 10:  # each reading comes to it once, and the search for a sync mark comes once more
             raise EOFError("its end is damaged")
         return place

@@ -22,7 +22,7 @@ the interval of drag contains (`updraft`, `analysis.methods.consider`).
 Sensor errors (`equations.SENSOR_ERRORS`) are constant over the flight; a positive one makes the sensor read high, or
 late. "Prior" is what is known of them before the flight, 1 sigma.
 
-Airspeeds [m/s]. All are true airspeed at the center of gravity:
+Airspeeds [m/s]. All speeds are true airspeeds at the center of gravity:
 
     V_mps           column of the air data: measured by the probe, with its errors and all gusts
     V               at a state, by `equations.flow`: inertial velocity less wind and gusts, without errors

@@ -113,7 +113,7 @@ def _differences(trajectory: Trajectory, channels: _AirDataAndGps) -> pd.DataFra
 
 
 def _corrected(trajectory: Trajectory, measured: _AirDataAndGps) -> _AirDataAndGps:
-    """The channels without the sensor errors and gusts that `measurement_model` adds to the flow."""
+    """The channels corrected for the sensor errors and gusts that `measurement_model` adds to the flow."""
     t_s, x = trajectory.block_means.t_s, _states(trajectory)
     errors = NamedArrays(SENSOR_ERRORS, trajectory.sensor_errors)
     flow = NamedArrays(PREDICTED_FLOW, trajectory.predicted_flow.T)

@@ -1,4 +1,4 @@
-"""Values predicted from past ones alone, which the current gust has no part in."""
+"""Values predicted only from past ones, so they do not contain the current gust."""
 
 import numpy as np
 

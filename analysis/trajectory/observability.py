@@ -351,7 +351,7 @@ def joint_conflict(y: Array, covariance: Array) -> JointConflict:
     correlation = gained[np.ix_(indices, indices)] / np.sqrt(np.outer(variance[indices], variance[indices]))
     first, second = np.triu_indices(len(indices), 1)
     r = correlation[first, second]
-    apart = 1 - r**2 > PRIOR_CHECK.informed[0]  # else the two are one error, by another name
+    apart = 1 - r**2 > PRIOR_CHECK.informed[0]  # otherwise both are one error under two names
     first, second, r = first[apart], second[apart], r[apart]
     squared = (z[first] ** 2 - 2 * r * z[first] * z[second] + z[second] ** 2) / (1 - r**2)
     eigenvalue, directions = np.linalg.eigh(correlation)
@@ -458,7 +458,7 @@ def with_misfit(trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
     wider = replace(
         trajectory,
         covariance=trajectory.covariance * worst**2,
-        prior_sigma=trajectory.prior_sigma * worst,  # so that the prior's information remains a part of the estimate's
+        prior_sigma=trajectory.prior_sigma * worst,  # so that the prior remains part of the estimate's information
         draws=trajectory.draws * worst,
         states_given_errors=StatesGivenErrors(trajectory.states_given_errors.factor / worst),
     )

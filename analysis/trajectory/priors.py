@@ -83,7 +83,7 @@ def stated_sigma(
     """
     swing_s = 20.0
     accelerometer = uncertainty.accelerometer_offset_mps2
-    negligible = 1e-6  # of an error that is not there: the covariance keeps an inverse
+    negligible = 1e-6  # for an error that does not exist, so that the covariance has an inverse
     vibration = uncertainty.accelerometer_vibration_mps2 if motor_speed else negligible
     return MappingProxyType({
         **{name: sigma for name, (_, sigma) in PRIORS.unstated.items()},

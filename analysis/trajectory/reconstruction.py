@@ -171,7 +171,7 @@ class _Solution:
 
 
 class _Candidate(NamedTuple):
-    """A solution to compare and to start others from."""
+    """A solution for comparison, from which others start."""
 
     x: Array
     sensor_errors: Array
@@ -188,7 +188,7 @@ def _candidate(solution: _Solution) -> _Candidate:
 def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
     start, middle_mps = (problem.initial_states, problem.initial_errors), GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
     first_solution = _solve(problem, *start, middle_mps, tolerance=SOLVER.converged[0])
-    if not first_solution.converged:  # nor does it for other gusts, and each takes as many iterations
+    if not first_solution.converged:  # it does not change for other gusts either, which need as many iterations
         return _trajectory(problem, first_solution, _draws(first_solution), gust_length)
     first = _candidate(first_solution)
     del first_solution

@@ -137,7 +137,7 @@ class Regressors:
         airspeed, sideslip and angle of attack, angles times the cruise speed."""
         self._V_noise_mps, _, self._alpha_noise_mps = noise_mps
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
-        # Where the past is known. After each missing block it would restart from the current gust.
+        # Where past values exist. After each missing block it would restart from the current gust.
         self._in_flight = blocks.in_flight
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
         self._slowest_mps = PROCESS.slowest_mps * blocks.speed_scale

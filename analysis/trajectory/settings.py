@@ -19,7 +19,7 @@ class ConsistencySettings(Settings):
 
 @dataclass(frozen=True)
 class GustSettings(Settings):
-    """Spectra of gusts: their scale length and slow power."""
+    """Spectra of gusts: their scale length, and their power at low frequency."""
 
     slow: tuple[float, float] = setting((0.0, 2.0), "1", "band of slow gusts, in radians over a gust's time L/V")
     around_corner: tuple[float, float] = setting(
@@ -184,7 +184,7 @@ class SolverSettings(Settings):
 
     @property
     def least_gust_mps(self) -> float:
-        """The least intensity of gusts that is taken."""
+        """The smallest gust intensity that is considered."""
         return self.gusts_mps[1]
 
 

@@ -70,7 +70,7 @@ class StatesGivenErrors(NamedTuple):
 
 
 class GaussNewtonStep(NamedTuple):
-    """A step, and what follows from its normal equations.
+    """A step, and results of its normal equations.
 
     states, sensor_errors : corrections (n, nx), (m,)      covariance : of the sensor errors (m, m)
     conditional : distribution of the states given the sensor errors

@@ -1,8 +1,8 @@
 """Mean vertical motion of the air over the runs of a flight: its standard deviation before the flight.
 
 It is an error of the trajectory (`equations.SENSOR_ERRORS`): it acts on the angle of attack as 1/V, and a flight at
-several speeds shows it within 0.035 m/s in four minutes, 0.014 m/s in twenty. What is known before has three parts.
-Wind over ground that slopes rises with it, at any hour. Air that lies in layers before sunrise moves up and down in
+several speeds shows it within 0.035 m/s in four minutes, 0.014 m/s in twenty. The prior has three parts.
+Wind over sloping ground rises with the slope, at any hour. Air that lies in layers before sunrise moves up and down in
 waves: a long flight meets several. And the sun heats the ground: from the heat flux follows the convective velocity
 scale w* (Deardorff 1970, J. Atmos. Sci. 27, 1211), and from it how much the air rises and sinks in eddies as deep as
 the mixed layer. A flight meets several, so that their mean is smaller: it is derived from the places and times of the
@@ -144,7 +144,7 @@ class UpdraftByDay(NamedTuple):
 
     @property
     def contradicted(self) -> bool:
-        """Whether the flight contradicts the hour. One flight by day in 80 does by chance."""
+        """Whether the flight contradicts the hour. By chance, one daytime flight in 80 does."""
         return abs(self.z) > EVIDENCE.contradiction
 
 
@@ -192,7 +192,7 @@ def convective_mean(path_m: Array, t_s: Array, height_m: float, sun_rad: float) 
     depth_m = UPDRAFT.mixed_layer_m
     sigma_mps = 0.65 * w_star * math.sin(math.pi * height_m / depth_m)
     length_m, lifetime_s = 0.28 * depth_m, depth_m / w_star
-    some = np.unique(np.linspace(0, len(t_s) - 1, 400).astype(int))  # enough for the mean over all pairs
+    some = np.unique(np.linspace(0, len(t_s) - 1, 400).astype(int))  # enough to average over all pairs
     path_m, t_s = path_m[some], t_s[some]
     apart_m = np.hypot(*(path_m[:, None] - path_m).transpose(2, 0, 1))
     correlation = np.exp(-apart_m / length_m - np.abs(t_s[:, None] - t_s) / lifetime_s)

@@ -126,7 +126,7 @@ class Machine:
             time.sleep(0.1)
 
     def wait(self, seconds: float) -> None:
-        """Until so much of the machine's time has passed."""
+        """Waits until so much of the machine's time has passed."""
         end_s, give_up_s = self.heartbeat.guest_s + seconds, time.monotonic() + 300.0 + 60.0 * seconds
         while self.heartbeat.guest_s < end_s:
             if time.monotonic() > give_up_s or not self.running:

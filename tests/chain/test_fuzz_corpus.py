@@ -22,7 +22,7 @@ class TooLong(BaseException):
 
 
 def test_inputs_that_once_found_a_defect_find_none():
-    """Within 10 s of processor time each: some were read for ever."""
+    """Each needs at most 10 s of processor time: some had been read for ever."""
 
     def too_long(*_):
         raise TooLong

@@ -122,6 +122,6 @@ def test_the_installed_daemon_records_from_device_files(tmp_path, messages):
         turns = replay(recording, table.name, lambda buses, table=table: driver_factory(table, tray, buses, nexstar)())
         played = [sample for turn in turns for sample in turn.samples]
         for topic in table.topics:
-            # What came after its tick's deadline is not in the log.
+            # A reading that came after its tick's deadline is not in the log.
             again = [s.message for s in played if s.topic == topic and s.message.status is Status.OK]
             assert len(good[topic]) <= len(again) and good[topic][-1] in again, topic

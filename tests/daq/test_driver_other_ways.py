@@ -94,6 +94,6 @@ def test_datagrams_are_a_stream_and_the_speaker_is_answered():
         assert port.read_available() == b"onetwo"
         port.write(b"answer")
         assert peer.recv(100) == b"answer"
-        again = buses.port(f"udp:127.0.0.1:{number}", 0)  # opened afresh: the old one gives its place up
+        again = buses.port(f"udp:127.0.0.1:{number}", 0)  # opened again: the old one gives up its port
         peer.sendto(b"three", ("127.0.0.1", number))
         assert again.read_available() == b"three"

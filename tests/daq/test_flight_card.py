@@ -25,7 +25,7 @@ def card(times: int = 2) -> FlightCard:
     ("kind", "first", "last", "planned"),
     [
         ("acceleration", 12.5, 21.0, True),
-        ("acceleration", 12.0, 18.9, False),  # 69 % of it
+        ("acceleration", 12.0, 18.9, False),  # 69 % of the planned change
         ("acceleration", 15.0, 26.0, True),
         ("deceleration", 22.0, 13.0, True),
         ("deceleration", 30.0, 21.0, False),

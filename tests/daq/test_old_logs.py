@@ -50,7 +50,7 @@ def torn(complete_log):
 
 @pytest.fixture(scope="module")
 def poison(torn):
-    """The name of an attachment is no text: completing it raises UnicodeDecodeError."""
+    """The name of an attachment is not valid text: completing the log raises UnicodeDecodeError."""
     return torn.replace(b"aircraft.toml", b"\xfa" * 13, 1)
 
 

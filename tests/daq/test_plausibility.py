@@ -1,4 +1,4 @@
-"""Readings that are in order one by one, and cannot be true together."""
+"""Readings that are plausible one by one but cannot be true together."""
 
 import pytest
 

@@ -248,7 +248,7 @@ def test_only_what_was_synced_is_left_and_that_is_all_but_a_second(tmp_path, mon
     The loss is counted in ticks that were done, because on a busy machine a second may have fewer of them. Syncs are
     not carried out: how long they take is a matter of the disk.
     """
-    calls: list[tuple[int, int, str, int, bytes]] = []  # begin, end [ns], what, place, data
+    calls: list[tuple[int, int, str, int, bytes]] = []  # begin, end [ns], operation, file offset, data
     pwrite = os.pwrite
 
     def write(file, data, offset):

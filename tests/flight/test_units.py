@@ -33,7 +33,7 @@ def test_conversions(text, unit, value):
     assert to_si(text, unit, "key") == pytest.approx(value, rel=1e-6)
 
 
-# Spellings that pint does not have, as it does.
+# Spellings that pint lacks are accepted like its own.
 NOT_OF_PINT = {"ft2": "ft^2", "sqft": "ft^2", "m2": "m^2"}
 
 

@@ -105,7 +105,7 @@ def test_a_weight_on_the_boom_pitches_the_aircraft_and_bends_the_boom() -> None:
     motion = segment.motion(np.zeros(3), STANDING, t)
     at_rest = np.interp(13.0, t, motion.attitude[:, 1])
     assert at_rest - STANDING[1] == pytest.approx(-0.002 * 0.1 * 9.80665, rel=1e-3)
-    assert np.abs(motion.rates[:, 1]).max() > 0.1  # the hand that hangs it
+    assert np.abs(motion.rates[:, 1]).max() > 0.1  # the hand that attaches the weight
     without, item, two, after = segment.tip_rad(0.01)
     assert without == after == 0.0
     assert item == pytest.approx(-0.01 * 0.1 / 0.05 - 0.002 * 0.1 * 9.80665)

@@ -53,7 +53,7 @@ def test_without_air_energy_and_momentum_are_kept(plant):
     def velocity(x):
         return on_earth(x, [x.u, x.v, x.w])
 
-    assert end.motor < SPIN - 5  # friction slows it down: its momentum went into the body
+    assert end.motor < SPIN - 5  # friction slows it down: its momentum passed into the body
     assert np.allclose(momentum(end), momentum(start), atol=1e-7)
     assert np.allclose(velocity(end) - velocity(start), [0, 0, g * T], atol=1e-8)
     fallen = velocity(start)[2] * T + g * T**2 / 2

@@ -97,7 +97,7 @@ def test_a_folding_propeller_neither_brakes_nor_drives(propulsion, propeller):
     assert -0.05 < folded.thrust_N < 0
     assert folded.shaft_power_W == 0 and folded.propeller_torque_Nm == 0
     assert folded.motor_acceleration_revps2 < 0
-    for J in (0.2, 0.6):  # where there is thrust, it is the same propeller
+    for J in (0.2, 0.6):  # the propeller is the same where there is thrust
         assert propeller.coefficients(J, 6000) == propeller.with_beyond_zero_thrust("fold").coefficients(J, 6000)
 
 

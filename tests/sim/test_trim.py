@@ -26,7 +26,7 @@ def test_trim_leaves_no_residual_from_stall_to_top_speed(name):
         assert trim.residual < RESIDUAL_LIMIT
         x = trim.state()
         rate = trimmer.plant.derivative(x, trim.commands)
-        # Nothing changes but the place, the battery, and nothing at all in the motor.
+        # Only the position and the battery change, and nothing in the motor.
         for field in set(AircraftState._fields) - {"north", "east", "energy"}:
             assert abs(getattr(rate, field)) < 1e-6, field
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
-# By which a store shows that an object was rewritten: the first that it gives.
+# Fields by which a store shows that an object was rewritten: the first one it has is used.
 VERSIONS = (
     "ETag",
     "etag",
@@ -65,7 +65,7 @@ Log = Path | RemoteLog
 class FoundLogs:
     """Logs in the order of what was given. failures: a line for each place that cannot be listed or has no logs.
 
-    in_folders: whether a folder was among what was given.
+    in_folders: whether any of the given arguments is a folder.
     """
 
     logs: list[Log] = field(default_factory=list)
@@ -176,10 +176,10 @@ def _answer_of(address: str, ask: Callable[[], T]) -> T:
     while True:
         try:
             return ask()
-        except Exception as error:  # of each library its own kinds
+        except Exception as error:  # each library has its own kinds of errors
             if pause_s > left_s or isinstance(error, FOR_GOOD):
                 message = " ".join(str(error).replace(address, printable(address)).split())
-                # A missing file's error holds the address alone.
+                # The error for a missing file contains only the address.
                 cause = (
                     message
                     if message not in ("", printable(address))
@@ -222,7 +222,7 @@ def as_file(log: Log, folder: Path) -> Iterator[tuple[Path, str]]:
     """A log as a local file with its own name, and its digest if it was copied. The copy is below `folder` until the
     end.
 
-    Raises InputError when it cannot be copied. Those that are raised meanwhile name the log, not its copy.
+    Raises InputError when it cannot be copied. Errors raised meanwhile name the log, not its copy.
     """
     if isinstance(log, Path):
         yield log, ""

@@ -38,7 +38,7 @@ from flightpower.flight.errors import InputError, StorageError
 
 @dataclass(frozen=True)
 class Work:
-    """What is done with each log. settings: the values that results depend on, as text.
+    """The work for each log. settings: the values that results depend on, as text.
 
     files: by log, (option, file) of every other file that its analysis reads; of a log at an address, only those that
     options name. Raises InputError. preload: modules that all need.
@@ -127,7 +127,7 @@ def run(
 
 
 def _plan(logs: Sequence[Log], output: Path, work: Work, jobs: int, campaign: Campaign) -> list[Planned]:
-    """The jobs that are left. Folders that are complete, unreadable logs and repeated ones go into `campaign`."""
+    """The remaining jobs. Folders that are complete, unreadable logs and repeated ones go into `campaign`."""
     by_digest: dict[str, Log] = {}
     earlier = records(output)
     earlier_digest = _known_digest(logs, earlier.values())

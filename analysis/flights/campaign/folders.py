@@ -24,7 +24,7 @@ from flightpower.analysis.flights.campaign.addresses import Log, content_digest
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import write_error
 
-PACKAGES = ("analysis", "flight")  # their files, data included, are part of the version
+PACKAGES = ("analysis", "flight")  # their files, data included, count as part of the version
 LIBRARIES = ("casadi", "numpy", "pandas", "scipy")
 SKIPPED_SUFFIXES = {".pyc", ".pyi"}
 
@@ -130,7 +130,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 
 def names(absolute: Sequence[PurePath]) -> list[str]:
     """A folder's name for each log: its own without suffix, with as many parents before it as distinguish the logs."""
-    repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # one flight in two formats
+    repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # one flight logged in two formats
     own = [log.name if str(log.with_suffix("")).casefold() in repeated else log.stem for log in absolute]
     names = own
     for depth in range(1, max((len(log.parts) for log in absolute), default=1)):
@@ -245,7 +245,7 @@ def complete(partial: Path, folder: Path, *, key: str, log: LogFile, runs: Path 
             results_digest=digest(partial / RESULTS) if (partial / RESULTS).is_file() else None,
         )
         write_file(partial / RECORD, msgspec.json.format(msgspec.json.encode(record), indent=1))
-        partial.chmod(0o755)  # of a temporary folder it is 0o700
+        partial.chmod(0o755)  # the mode of a temporary folder is 0o700
         if earlier:
             replaced = folder.with_name(f".{folder.name}{REPLACED}")
             shutil.rmtree(replaced, ignore_errors=True)

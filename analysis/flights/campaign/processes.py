@@ -137,7 +137,7 @@ def run_jobs(
             folder = new_folder(job.name)
             try:
                 running[computers.submit(job, folder)] = job, folder
-            except OSError as error:  # a log that was there a moment ago
+            except OSError as error:  # a log that existed a moment ago
                 yield job, folder, Outcome(f"{job.log}: could not be read ({error.strerror or error})")
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             job, folder = running.pop(future)
@@ -205,7 +205,7 @@ class OwnProcesses:
         return Returned(message or Outcome(f"{job.log}: {_death(process.exitcode)}"))
 
     def kill(self) -> None:
-        """End all that run; start no more."""
+        """Ends all running jobs and starts no more."""
         with self._lock:
             self._ended = True
             for process in self._running:
@@ -221,7 +221,7 @@ def _in_process(analyze: Analyze, job: Job, folder: Path, sender: Connection) ->
 
 
 def _received(receiver: Connection) -> Any:
-    """A step, an outcome, or None when the process ended without one."""
+    """A step, an outcome, or None when the process ended without either."""
     try:
         return receiver.recv()
     except (EOFError, OSError):

@@ -259,7 +259,7 @@ def _fitted(
 ) -> tuple[EnergyBalance, Fit, EnergyBalance]:
     """With a propeller's efficiency, or with the power law where that is far more probable; and the former balance."""
     balance = EnergyBalance(samples, conditions, most_windows)
-    if len(balance.windows.centers_s) < len((*DRAG, *PROPELLER, *LIFT)) + 3:  # a few more than there are parameters
+    if len(balance.windows.centers_s) < len((*DRAG, *PROPELLER, *LIFT)) + 3:  # a few more than the number of parameters
         raise InputError(f"{log}: the flight is too short for an energy balance, or has too many gaps")
     if float(np.max(balance.power_W)) < 2 * conditions.idle_power_W + SHARED.unseen_idle_W:
         raise InputError(f"{log}: the motor took no power in flight; electrical power of level flight is not known")

@@ -7,7 +7,7 @@ path, has the same gusts in its residuals and no drag: both together show the mo
 
 Efficiency of an unknown motor and propeller (`efficiency`): propellers are alike when efficiency is drawn against
 V (rho D^2 / P)^(1/3) = J / c_P^(1/3), relative to its maximum: the APC 10x5E and 12x8E agree with the form within 0.02
-up to the maximum. Beyond it they differ, and so the fall is a parameter. The unknown diameter and the motor's losses
+up to the maximum. Beyond it they differ, so the decrease is a parameter. The unknown diameter and the motor's losses
 are in the two scales. `PowerLaw` replaces this form where thrust is not a propeller's.
 
 Covariance of the residuals (`by_air`, `by_efficiency`, `by_angle`, `of_both`): air rising at w does the work m g w per
@@ -55,7 +55,7 @@ def efficiency(x: Array, maximum: float, x_at_maximum: float, fall: float) -> Ar
 
 
 def idling(x: Array, x_at_maximum: float, fall: float) -> Array:
-    """How far the propeller idles: 0 where it pulls, 1 where it hardly takes power."""
+    """How much the propeller idles: 0 where it pulls, 1 where it absorbs hardly any power."""
     zero_thrust = 1 + 1 / np.sqrt(fall)
     return np.asarray(np.clip((x / x_at_maximum - zero_thrust) / zero_thrust, 0.0, 1.0))
 
@@ -125,7 +125,7 @@ def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Arr
     step = float(windows.offsets_s[1] - windows.offsets_s[0])
     overlap = np.convolve(weight, weight[::-1])  # sum over the pairs of offsets with one difference
     differences = step * (np.arange(len(overlap)) - len(weight) + 1)
-    apart = step * np.arange(len(weight))  # up to windows that only touch
+    apart = step * np.arange(len(weight))  # up to windows that just touch
     values = np.exp(-np.abs(apart[:, None] + differences) / time_s) @ overlap
     beyond_s = np.maximum(lags - apart[-1], 0.0)
     return np.asarray(np.interp(lags, apart, values) * np.exp(-beyond_s / time_s))

@@ -128,7 +128,7 @@ def most_probable_fit(
         return stacked[n:]
 
     def of_gusts(part: Callable[[Array], Array], size_mps: float, time_s: float) -> Array | float:
-        """What horizontal gusts do to a part of the residuals; nothing to a measured airspeed's."""
+        """The effect of horizontal gusts on part of the residuals; none on those of a measured airspeed."""
         if horizontal is None:
             return 0.0
         return by_horizontal_gusts(windows, part(horizontal), size_mps, time_s)
@@ -149,7 +149,7 @@ def most_probable_fit(
         of_drag = by_efficiency(windows, balance.thrust_power_W(parameters), share) + white
         airs = [air + of_gusts(first, 1.0, time_s) for air, time_s in zip(vertical, WINDOWS.times_s, strict=True)]
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
-        if is_last:  # the other sizes are for a next round
+        if is_last:  # the other sizes wait for the next round
             break
         air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
         of_form = [by_efficiency(windows, balance.thrust_power_W(parameters), 1.0)]
@@ -193,7 +193,7 @@ def _size_and_time(
     fixed: covariance of the rest. by_time: of the part at size 1, for each of WINDOWS.times_s. unlikely: their
     cost, as chi squared.
     """
-    costs_by_time, block = [], 64  # columns that LAPACK takes at once
+    costs_by_time, block = [], 64  # columns that LAPACK processes at once
     factor = root(fixed)
     white = whitened(factor, residual)
     for fitted, cost_of_time in zip(by_time, unlikely, strict=True):

@@ -28,7 +28,7 @@ from flightpower.flight.units import GRAVITY_MPS2 as g
 
 
 class Needed(NamedTuple):
-    """A sensor that the balance cannot do without, and its channels."""
+    """A sensor that the balance needs, and its channels."""
 
     title: str
     channels: frozenset[str]
@@ -417,7 +417,7 @@ def _touches_ground(moving: BoolArray, row: int, direction: int) -> bool:
 
 def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray, off: BoolArray) -> tuple[float, float]:
     """Power with the motor off, and its standard deviation: the median in flight with the throttle closed, or on the
-    ground, or less if less was drawn in flight. Where neither is in the log, the motor may have run all the time.
+    ground, or less if less was drawn in flight. If neither is in the log, the motor may have run all the time.
     """
     gliding = power[flown & off & np.isfinite(power)]
     if len(gliding) * FLIGHT.step_s > FLIGHT.recognized_over_s:
@@ -440,20 +440,21 @@ class Meter(StrEnum):
 
 
 def meter(columns: Mapping[str, Array], moving: BoolArray) -> Meter:
-    """What power and throttle (n,) in flight measure. Power rises at least as throttle does, relative to its mean,
-    whatever the airspeed; a channel of throttle that power contradicts is another's, or was not in control.
+    """What the channels of power and throttle (n,) measured in flight. Power rises at least as throttle does, relative
+    to its mean, whatever the airspeed; a channel of throttle that power contradicts is another's, or was not in
+    control.
     """
     throttle, power = columns[recording.THROTTLE], columns["power_W"]
     finite = moving & np.isfinite(throttle + power)
     if not finite.any():
         return Meter.UNCHECKED
     throttle, power = throttle[finite], power[finite]
-    if np.std(throttle) <= 0.1 * np.mean(throttle):  # what varies power then is the airspeed
+    if np.std(throttle) <= 0.1 * np.mean(throttle):  # then airspeed alone makes power vary
         return Meter.UNCHECKED
     # More than half of the variance: 0.7 to 0.97 in simulated flights and in SITL.
     if np.std(power) > 0 and np.corrcoef(throttle, power)[0, 1] > np.sqrt(0.5):
         return Meter.FOLLOWS
-    least = np.std(throttle) / np.mean(throttle) / 2  # half: of a motor that never idles
+    least = np.std(throttle) / np.mean(throttle) / 2  # half, for a motor that never idles
     return Meter.STANDS if np.std(power) < least * np.mean(power) else Meter.CONTRADICTS
 
 

@@ -36,7 +36,7 @@ class Kept(Generic[T]):
 
     def __call__(self, p: NamedValues) -> T:
         for noted, value in self._entries:
-            if all(p[name] == last for name, last in noted.items()):  # p[name] also counts as read by a caller
+            if all(p[name] == last for name, last in noted.items()):  # p[name] also counts as a read by a caller
                 return value
         seen = _Noted(p)
         value = self._function(seen)

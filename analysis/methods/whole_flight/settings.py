@@ -147,7 +147,7 @@ SHARED = ErrorsOfTheFlight()
 
 @dataclass(frozen=True)
 class Curve(Settings):
-    """Where power is reported."""
+    """Speeds at which power is reported."""
 
     percentiles: tuple[float, float] = setting(
         (5.0, 98.0), "%", "percentiles of the windows' airspeed: speeds held, not just passed through"
@@ -162,7 +162,7 @@ CURVE = Curve()
 
 @dataclass(frozen=True)
 class ThrustByTable(Settings):
-    """Where thrust by the propeller's table can be used."""
+    """Conditions under which thrust from the propeller table can be used."""
 
     greatest_J: float = setting(1.5, "1", "of the correction of the table: beyond, no table was measured")
     least_power: float = setting(0.1, "1", "of the 95th percentile, from which motor speed follows from power")

@@ -43,8 +43,8 @@ def shown_efficiency(
 ) -> Uncertain:
     """Natural logarithm of drag times airspeed over the measured power of the motor in level flight at V (n,).
 
-    balance, prior: with a propeller's efficiency. Half as many windows as for a curve do. NaN at speeds that the
-    motor cannot fly.
+    balance, prior: with a propeller's efficiency. Half as many windows as for a curve are enough. NaN at speeds that
+    the motor cannot fly.
     """
     most_windows = min(balance.most_windows, WINDOWS.most // 2)
     free = ScaledPowerBalance(balance.samples, balance.conditions, most_windows)

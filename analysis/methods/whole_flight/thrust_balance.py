@@ -113,7 +113,7 @@ class ThrustBalance(EnergyBalance):
         for i, V in enumerate(speed_mps):
             _, shaft_W = self._propeller.thrust_and_power(np.full_like(revps, V), revps, c.rho)
             taken_W = np.maximum.accumulate(self._motor.electrical_W(shaft_W, revps))
-            driven = max(int(np.argmax(taken_W > 0)) - 1, 0)  # the fastest that the air alone turns
+            driven = max(int(np.argmax(taken_W > 0)) - 1, 0)  # the fastest speed at which the air alone turns it
             speeds[i] = np.interp(power_W, taken_W[driven:], revps[driven:])
         grid_place = np.clip(np.nan_to_num(s.V_mps) / (speed_mps[1] - speed_mps[0]), 0, len(speed_mps) - 1.001)
         low, samples = grid_place.astype(int), np.arange(len(power_W))

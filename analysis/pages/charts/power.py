@@ -271,7 +271,7 @@ def loadings(use: PerformanceResult) -> list[Figure]:
 
 
 def _against_mass(use: PerformanceResult, values: list[Interval], y: Axis, digits: int) -> Figure:
-    """values: of `use.loadings`, in their order."""
+    """the values in `use.loadings`, in order"""
     figure = Figure(x=Axis("mass", "kg"))
     figure.y = y
     pairs = list(zip(use.loadings, values, strict=True))

@@ -48,14 +48,14 @@ class Scale:
     hi: float
 
     def share(self, values: Array) -> Array:
-        """Place between the ends, 0 to 1; NaN where a logarithm has none."""
+        """Position between the ends, 0 to 1; NaN for a logarithm of zero or less."""
         values = np.asarray(values, dtype=float)
         if self.axis.logarithmic:
             values = np.log10(np.where(values > 0, values, np.nan))
         return np.asarray((values - self.lo) / (self.hi - self.lo))
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
-        """Shares and labels: round values, at most so many, or those that the axis names."""
+        """Fractions and labels: round values, at most so many, or those named by the axis."""
         if self.axis.ticks is not None:
             places = self.share(np.array(list(self.axis.ticks)))
             return list(zip(places.tolist(), self.axis.ticks.values(), strict=True))
@@ -253,7 +253,7 @@ def _ink(color: str) -> str:
 
 
 def _mark_elements(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
-    """What stretches with the panel."""
+    """Elements that stretch with the panel."""
     about = _about(mark, y)
     if isinstance(mark, Bars):
         yield from _bars(mark, x, y)
@@ -380,7 +380,7 @@ def _shade(shade: Shade, x: Scale) -> str:
 
 
 def _placed(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
-    """What keeps its shape: symbols, arrow heads and texts, at percentages of the panel."""
+    """Elements that keep their shape: symbols, arrow heads and texts, at percentages of the panel."""
     about = _names(mark)
     off = " off" if mark.hidden else ""
 

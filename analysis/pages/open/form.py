@@ -15,7 +15,7 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import Log
 from flightpower.flight.shipped_propellers import shipped_propellers
 
-PROPELLER = "propeller"  # the field that is a choice of shipped tables
+PROPELLER = "propeller"  # the field in which a shipped table is chosen
 FIRST = "Weight, propeller, battery"
 # Keys of the aircraft file that the analysis of a log uses, in words; the page shows no others. LINE as in KEYS.
 AIRCRAFT: dict[str, dict[str, str]] = {

@@ -35,7 +35,7 @@ class OpenedFlight(ABC):
         self._curves: dict[bytes, Json] = {}  # by what was asked
 
     def changed(self) -> bool:
-        """Whether the file is another one than when it was opened."""
+        """Whether the file has changed since it was opened."""
         return _stat(self.path) != self._stat
 
     @cached_property
@@ -56,7 +56,7 @@ class OpenedFlight(ABC):
 
     @abstractmethod
     def _words(self, values: Values, folder: Path) -> list[str]:
-        """The options of the command that gives the same."""
+        """The options of the command that gives the same result."""
 
     @abstractmethod
     def _write_inputs(self, values: Values, folder: Path) -> Iterator[Path | None]:
@@ -68,7 +68,7 @@ class OpenedFlight(ABC):
         """Every number of the log over time, on the clock of the page. Raises InputError where it cannot be read."""
 
     def curve(self, values: Values) -> Json:
-        """The curve as the report will have it. Raises InputError."""
+        """The curve as the report will show it. Raises InputError."""
         request = msgspec.json.encode(values)
         if request not in self._curves:
             began = time.process_time()
@@ -111,7 +111,7 @@ class OpenedFlight(ABC):
 
 
 def curve_json(curve: Curve) -> Json:
-    """What the page has of a curve."""
+    """The data of a curve for the page."""
     return {
         "kind": curve.kind,
         "curve": columns(curve.points()),

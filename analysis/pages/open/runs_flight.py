@@ -52,7 +52,7 @@ from flightpower.flight.shipped_propellers import shipped_propellers
 
 
 class _Prepared(NamedTuple):
-    """What does not depend on the runs. path : None until a curve is asked for"""
+    """Data that do not depend on the runs. path : None until a curve is asked for"""
 
     measured: Measured
     path: FlightPath | None

@@ -69,7 +69,7 @@ class Answer(NamedTuple):
 
 
 class RefusedError(Exception):
-    """A request that is not answered. status : why"""
+    """A request that is refused. status : why"""
 
     def __init__(self, status: HTTPStatus, text: str):
         super().__init__(text)
@@ -156,7 +156,7 @@ class LocalPage:
             return _json(flight.write(values))
 
     def read_ahead(self, name: str) -> None:
-        """Prepare what the page shows of a log. What is wrong with it is reported when the page asks."""
+        """Prepares the data that the page shows of a log. What is wrong with it is reported when the page asks."""
         with self._computing, suppress(InputError):
             _ = self.folder.flight(name).shown
 
@@ -186,7 +186,7 @@ class LocalPage:
 
 
 class Dropped(StrEnum):
-    """What a file is that was dropped on the page."""
+    """The kind of a file dropped on the page."""
 
     LOG = "log"
     TABLE = "table"
@@ -310,7 +310,7 @@ def server_of(page: LocalPage, listening: socket) -> Any:
 
 def serve(folder: Folder, listening: socket, token: str, first: str) -> None:
     """Serve the page until the process is stopped. first : a log to read ahead, or ''"""
-    logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # a request that waits for a curve is nothing to report
+    logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # a request waiting for a curve needs no report
     port = listening.getsockname()[1]
     page = LocalPage(folder, hosts={f"127.0.0.1:{port}", f"localhost:{port}"}, token=token)
     server = server_of(page, listening)

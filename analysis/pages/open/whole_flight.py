@@ -189,7 +189,7 @@ class WholeFlight(OpenedFlight):
         return Options(**options)
 
     def _left_out(self, values: Values) -> str:
-        """The stretches as --leave-out has them. Raises FieldError for one without length or outside the log."""
+        """The stretches in the form of --leave-out. Raises FieldError for one without length or outside the log."""
         for i, (start_s, end_s) in enumerate(values.left_out):
             if not 0 <= start_s < end_s <= self.end_s + 1:
                 raise FieldError(

@@ -159,7 +159,7 @@ def _log(results: Results, provenance: Provenance) -> str:
 
 
 class BalanceSection(NamedTuple):
-    """The energy balance of a whole flight: wind and airspeed, what it leaves over."""
+    """The energy balance of a whole flight: wind and airspeed, and the residuals."""
 
     air: str
     residual: str

@@ -84,7 +84,7 @@ class AutopilotSection(NamedTuple):
 
 
 def autopilot_section(results: WithCurves) -> AutopilotSection | None:
-    """None where nothing follows."""
+    """None if there is nothing to conclude."""
     if not results.autopilot_parameters:
         return None
     logged = any(parameter.logged is not None for parameter in results.autopilot_parameters)
@@ -161,7 +161,7 @@ def _best_speed(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
 
 
 def has_extrapolation(use: PerformanceResult) -> bool:
-    """Whether any row bears MARK."""
+    """Whether any row is marked with MARK."""
     return any(row.extrapolated for row in use.field_table) or any(case.extrapolated for case in use.loadings)
 
 

@@ -75,7 +75,7 @@ class VerdictSection(NamedTuple):
 
     @property
     def colon(self) -> str:
-        """What follows the heading."""
+        """The text under the heading."""
         return ":" if self.reasons else "."
 
 

@@ -35,7 +35,7 @@ def result(table, probe):
 
 
 def errors_of(air, truth, rows=CRUISE_S):
-    """(speed, alpha) less the truth, where both are known; rms over the seconds `rows`."""
+    """(speed, alpha) minus the truth, where both are known; rms over the seconds `rows`."""
     part = air.table.loc[rows[0] : rows[1]]
     t = part.index.to_numpy()
     speed = part["V_mps"] - np.interp(t, truth["time_s"], truth["V_mps"])

@@ -1,4 +1,4 @@
-"""What hysteresis of a transducer, and a step of its zero, do to air data."""
+"""Effects of a transducer's hysteresis, and of a step of its zero, on air data."""
 
 import numpy as np
 import pandas as pd

@@ -102,7 +102,7 @@ def test_the_lag_of_a_simulated_step_is_found_within_five_per_cent(diameter_mm: 
 
 
 def test_a_step_across_a_gap_of_the_record_is_not_used() -> None:
-    """What happened meanwhile is unknown. Twice its length is missing in the middle of the fourth of eight steps."""
+    """Pressures during the gap are unknown. Twice its length is missing in the middle of the fourth of eight steps."""
     t, value = bursts(NARROW, full=False)
     steps, _ = find_steps(t, value)
     middle_s = steps[3].t_s[0] + 0.5 * np.ptp(steps[3].t_s)

@@ -45,7 +45,7 @@ def table(flight, seed: int, offset_mps2=OFFSET_MPS2, poles_entered: int = 14):
 
 
 def test_the_offset_by_vibration_is_found_within_its_error_though_the_aircraft_leans(flight):
-    """Leaning by 0.01 rad alone changes the forward force by 0.1 m/s^2 at full throttle. Over 12 draws."""
+    """Leaning by 0.01 rad changes the forward force by 0.1 m/s^2 even at full throttle. Over 12 draws."""
     z = []
     for seed in range(12):
         measured = table(flight, seed)

@@ -1,4 +1,4 @@
-"""What a calibration prints: intervals of 95 %, in the units that it names."""
+"""The printed summary of a calibration: 95 % intervals in the stated units."""
 
 from types import SimpleNamespace
 

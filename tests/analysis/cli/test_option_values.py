@@ -1,4 +1,4 @@
-"""What a command assumes where an option is not given."""
+"""The value that a command assumes for an omitted option."""
 
 import inspect
 from collections.abc import Callable

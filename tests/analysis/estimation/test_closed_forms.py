@@ -50,7 +50,7 @@ def test_t_noise_has_the_likelihood_and_information_of_student():
     scale = np.exp(best.x[1])
     assert fit.values[0] == pytest.approx(best.x[0], abs=1e-5)
     assert fit.noise_covariance[0, 0] == pytest.approx(scale**2, rel=1e-4)
-    constant = n * (np.log(scale) + stats.t.logpdf(0, dof, 0, scale))  # of the density, which the cost leaves out
+    constant = n * (np.log(scale) + stats.t.logpdf(0, dof, 0, scale))  # constant of the density, which the cost omits
     assert fit.negative_log_likelihood == pytest.approx(best.fun + constant, abs=1e-5)
     assert fit.covariance[0, 0] == pytest.approx(scale**2 / n * (dof + 3) / (dof + 1), rel=1e-3)
 

@@ -52,7 +52,8 @@ def test_an_unstable_aircraft_converges_from_equation_error_in_15_iterations(see
 
 @pytest.mark.parametrize("seed", [5, 224])
 def test_an_unstable_aircraft_keeps_the_least_noise_of_the_state_with_the_highest_likelihood(seed):
-    """Without any process noise its filter would not correct the states. Which state has it matters: 0.8 of cost."""
+    """Without any process noise its filter would not correct the states. It matters which state has the noise: the
+    cost differs by 0.8."""
     fit = fitted(
         twins.UNSTABLE,
         twins.unstable(seed),
@@ -87,7 +88,7 @@ def test_noise_starts_near_the_truth():
 
 
 def test_innovations_that_are_not_white_are_named():
-    """Turbulence drives both rates, the filter has it in one."""
+    """Turbulence drives both rates, but the filter assumes it in only one."""
     segment, noise = twins.in_turbulence(0), twins.TURBULENCE_NOISE
     incomplete = fitted(twins.TURBULENCE, segment, noise[1], start="equation error")
     assert Finding.NOT_WHITE in incomplete.verdict.findings

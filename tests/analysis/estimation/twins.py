@@ -10,7 +10,7 @@ STEP_S = 0.05
 
 
 def steps(t, start_s, unit_s, widths, size):
-    """(n,) a multistep input, its first side positive, with ramps of one sample."""
+    """(n,) a multistep input that starts positive, with ramps of one sample."""
     edges = start_s + unit_s * np.cumsum([0, *widths])
     times, values = [0.0], [0.0]
     for i, edge in enumerate(edges):

@@ -34,7 +34,7 @@ def flights_of(
 ) -> list[dict[str, Any]]:
     """The results of flights. drag, thrust: change of each flight (count,) as a share, from the airframe's own.
 
-    like : whose rows they have, instead of those of short flights with this noise
+    like : flights whose rows are used, instead of those of short flights with this noise
     """
     rng = np.random.default_rng(seed)
     x = like.truth(rng, polar) if like else truth(rng, polar)

@@ -52,7 +52,7 @@ def test_a_flight_is_an_outlier_by_the_limit_of_two_tests_of_each_flight() -> No
 
 
 def test_a_flight_whose_probe_moved_is_named_by_the_same_rule() -> None:
-    """Its polar agrees: it is an outlier, and not of the curves. It alone is treated as remounted."""
+    """Its polar agrees, so it is an outlier, but not because of its curve. It alone is treated as remounted."""
     pooled = campaign(0.0, alpha=0.03)
     assert list(pooled.outliers) == [4] and pooled.outliers[4].p_installation < TRUST.false_alarm_rate / 10
     assert remounted_flights(pooled.as_stated, pooled.prior) == {4} == pooled.remounted

@@ -35,7 +35,8 @@ def angle(CL):
 def flown(V, A, rho, gamma=0.0, weight_N=W) -> pd.DataFrame:
     """The methods' table of a flight at speeds V (n,) along a straight path: forces in exact balance, no errors.
 
-    Lift carries what thrust does not: L + T sin(alpha) = W cos(gamma); D + m Vdot + W sin(gamma) = T cos(alpha).
+    The wing carries the part of the weight that thrust does not: L + T sin(alpha) = W cos(gamma); D + m Vdot + W
+    sin(gamma) = T cos(alpha).
     """
     t = np.arange(len(V)) * STEP_S
     V = np.asarray(V, dtype=float)

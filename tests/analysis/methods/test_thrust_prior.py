@@ -154,7 +154,7 @@ def test_errors_that_explain_disagreements_have_the_stand() -> None:
     forces = pd.DataFrame(columns | {"J": 0.6 + 0.01 * (V - 18)})
     forces["thrust_along_V_over_m_mps2"] = 3.0 + np.cos(np.arange(n) / 20)
     exact = on_stand(1.1, static_thrust_ratio_fraction=1e-4, thrust_curvature_fraction=0.0)
-    for rows in (n, 5):  # too few are the prior
+    for rows in (n, 5):  # too few samples: the prior is returned
         thrust_errors = _thrust_errors(forces[:rows], exact)
         assert thrust_errors["thrust_scale"].value - thrust_errors["thrust_slope"].value / 2 == pytest.approx(
             0.1, abs=1e-3

@@ -31,7 +31,7 @@ def farthest_m(maneuvers: list[Maneuver], aircraft: ExpectedAircraft, wind_mps: 
 @pytest.mark.parametrize("wind_mps", [0.0, 4.0, 8.0])
 def test_a_flight_stays_in_sight_in_any_wind(nexstar, pieces_flown: list[Piece], wind_mps: float) -> None:
     """A leg about the place of take-off; in a strong wind half as much more, since runs downwind cannot be shortened.
-    As planned in still air it would be gone by miles."""
+    As planned for still air, it would drift miles away."""
     plan = sequence(pieces_flown, nexstar)
     corrected = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), wind_mps)
     assert farthest_m(corrected, nexstar, wind_mps) < (1.1 if wind_mps < 5 else 1.5) * LEG_M

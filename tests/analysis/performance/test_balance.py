@@ -66,7 +66,7 @@ def test_incidence_is_the_line_that_was_flown() -> None:
     CL = np.linspace(0.2, 1.1, 60)
     data = pd.DataFrame({"CL": CL, "alpha": -0.075 + 0.235 * CL, "covered": True})
     data.loc[5, "alpha"], data.loc[9, "CL"] = np.nan, np.nan
-    data.loc[20, ["alpha", "covered"]] = 1.0, False  # what the table does not know
+    data.loc[20, ["alpha", "covered"]] = 1.0, False  # power that the table does not contain
     result = incidence(data)
     assert result.names == ("alpha_0", "alpha_CL")
     assert result.values == pytest.approx([-0.075, 0.235])

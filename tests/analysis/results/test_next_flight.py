@@ -34,7 +34,8 @@ def flown(sigma: dict[str, float], gust_mps: float = 0.0) -> SimpleNamespace:
 
 @pytest.mark.parametrize("V", [13.0, 20.0])
 def test_power_errs_by_the_turned_lift_and_by_the_drag_of_another_speed(V: float) -> None:
-    """An angle's error turns the lift W: W V for each radian. D = q S A0 + A1 W + A2 W^2/(q S) gives dD/dV."""
+    """An angle's error turns the lift W: Power changes by W V for each radian. D = q S A0 + A1 W + A2 W^2/(q S) gives
+    dD/dV."""
     effects, places = _effects_W(flown({}), A, AT, V)  # type: ignore[arg-type]
     of = dict(zip(MATTERS, effects, strict=True))
     qS = AT.rho * V**2 / 2 * AT.wing_area_m2

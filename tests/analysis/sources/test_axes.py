@@ -172,7 +172,7 @@ def test_from_a_correlation_on_a_sensor_is_reversed(name: str, small: float, lar
 def test_alpha_and_beta_are_exchanged_if_beta_follows_the_lift_and_much_better_than_alpha() -> None:
     """A correlation of 0.6, 0.2 more than alpha's, is required."""
     assert judged(with_correlation("dp_beta_Pa", 0.95).assign(dp_alpha_Pa=swinging()["dp_alpha_Pa"])) == ""
-    calm = {"dp_alpha_Pa": 0.1 * swinging()["q_c_Pa"]}  # no angle of attack shown
+    calm = {"dp_alpha_Pa": 0.1 * swinging()["q_c_Pa"]}  # no angle of attack appears
     assert judged(with_correlation("dp_beta_Pa", 0.5).assign(**calm)) == ""
     assert "exchanged" in judged(with_correlation("dp_beta_Pa", 0.7).assign(**calm))
     lift = -swinging()["az_mps2"] / swinging()["qbar_Pa"]

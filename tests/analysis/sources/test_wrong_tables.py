@@ -23,7 +23,7 @@ def times(quantity: str, factor: float, offset: float = 0.0) -> Callable[[Table]
 
 
 def late(*quantities: str, seconds: float) -> Callable[[Table], Table]:
-    """The columns show what was so long ago."""
+    """The columns lag by this time."""
 
     def shifted(t: Table) -> Table:
         n = round(seconds / 0.1)

@@ -185,7 +185,7 @@ def test_every_sensor_error_has_a_reason_when_not_determined() -> None:
 
 
 def test_the_standard_error_of_a_mean_allows_for_slow_changes() -> None:
-    """White noise: sigma / sqrt(n). A wave of twice the batch's length: the batches' scatter, far more than that."""
+    """White noise: sigma / sqrt(n). A wave of twice the batch's length makes the batches scatter far more than that."""
     t = np.arange(0, 400, 0.2)
     white = pd.Series(np.random.default_rng(0).normal(0, 1, len(t)), index=t)
     assert difference_check(white).mean_standard_error == pytest.approx(

@@ -160,7 +160,7 @@ def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> Non
     # What the flight adds to the prior keeps its share; without the prior's factor it would be less than nothing.
     before, after = (np.linalg.inv(x.covariance) - np.diag(x.prior_sigma**-2.0) for x in (trajectory, wider))
     assert after == pytest.approx(before / 4)
-    # Random errors of the states are twice as large, too: a quarter of the information.
+    # Random errors of the states are also twice as large, which leaves a quarter of the information.
     draws = np.ones((3, 4, 5))
     wider, _ = with_misfit(replace(trajectory, draws=draws))
     assert wider.draws == pytest.approx(2 * draws)

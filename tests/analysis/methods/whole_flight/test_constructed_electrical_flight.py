@@ -315,7 +315,7 @@ def test_standard_errors_add_what_the_flight_shares() -> None:
 
 
 def test_a_motor_s_electrical_power_is_that_of_its_constants() -> None:
-    """omega k + R I volts, I amperes; k (I - I0) is the shaft's torque. Driven by the air it takes none."""
+    """omega k + R I volts, I amperes; k (I - I0) is the shaft's torque. Driven by the air it absorbs no power."""
     omega, current = 600.0, 12.0
     shaft_W = MOTOR.torque_constant * (current - MOTOR.no_load_A) * omega
     taken = MOTOR.electrical_W(np.array([shaft_W, -1000.0]), np.array([omega, omega]) / (2 * np.pi))

@@ -331,7 +331,7 @@ def test_the_idle_power_is_that_with_the_throttle_closed_or_the_least_seen() -> 
     standing, flown, never = np.arange(300) < 100, np.arange(300) >= 100, np.zeros(300, dtype=bool)
     assert _idle_power_W(power, standing, flown, never) == (6.0, 1.0)
     idle_W, sigma_W = _idle_power_W(power, standing & False, flown, never)
-    assert idle_W < 10 and sigma_W == idle_W  # not the least of a motor that never stood
+    assert idle_W < 10 and sigma_W == idle_W  # not the lowest reading of a motor that was never stopped
     power[150:200] = 3.0
     assert _idle_power_W(power, standing, flown, never) == (3.0, 1.0)
     assert _idle_power_W(power, standing & False, flown, never) == (3.0, 3.0)

@@ -59,7 +59,7 @@ def test_an_accelerometer_s_bias_changes_drag_by_mass_times_it() -> None:
 
 
 def test_states_move_with_the_sensor_errors() -> None:
-    """A pitch attitude that rises by 2 times an error of 0.01, by its sensitivity."""
+    """A pitch attitude whose error is 2 times an error of 0.01, by its sensitivity."""
     trajectory = measured(FLOWN)
     covariance, sensitivity = trajectory.covariance.copy(), trajectory.state_sensitivity.copy()
     covariance[0, 0] = 0.01**2
