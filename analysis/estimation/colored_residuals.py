@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
+from scipy.linalg import lapack
 
 from flightpower.analysis.estimation.fit import Fit
 from flightpower.flight.arrays import Array
@@ -72,24 +73,25 @@ class Autoregression(NamedTuple):
 
     @classmethod
     def fitted(cls, gamma: Array, samples: int) -> "Autoregression":
-        """Solution of the Yule-Walker equations, of the order up to len(gamma) - 1 with the smallest AIC (Akaike)."""
+        """Solution of the Yule-Walker equations, of the order up to len(gamma) - 1 with the smallest AIC (Akaike).
+
+        One factor of the largest Toeplitz matrix has the determinants of Q of all orders along its diagonal. Orders end
+        where the matrix is no covariance.
+        """
         outputs = gamma.shape[1]
         G = np.concatenate([gamma, gamma[:0:-1].transpose(0, 2, 1)])  # G[-k] is the transpose of G[k]
-        numbers = np.arange(len(gamma) - 1)
+        numbers = np.arange(len(gamma))
         blocks = G[numbers[None, :] - numbers[:, None]].transpose(0, 2, 1, 3)
-        largest_toeplitz = blocks.reshape(len(numbers) * outputs, -1)  # matrices of lower order are its leading blocks
-        backward = gamma[1:].transpose(0, 2, 1).reshape(-1, outputs)
-        candidates = [(np.linalg.slogdet(gamma[0])[1], cls(np.zeros((0, outputs, outputs)), gamma[0]))]
-        for order in range(1, len(gamma)):
-            n = order * outputs
-            row = np.linalg.solve(largest_toeplitz[:n, :n].T, backward[:n]).T
-            A = row.reshape(outputs, order, outputs).transpose(1, 0, 2)
-            Q = gamma[0] - row @ backward[:n]
-            Q = (Q + Q.T) / 2
-            if np.linalg.eigvalsh(Q)[0] > 0:
-                akaike = np.linalg.slogdet(Q)[1] + 2 * order * outputs**2 / samples
-                candidates.append((akaike, cls(A, Q)))
-        return min(candidates, key=lambda candidate: candidate[0])[1]
+        toeplitz = blocks.reshape(len(numbers) * outputs, -1)
+        factor, failed = lapack.dpotrf(toeplitz, lower=1)
+        possible = max(1, (failed - 1) // outputs) if failed else len(numbers)
+        ln_det_Q = 2 * np.log(np.abs(np.diag(factor)[: possible * outputs])).reshape(possible, -1).sum(axis=1)
+        order = int(np.argmin(ln_det_Q + 2 * numbers[:possible] * outputs**2 / samples))
+        n = order * outputs
+        backward = gamma[1 : order + 1].transpose(0, 2, 1).reshape(n, outputs)
+        row = np.linalg.solve(toeplitz[:n, :n], backward).T
+        Q = gamma[0] - row @ backward
+        return cls(row.reshape(outputs, order, outputs).transpose(1, 0, 2), (Q + Q.T) / 2)
 
 
 def transformed_sensitivities(fit: Fit, size: int) -> list[Spectrum]:

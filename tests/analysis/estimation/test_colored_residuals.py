@@ -57,3 +57,30 @@ def test_white_noise_is_found_to_be_white_as_often_as_akaike_s_criterion_says(ou
     k, m = np.arange(1, orders + 1), outputs**2
     probability = np.exp(-np.sum(chi2.sf(2 * k * m, k * m) / k))
     assert white / records == pytest.approx(probability, abs=4 * np.sqrt(probability * (1 - probability) / records))
+
+
+@pytest.mark.parametrize("outputs", [1, 2])
+def test_the_order_is_that_of_least_criterion_among_all_orders_solved_one_by_one(outputs):
+    """What is not predicted by the last k values has the variance Gamma(0) less that of the prediction."""
+    samples, orders, rng = 300, 12, np.random.default_rng(8)
+    e = rng.standard_normal((samples, outputs))
+    for i in range(4, samples):
+        e[i] += 0.5 * e[i - 1] - 0.6 * e[i - 4]
+    gamma = np.array([e[lag:].T @ e[: samples - lag] / samples for lag in range(orders + 1)])
+    criteria, variances = [], []
+    for k in range(orders + 1):
+        lagged = np.array([[gamma[j - i] if j >= i else gamma[i - j].T for j in range(k)] for i in range(k)])
+        among = lagged.transpose(0, 2, 1, 3).reshape(k * outputs, k * outputs) if k else np.zeros((0, 0))
+        with_last = gamma[1 : k + 1].transpose(0, 2, 1).reshape(k * outputs, outputs)
+        variances.append(gamma[0] - with_last.T @ np.linalg.solve(among, with_last))
+        criteria.append(np.linalg.slogdet(variances[-1])[1] + 2 * k * outputs**2 / samples)
+    fitted = Autoregression.fitted(gamma, samples)
+    assert len(fitted.A) == np.argmin(criteria) >= 4
+    assert fitted.Q == pytest.approx(variances[len(fitted.A)], rel=1e-9)
+
+
+def test_lags_that_no_covariance_has_are_left_out():
+    """Values cannot be more like those of three steps before than like themselves."""
+    gamma = np.array([1.0, 0.7, 0.5, 2.0])[:, None, None]
+    fitted = Autoregression.fitted(gamma, 100)
+    assert 1 <= len(fitted.A) <= 2 and 0 < float(fitted.Q.item()) < 1
