@@ -73,7 +73,8 @@ def _inputs(flight_forces: FlightForces, runs: list[Maneuver]) -> tuple[MethodIn
     t, trajectory = flight_forces.t_s, flight_forces.trajectory
     in_level_runs = rows_within(t, [(run.start_s, run.end_s) for run in runs if run.kind in LEVEL_RUNS])
     errors = estimate_errors(flight_forces, trajectory, in_level_runs)
-    return method_inputs(flight_forces, trajectory, runs, errors), errors
+    kinds = {kind for method in (*ALL_METHODS, ONE_RUN) for kind in method.kinds}
+    return method_inputs(flight_forces, trajectory, [run for run in runs if run.kind in kinds], errors), errors
 
 
 def _single_run_estimates(method: Method, inputs: MethodInputs) -> list[MethodEstimate]:
