@@ -4,6 +4,7 @@ Positions are percentages of the width, or units of 1/10,000 of an axis in a dra
 that one drawing fits every width. Colors are variables of the page's style, which follow a dark page and paper.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -307,7 +308,7 @@ def path(x: Array, y: Array, *, dots: bool = False) -> str:
     parts: list[str] = []
     before: tuple[int, int] | None = None
     for one_x, one_y in zip(x.tolist(), y.tolist(), strict=True):
-        if not np.isfinite(one_x + one_y):
+        if not math.isfinite(one_x + one_y):
             before = before if dots else None
             continue
         start_point = round(one_x), round(one_y)
