@@ -113,7 +113,8 @@ class Trajectory:
     def states_error(self) -> pd.DataFrame:
         """Standard error of every state at every instant: random errors (from draws) and sensor errors."""
         random = np.sum(self.draws**2, axis=0) / len(self.draws)
-        systematic = np.einsum("nxm,mk,nxk->nx", self.state_sensitivity, self.covariance, self.state_sensitivity)
+        by_factor = self.state_sensitivity.reshape(-1, len(self.covariance)) @ np.linalg.cholesky(self.covariance)
+        systematic = np.sum(by_factor**2, axis=1).reshape(random.shape)
         return pd.DataFrame(np.sqrt(random + systematic), index=self.states.index, columns=self.states.columns)
 
 
