@@ -117,10 +117,8 @@ def main(
             bench.add(f"{name}", False, "is not here; give its path with --python")
         else:
             tried(bench, Path(path), wheel.resolve(), px4_log and px4_log.resolve())
-    installed = sorted(bench.folder.glob("3.*/venv/bin/python"))
-    if sdist is not None and installed:
-        supply(bench, installed[0])
-        hashed(bench, wheel.resolve())
+    if sdist is not None:
+        supply(bench, hashed(bench, wheel.resolve()))
     if tests and sdist is not None:
         test_sdist(bench, sdist)
     failed = [row for row in bench.rows if not row.good]
@@ -217,7 +215,7 @@ def tried(bench: Bench, python: Path, wheel: Path, px4_log: Path | None) -> None
 
 
 def supply(bench: Bench, python: Path) -> None:
-    """What is installed with the wheel: a bill of materials and the licenses, into dist."""
+    """What hashes.txt and the wheel install: a bill of materials and the licenses, into dist."""
     tools, dist = bench.folder / "tools" / "bin", bench.folder / "dist"
     bill = ("--output-reproducible", "--output-format", "JSON", "--output-file", dist / "bom.json")
     bench.run("bill of materials", tools / "cyclonedx-py", "environment", *bill, python)
@@ -230,8 +228,11 @@ def supply(bench: Bench, python: Path) -> None:
     )
 
 
-def hashed(bench: Bench, wheel: Path) -> None:
-    """The versions of constraints.txt with the hash of every file of theirs, into dist, and what they install."""
+def hashed(bench: Bench, wheel: Path) -> Path:
+    """The versions of constraints.txt with the hash of every file of theirs, into dist.
+
+    Returns the Python of an environment with these and the wheel, and nothing else.
+    """
     tools, folder, lock = bench.folder / "tools" / "bin", bench.folder / "hashed", bench.folder / "dist" / "hashes.txt"
     extras = [word for extra in HASHED for word in ("--extra", extra)]
     options = ("--universal", "--python-version", "3.11", "--generate-hashes", "--no-header", "--no-annotate", *extras)
@@ -242,6 +243,7 @@ def hashed(bench: Bench, wheel: Path) -> None:
     bench.run("hashed files installed", *pip, "--require-hashes", "-r", lock)
     bench.run("wheel beside hashed files", *pip, "--no-deps", wheel)
     bench.run("nothing is missing", folder / "bin" / "pip", "check")
+    return folder / "bin" / "python"
 
 
 def page(bench: Bench, version: str, commands: Path, work: Path) -> None:
