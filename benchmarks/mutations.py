@@ -154,14 +154,25 @@ def tests_by_distance(file: Path) -> list[Path]:
     return nearest + sorted({p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")} - {*nearest})
 
 
+def environment_of(copy: Path) -> dict[str, str]:
+    others = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return others | {"PYTHONPATH": str(copy), "OPENBLAS_NUM_THREADS": "1"}
+
+
 def run(copy: Path, arguments: list[str], timeout_s: float) -> subprocess.CompletedProcess[str] | None:
     """Runs Python in the copy. None after the timeout."""
-    environment = os.environ | {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment = environment_of(copy) | {"PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, *arguments]
     try:
         return subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=timeout_s)
     except subprocess.TimeoutExpired:
         return None
+
+
+def compile_copy(copy: Path) -> None:
+    """Compile modules and tests once; a mutated file differs from what was compiled in size and time."""
+    command = [sys.executable, "-m", "pytest", "-q", "--collect-only", "-p", "no:cacheprovider"]
+    subprocess.run(command, cwd=copy, env=environment_of(copy), capture_output=True)
 
 
 def failure(copy: Path, tests: list[str], timeout_s: float) -> str | None:
@@ -228,6 +239,7 @@ def main(
         for name in tracked.splitlines():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, copy / name, follow_symlinks=False)
+        compile_copy(copy)
         for made in islice((m for m in draw if can_be_imported(m, copy)), count):
             begin = time.monotonic()
             test = killer(made, copy, tests_by_distance(made.file)[: nearest or None], timeout_s)
