@@ -49,6 +49,10 @@ def test_flights_are_added_once_and_shown(flights: Path, tmp_path: Path) -> None
         -6, abs=1.5
     )
     text = (page / "fleet.html").read_text()
+    (row,) = re.findall(r"<tr[^>]*>(?:(?!</tr>).)*hawk-2(?:(?!</tr>).)*</tr>", text, re.DOTALL)
+    least = min(shown["airframes"][1]["power_required"], key=lambda point: point["power_W"])
+    half_percent = 100 * (least["power_hi_W"] - least["power_lo_W"]) / 2 / least["power_W"]
+    assert 0.5 < half_percent < 20 and f">{half_percent:.1f}<" in row
     assert text.startswith("<!doctype html>") and text.count("<details open>") == 1
     assert text.index("worn, changed") < text.index("<summary>hawk-1")
     called("show", dataset, "--airframe", "hawk-1", "-o", page, "--replace")

@@ -5,6 +5,7 @@ Its own estimators, on case 1.
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,9 +21,11 @@ from flightpower.analysis.maneuvers.find_level import find_runs
 from flightpower.analysis.maneuvers.flown import flown_lift
 from flightpower.analysis.maneuvers.kinds import Maneuver
 from flightpower.analysis.methods import likelihood
+from flightpower.analysis.methods.aircraft_models import force_coefficients
 from flightpower.analysis.methods.dynamic import estimate_polar
 from flightpower.analysis.methods.likelihood import LikelihoodEstimates
 from flightpower.analysis.trajectory.reconstruction import Trajectory, reconstruct
+from flightpower.flight.aerodynamics import stability_axes
 from flightpower.flight.aircraft import load_aircraft
 from flightpower.flight.atmosphere import FOOT_POUND_PER_SECOND_W
 from flightpower.flight.propeller import Propeller
@@ -139,3 +142,16 @@ def test_without_runs_the_likelihoods_have_a_note(case) -> None:
     estimates = likelihood.estimate(flight_record(pd.DataFrame(), None, [], AIRCRAFT, PROPELLER))
     assert [item.polar for item in estimates.methods] == [None, None]
     assert "acceleration" in estimates.methods[0].notes[0] and estimates.pitch_rate is None
+
+
+def test_the_polar_of_the_forces_is_along_true_angles_of_attack() -> None:
+    """A vane that shows 0.02 rad and 10 % too much gives the drag of the angles that were flown, not of those shown."""
+    forces = {"CX0": -0.04, "CXa": 0.1, "CXa2": 2.0, "CXde": 0.0, "CZ0": -0.3, "CZa": -4.5, "CZa2": 0.0, "CZde": -0.4}
+    true, elevator = np.linspace(-0.05, 0.15, 31), np.linspace(0.05, -0.1, 31)
+    exact, shown = (
+        likelihood._polar_of_forces(alpha, elevator, SimpleNamespace(**forces, alpha_bias=bias, alpha_scale=scale))
+        for alpha, bias, scale in ((true, 0.0, 0.0), (1.1 * true + 0.02, 0.02, 0.1))
+    )
+    assert shown == pytest.approx(exact, rel=1e-9)
+    CL, CD = stability_axes(*force_coefficients(true, elevator, SimpleNamespace(**forces)), true)
+    assert exact == pytest.approx(np.polyfit(CL, CD, 2)[::-1]) and exact[2] > 0.01

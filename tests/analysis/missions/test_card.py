@@ -1,5 +1,6 @@
 """The card warns of what cannot be fixed in the field, and has the blanks and check boxes to use there."""
 
+import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -108,3 +109,14 @@ def test_headings_and_wind_are_told_as_they_were_given(nexstar: ExpectedAircraft
 
 def test_there_is_a_box_to_tick_for_each_time() -> None:
     assert card._boxes("3 ×").count("☐") == 3 and card._boxes("") == "☐"
+
+
+def test_a_run_that_is_planned_twice_is_ticked_off_twice() -> None:
+    """From rest to 20 m/s, down to 12, up again, and down to 12 once more."""
+    runs = tuple(Run(0.5, 1.0, until_mps) for until_mps in (20.0, 12.0, 20.0, 12.0))
+    listed = tomllib.loads(card.runs_to_tick_off(SimpleNamespace(maneuvers=runs)))["run"]  # type: ignore[arg-type]
+    assert [(run["kind"], run["from_mps"], run["to_mps"], run["times"]) for run in listed] == [
+        ("acceleration", 0.0, 20.0, 1),
+        ("deceleration", 20.0, 12.0, 2),
+        ("acceleration", 12.0, 20.0, 1),
+    ]
