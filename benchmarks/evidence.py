@@ -527,7 +527,7 @@ def _table(tables: Tables, name: str) -> str:
         ("open", "Open, outside by less than two counting errors"),
     )
     lines = [f"- {title}: {', '.join(by_met[met])}." for met, title in sentence if met in by_met]
-    lines += [f"- Covered in all of so few flights that 98 % is not excluded: {always} worlds."] if always else []
+    lines += [f"- Every value was covered, but in too few flights to exclude 98 %: {always} worlds."] if always else []
     return "\n".join(lines) or "- All are met."
 
 

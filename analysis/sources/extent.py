@@ -127,7 +127,7 @@ def _dataflash_times_s(data: bytes) -> list[float]:
         for field, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3)):
             times = log.columns(name).get(field, np.zeros(0)) if name != "GPS" or field == "TimeUS" else np.zeros(0)
             times_s += [unit * float(t) for t in times if t > 0]
-    # A damaged byte makes a time of years.
+    # A damaged byte can make a time years long.
     usual = float(np.median(times_s)) if times_s else 0.0
     return [t for t in times_s if abs(t - usual) < 1e5]
 

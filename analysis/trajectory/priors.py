@@ -74,8 +74,9 @@ def stated_sigma(
 ) -> Mapping[str, float]:
     """Prior standard deviation of each sensor error, as [uncertainty] of the aircraft file states it.
 
-    motor_speed : whether that of the log turns a motor. One made of a thrust column makes no vibration: an offset in
-    proportion to thrust would be an error of thrust, 2 % of power where 1 % of thrust is stated.
+    motor_speed : whether that of the log turns a motor. A motor speed computed from a thrust column tells nothing about
+    vibration: an offset in proportion to thrust would act like an error of thrust, 2 % of power where 1 % of thrust is
+    stated.
 
     An error k C_L of airspeed is one of 2 k C_L of dynamic pressure. C_L times dynamic pressure is the wing loading in
     level flight: the airspeed pressure has a constant error. Hysteresis of a share h of a swing reads h/2 of it too low
@@ -212,7 +213,8 @@ def mean_wind(velocity: Array, V: Array, sigma_mps: Array) -> Array:
     velocity : (n, 2) over the ground [m/s]        V : (n,) airspeed [m/s]        sigma_mps : (2,) of its prior
 
     V^2 = |v - w|^2 is linear in the wind w and in a constant: 2 v.w - c = |v|^2 - V^2, c = |w|^2. The constant is left
-    free, which takes up errors of the airspeed. A wind that only the scatter of the residuals shows is drawn to zero.
+    free, which takes up errors of the airspeed. The prior pulls the wind to zero if only the scatter of the residuals
+    shows it.
 
     Iterations that begin without a wind nearly as fast as the aircraft end where a gust stops it over the ground.
     """

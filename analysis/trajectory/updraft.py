@@ -211,9 +211,9 @@ def updraft_notes(updraft: Updraft) -> list[str]:
         return []
     if updraft.eddies_mps < updraft.lasting_mps:
         return [
-            "The runs lie within a short time, over which rising and sinking air do not average out: a mean of"
-            f" {updraft.sigma_mps:.2f} m/s (1 sigma) is assumed; for twenty minutes before sunrise it would be"
-            f" {STILL_MPS:g} m/s. The interval has been widened accordingly. Spread the runs over more time."
+            "The runs lie within a short time, over which rising and sinking air does not average out: a mean of"
+            f" {updraft.sigma_mps:.2f} m/s (1 sigma) is assumed, and the interval includes it. Runs spread over twenty"
+            f" minutes before sunrise would need only {STILL_MPS:g} m/s. Spread the runs over more time."
         ]
     return [
         f"The sun was up to {math.degrees(updraft.sun_rad):.0f} deg high: a mean updraft or downdraft of"

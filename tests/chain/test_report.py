@@ -121,7 +121,7 @@ def sorted_like_the_page(browser: Browser) -> list[str]:
 
 
 def the_browser_complains_of_a_broken_page(browser: Browser, page: str, folder: Path) -> None:
-    """The test can fail: the same page with a picture from a network and a wrong word of script is complained of."""
+    """The test can fail: it reports the same page with a picture from the network and a mistake in a script."""
     assert "default-src 'none'" in page
     broken = '<img src="http://192.0.2.1/x.png"><script>nothing()</script></body>'
     (folder / "broken.html").write_text(page.replace("</body>", broken), "utf-8")

@@ -268,7 +268,8 @@ def test_an_unknown_propeller_says_what_lists_those_there_are():
 
 
 def test_the_error_of_the_continuation_grows_with_the_distance_beyond_the_table():
-    """0 inside; of the change of thrust 5 %, and 4 % more each 0.1: 9 % in 0.1, 17 % in 0.3."""
+    """The error is 0 inside the table; outside it is 5 % of the change of thrust plus 4 % for each 0.1: 9 % at 0.1, 17
+    % at 0.3."""
     table = Propeller("two", 0.3, (Row(4000, (0.2, 0.6, 0.8), (0.1, 0.04, 0.0), (0.05, 0.03, 0.005)),))
     J = np.array([0.1, 0.5, 0.8, 0.9, 1.1])
     error = table.continuation_error(J, 4000.0)

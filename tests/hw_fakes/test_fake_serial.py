@@ -113,7 +113,8 @@ def test_the_autopilot_speaks_mavlink_at_its_rates(powered, clock):
 
 @pytest.mark.parametrize("step_s", [0.002, 0.04])
 def test_the_autopilot_numbers_messages_in_the_order_they_are_sent(powered, clock, step_s):
-    """A ground station takes a step back in the numbers for lost messages, whenever its command arrives."""
+    """A ground station would interpret a backward step of the numbers as lost messages, whenever its command
+    arrives."""
     request = mavlink.MAVLink_command_long_message(
         1, 1, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, mavlink.MAVLINK_MSG_ID_RPM, 40_000, *[0] * 5
     ).pack(mavlink.MAVLink(io.BytesIO(), srcSystem=255))

@@ -134,5 +134,6 @@ def _support(results: Results) -> str:
         parts.append(f"{others} other {'method agrees' if others == 1 else 'methods agree'} within the intervals")
     if results.cross_check:
         parts.append("the cross-check on the runs alone agrees")
-    but = f", but {pairs} {'pair' if pairs == 1 else 'pairs'} of methods disagree: see the comparison" if pairs else ""
-    return f"{', '.join(parts)}{but}."
+    differ = "1 pair of methods differs" if pairs == 1 else f"{pairs} pairs of methods differ"
+    reason = f"; {differ}, and the comparison of methods gives the reason" if pairs else ""
+    return f"{', '.join(parts)}{reason}."

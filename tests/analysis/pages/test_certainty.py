@@ -121,7 +121,7 @@ def test_the_verdict_is_the_curve_at_the_speed_of_least_drag(results: Results) -
     ends = results.power_required[0].speed_mps, results.power_required[-1].speed_mps
     assert middle.speed_mps == pytest.approx(np.mean(ends), abs=0.3) and meaning == "the middle of those flown"
     assert reference.power_lo_W < reference.power_W < reference.power_hi_W
-    assert "but 1 pair of methods disagree" in verdict_section(results).reasons
+    assert "; 1 pair of methods differs" in verdict_section(results).reasons
     agreeing = replace(results, disagreements=[])
     assert "1 other method agrees within the intervals" in verdict_section(agreeing).reasons
     for wrong, heading in (
