@@ -46,12 +46,12 @@ def of_sources(root: Path, names: tuple[str, ...] = SOURCES) -> str:
 @cache
 def folder() -> Path:
     """The folder of these sources; others are removed after a day, when no process still reads them."""
-    mine = FLIGHTS / of_sources(ROOT)
-    mine.mkdir(parents=True, exist_ok=True)
+    own_folder = FLIGHTS / of_sources(ROOT)
+    own_folder.mkdir(parents=True, exist_ok=True)
     for other in FLIGHTS.iterdir():
-        if other != mine and time.time() - other.stat().st_mtime > DAY_S:
+        if other != own_folder and time.time() - other.stat().st_mtime > DAY_S:
             shutil.rmtree(other, ignore_errors=True)
-    return mine
+    return own_folder
 
 
 def cached(directory: Path, key: bytes, make: Callable[[], Made]) -> Made:

@@ -81,6 +81,6 @@ class Recorded:
 
 def test_attachments_and_metadata_are_those_of_the_daemon() -> None:
     log = Recorded()
-    every = Attachments("", load_aircraft("nexstar"), "", "", "", "", "")
-    write_attachments(log, every, rate_Hz=25, start_unix_ns=0, start_monotonic_ns=0)  # type: ignore[arg-type]
+    attachments = Attachments("", load_aircraft("nexstar"), "", "", "", "", "")
+    write_attachments(log, attachments, rate_Hz=25, start_unix_ns=0, start_monotonic_ns=0)  # type: ignore[arg-type]
     assert sorted(names(section("## Attachments and metadata"))) == sorted([*log.attachments, *log.metadata])

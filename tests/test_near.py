@@ -52,7 +52,7 @@ def test_a_test_is_nearest_to_itself_and_a_script_to_what_names_it(project: Path
     assert near.tests_near(project, Path("analysis/chart.js"), count=1) == [Path("tests/analysis/test_curve.py")]
 
 
-def test_a_file_that_no_test_reaches_is_said(project: Path) -> None:
+def test_a_file_that_no_test_reaches_is_reported(project: Path) -> None:
     with pytest.raises(LookupError, match=r"analysis/alone\.py: no test imports it"):
         near.tests_near(project, Path("analysis/alone.py"))
 

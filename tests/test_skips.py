@@ -49,7 +49,7 @@ def test_a_skip_that_is_not_expected_fails_and_is_named(tmp_path: Path, expected
     assert "not in --expected-skips: test_it.py::test_that_needs[a]: no fuse here" in done.stdout
 
 
-def test_a_list_that_is_missing_is_said(tmp_path: Path) -> None:
+def test_a_list_that_is_missing_is_reported(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pytest", "-c", os.devnull, "--expected-skips", "absent"]
     (tmp_path / "conftest.py").write_text(CONFTEST.read_text("utf-8"), "utf-8")
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}

@@ -22,7 +22,7 @@ from flightpower.flight.propeller import Propeller
 from flightpower.flight.runs import flying_Pa
 
 OPTIONAL_TOPICS = ("/battery", "/mag")
-# Topics that are not needed: what a log without them lacks; empty where another note says so.
+# Optional topics, and what a log without them lacks; empty if another note says it.
 LOST_WITHOUT = {
     "/controls": "the cross-check takes the elevator as fixed, and full throttle is not recognized",
     "/gps": "",

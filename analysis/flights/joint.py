@@ -250,8 +250,8 @@ def solve(groups: Sequence[Group], prior: Prior) -> PooledEstimate:
 
 def pooled_estimate(stack: FlightStack, prior: Prior, counts: Sequence[float] = ()) -> PooledEstimate:
     """The joint estimate (M,) of flights of one aircraft and installation. counts: of `Group`; one where empty."""
-    times = np.array(counts or np.ones(len(stack.values)), dtype=float)
-    return solve([Group(stack, np.arange(M), times)], prior)
+    repeats = np.array(counts or np.ones(len(stack.values)), dtype=float)
+    return solve([Group(stack, np.arange(M), repeats)], prior)
 
 
 def without_each(stack: FlightStack, prior: Prior) -> WithoutEach:

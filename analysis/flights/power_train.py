@@ -1,4 +1,4 @@
-"""What the energy of a mission is computed from, of a pool: its polar and thrust, and the mean of its power trains.
+"""The inputs for the energy of a mission, from a pool: its polar and thrust, and the mean of its power trains.
 
 Flights have the motor, the controller, the battery's meter and the priors of their losses in common, to a part that
 nobody knows. Whatever it is, the covariance of a mean is at most the mean of the covariances, which stands here.

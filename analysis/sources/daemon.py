@@ -144,8 +144,8 @@ def _delay_s(entries: Entries, field: str) -> Array:
     frame_interval_s = np.where(since_last_frame, 0.01 + period_s, frame_interval_s)
     delay_s = values(entries, "group_delay_s")
     if field.startswith("specific_force_"):
-        own_s = values(entries, "specific_force_group_delay_s")
-        delay_s = np.where(np.isnan(own_s), delay_s, own_s)
+        group_delay_s = values(entries, "specific_force_group_delay_s")
+        delay_s = np.where(np.isnan(group_delay_s), delay_s, group_delay_s)
     return np.where(timed, (timed_s + frame_interval_s) / 2, np.nan_to_num(delay_s))
 
 

@@ -71,8 +71,8 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
         return offset, expected
 
     def _other(self, kind: int, data: bytes, topics: Collection[str] | None) -> int | None:
-        """Take a message that is no data, and give the number of a topic's instance that it adds. Raises what pyulog
-        catches where its content is not what is expected.
+        """Processes a message other than data, and returns the number of the topic's instance if it adds one. Raises
+        what pyulog catches where its content is not what is expected.
         """
         if kind == self.MSG_TYPE_ADD_LOGGED_MSG:
             added = self._MessageAddLogged(data, None, self._message_formats)

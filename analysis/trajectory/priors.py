@@ -41,7 +41,7 @@ def noise_at_rest(
     noise = {}
     for name, bench in BENCH_SIGMA.items():
         variance = np.array([table[name].iloc[rows].var() for rows in rest])
-        measured = variance[variance > np.finfo(float).eps]  # rounding of a constant is less, and NaN is not more
+        measured = variance[variance > np.finfo(float).eps]  # excludes the rounding of a constant, and NaN
         noise[name] = (
             float(max(np.sqrt(measured.mean()), SENSORS.least_noise_share * bench)) if len(measured) else bench
         )

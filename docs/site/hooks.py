@@ -1,4 +1,5 @@
-"""What MkDocs adds to the pages of docs/: the README as start page, pages of other folders, and pages made of the code.
+"""What MkDocs adds to the pages of docs/: the README as start page, pages of other folders, and pages generated from
+the code.
 
 Links of pages that leave docs/ are those of the repository; here they lead to the pages added.
 """

@@ -97,10 +97,10 @@ def test_a_log_without_a_needed_attachment_names_the_option_that_gives_it(
 
 
 def test_a_log_without_any_propeller(flown: Path, tmp_path: Path) -> None:
-    mine = tmp_path / "mine.toml"
-    mine.write_text(load_aircraft("nexstar").text.replace('propeller = "apc-12x8e"', ""))
+    own_file = tmp_path / "mine.toml"
+    own_file.write_text(load_aircraft("nexstar").text.replace('propeller = "apc-12x8e"', ""))
     log = tmp_path / "flight.mcap"
-    mine_attached = {"aircraft.toml": mine.read_bytes()}
+    mine_attached = {"aircraft.toml": own_file.read_bytes()}
     rewritten(flown, log, without_attachment="propeller.csv", attached=mine_attached, ticks=FEW)
     refused(log, naming="propeller.csv", cause="--propeller", folder=tmp_path)
 

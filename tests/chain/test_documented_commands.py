@@ -118,7 +118,7 @@ def test_the_curve_of_the_demonstration_contains_the_truth_and_is_trusted(walk: 
     results = json.loads((walk.folder / "out/demo/log.report/results.json").read_text("utf-8"))
     assert results["trust"] == Trust.TRUSTED and results["evidence"] == []
     (air,) = results["warnings"]
-    assert "do not average out" in air
+    assert "does not average out" in air
     points = results["curves"]["power_required"]["points"]
     assert not any(point["extrapolated"] for point in points)
     V, low, high = (np.array([p[name] for p in points]) for name in ("speed_mps", "power_lo_W", "power_hi_W"))

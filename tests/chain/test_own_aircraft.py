@@ -54,8 +54,8 @@ def test_without_a_battery_s_energy_endurance_is_left_out_and_the_option_is_name
 
 
 def test_a_battery_is_enough_for_endurance(flown: Path, four: Path) -> None:
-    mine, reference = (results(path)["use"]["loadings"][0] for path in (four / "four", flown / "log.report"))
-    assert mine["endurance_s"]["lo"] < reference["endurance_s"]["value"] < mine["endurance_s"]["hi"]
+    ours, reference = (results(path)["use"]["loadings"][0] for path in (four / "four", flown / "log.report"))
+    assert ours["endurance_s"]["lo"] < reference["endurance_s"]["value"] < ours["endurance_s"]["hi"]
 
 
 @pytest.mark.slow

@@ -69,8 +69,10 @@ def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, 
 
 @pytest.mark.slow
 def test_an_edited_file_of_runs_in_the_report_s_folder_is_not_lost(flown: Path, edited: Edited) -> None:
-    report, mine = edited.report, edited.report / "runs.toml"
-    assert mine.read_text("utf-8") == edited.text
+    report, own_file = edited.report, edited.report / "runs.toml"
+    assert own_file.read_text("utf-8") == edited.text
     outcome = command("analyze", flown / "log.mcap", "-o", report, "-q")
     assert outcome.returncode == 0
-    assert (report / "runs-1.toml").read_text("utf-8") == edited.text and "# my remark" not in mine.read_text("utf-8")
+    assert (report / "runs-1.toml").read_text("utf-8") == edited.text and "# my remark" not in own_file.read_text(
+        "utf-8"
+    )

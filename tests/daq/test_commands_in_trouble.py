@@ -267,7 +267,7 @@ def test_a_terminal_that_is_closed_finishes_the_log(tmp_path, counter):
     assert b"\r" in shown and b"ticks" in shown  # the status line
 
 
-def test_systemd_is_told_when_it_is_ready_that_it_ticks_and_how_it_goes(tmp_path, counter, monkeypatch):
+def test_systemd_is_reported_when_it_is_ready_that_it_ticks_and_how_it_goes(tmp_path, counter, monkeypatch):
     address = tmp_path / "notify"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(address))

@@ -46,7 +46,7 @@ def test_what_the_computer_says(sysfs, tmp_path):
     assert read_computer(sysfs).supply_low is False
 
 
-def test_a_dip_is_told_once_and_for_ten_seconds(sysfs):
+def test_a_dip_is_reported_once_and_for_ten_seconds(sysfs):
     watch = ComputerWatch(sysfs)
     messages = {}
     for second in range(30):
@@ -61,7 +61,7 @@ def test_a_dip_is_told_once_and_for_ten_seconds(sysfs):
 
 
 @pytest.mark.parametrize(("milli_celsius", "hot"), [("79900", False), ("80100", True)])
-def test_heat_is_told_where_the_firmware_begins_to_slow_down(sysfs, milli_celsius, hot):
+def test_heat_is_reported_where_the_firmware_begins_to_slow_down(sysfs, milli_celsius, hot):
     (sysfs / "class/thermal/thermal_zone0/temp").write_text(milli_celsius)
     watch = ComputerWatch(sysfs)
     watch.check(0.0)

@@ -54,7 +54,7 @@ def test_the_lamp_says_what_the_page_says(changes, age_s, light):
     assert light_of(None, 0.0) is Light.FAULT
 
 
-def test_three_patterns_are_told_apart_within_two_seconds_and_none_of_them_stands_still():
+def test_three_patterns_are_distinguished_within_two_seconds_and_none_of_them_stands_still():
     steps = [i * STEP_S for i in range(round(2 / STEP_S))]
     changes = {}
     for light in Light:
@@ -103,7 +103,7 @@ def test_a_press_of_the_button_is_one_new_log_however_long_it_lasts(chip, monkey
     ({"led": LED, "chip": "/dev/gpiochip9"}, "No such file or directory"),
     ({"led": LED, "button": LED}, "Device or resource busy"),
 ])  # fmt: skip
-def test_a_light_that_cannot_be_had_is_told(chip, config, expected):
+def test_a_light_that_cannot_be_had_is_reported(chip, config, expected):
     light = CrewLight(LightConfig(**config), on_press=lambda: None)
     light._thread.join(GIVE_UP_S)
     (event,) = light.events()

@@ -106,8 +106,8 @@ def test_what_others_on_the_line_send_is_not_the_aircrafts(sender):
     ]
     assert sensor.read(TICK_NS) == []
     port.incoming = [of_another(mavlink.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3), *sender) + attitude()]
-    (mine,) = sensor.read(2 * TICK_NS)
-    assert mine.message.pitch_rad == pytest.approx(-0.2) and sensor.system_id == 7
+    (own,) = sensor.read(2 * TICK_NS)
+    assert own.message.pitch_rad == pytest.approx(-0.2) and sensor.system_id == 7
 
 
 @pytest.mark.parametrize("before", [b"", "gimbal's heartbeat"])
@@ -195,7 +195,7 @@ def sticks(pulses, count=8) -> bytes:
     return packed(mavlink.MAVLink_rc_channels_message(1000, count, *pulses, *[0xFFFF] * (18 - len(pulses)), 200))
 
 
-def test_what_the_sticks_say_stands_once_beside_what_the_servos_are_told():
+def test_what_the_sticks_say_stands_once_beside_what_the_servos_are_reported():
     """Sticks and servo outputs differ when the autopilot flies; neither replaces the other."""
     moved = [1600, 1400, 1300, 1500]
     port, sensor = autopilot()
@@ -222,7 +222,7 @@ def requested(port) -> int:
     return sum(int(message.param1) == mavlink.MAVLINK_MSG_ID_ATTITUDE for message in decoded_)
 
 
-def test_rates_that_the_autopilot_does_not_keep_are_requested_again_and_told():
+def test_rates_that_the_autopilot_does_not_keep_are_requested_again_and_reported():
     port, sensor = autopilot(battery=False)
     at_s = streaming(sensor, port, 25, 10, begin_s=1)
     assert requested(port) == 1 and sensor.complaint == ""
@@ -319,7 +319,7 @@ def decoded(kind, payload) -> list:
 @settings(max_examples=60)
 def test_a_message_after_noise_or_a_loss_is_found_when_its_successors_are_there(noise, lost):
     """Bytes that look like the head of a frame hold up what follows by the length of a frame, and lose none of it; but
-    of an unknown message that ends where another begins nothing shows that it is none: 280 bytes at most are lost."""
+    an unknown message that ends where another begins cannot be recognized as false: at most 280 bytes are lost."""
     parser, message = MavlinkParser(), attitude()
     before = noise + message[lost:]
     received = parser.feed(before + message * 10)

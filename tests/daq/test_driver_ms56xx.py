@@ -245,7 +245,7 @@ def test_one_wrong_bit_in_a_temperature_moves_no_pressure(bit):
     assert [m.status for m in messages].count(Status.OK) >= 28
 
 
-def test_an_ms5607_on_a_board_for_an_ms5611_is_told_by_half_the_pressure():
+def test_an_ms5607_on_a_board_for_an_ms5611_is_reported_by_half_the_pressure():
     part, sensor = started()
     part.prom = sealed((0, 46372, 43981, 29059, 27842, 31553, 28165, 0), MS5611)
     list(sensor.start())

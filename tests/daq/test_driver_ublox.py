@@ -273,7 +273,7 @@ def test_a_receiver_that_starts_again_with_another_rate_is_set_again_and_its_mod
     assert sensor.complaint == ""
 
 
-def test_a_rate_that_the_receiver_acknowledges_and_does_not_keep_is_told():
+def test_a_rate_that_the_receiver_acknowledges_and_does_not_keep_is_reported():
     receiver, sensor = running(period_ms=200, obeys=False)
     receiver.run(sensor, 5)
     assert "solves 5 times a second, and is set to 10" in sensor.complaint
@@ -299,7 +299,7 @@ def test_after_a_lost_solution_the_model_is_unknown_for_a_moment():
     assert models[0] == (None, 8) and models[-1] == (8, 8) and sensor.complaint == ""
 
 
-def test_a_receiver_that_refuses_everything_is_told_in_one_line():
+def test_a_receiver_that_refuses_everything_is_reported_in_one_line():
     """The receiver is of an unknown make: NMEA only."""
     port = ScriptedPort()
     port.write = lambda data: port.incoming.append(frame_of(ACK_NAK, data[2:4]))
@@ -310,7 +310,7 @@ def test_a_receiver_that_refuses_everything_is_told_in_one_line():
             sensor.read(tick * TICK_NS)
 
 
-def test_silence_is_said_and_the_receiver_configured_again():
+def test_silence_is_reported_and_the_receiver_configured_again():
     port = ScriptedPort()
     sensor = UBloxDriver(port)
     bring_up(sensor)

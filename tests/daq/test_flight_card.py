@@ -55,7 +55,7 @@ def test_the_monitor_ticks_off_a_good_run_once(tmp_path):
     assert monitor.card.lines[0].startswith("1 of 2")
 
 
-def test_a_run_that_goes_on_after_it_was_told_is_ticked_off_once():
+def test_a_run_that_goes_on_after_it_was_reported_is_ticked_off_once():
     """Speed is held for six seconds at 18 m/s and rises on: a second verdict on the same leg replaces the first."""
     planned = FlightCard([PlannedRun(kind="acceleration", from_mps=12.0, to_mps=18.0, times=3)])
     monitor, good = RunMonitor(load_aircraft("nexstar"), None, card=planned), 0

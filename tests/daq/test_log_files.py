@@ -348,7 +348,7 @@ def test_syncs_that_fail_now_and_then_do_not_bring_the_patience_back(tmp_path, f
 
 
 @pytest.mark.parametrize("how", ["deleted", "moved away"])
-def test_a_log_that_goes_away_is_told_and_followed_by_another(tmp_path, hurried, how):
+def test_a_log_that_goes_away_is_reported_and_followed_by_another(tmp_path, hurried, how):
     logs, elsewhere = tmp_path / "logs", tmp_path / "log-0001.mcap"
     session = RecordingSession(logs)
     session.run_until(lambda: session.tick > 20 and session.files._current.holds_messages)
@@ -375,7 +375,7 @@ def test_a_log_that_goes_away_is_told_and_followed_by_another(tmp_path, hurried,
         assert told_again(session)[0].endswith("nothing was lost")
 
 
-def test_the_end_of_a_file_that_could_not_be_saved_is_told(tmp_path, faulty):
+def test_the_end_of_a_file_that_could_not_be_saved_is_reported(tmp_path, faulty):
     """The arm switch ends the recording while the card fails: that is no all-clear."""
     session = RecordingSession(tmp_path)
     session.run_until(lambda: session.files._current.disk.syncs > 1)
@@ -389,7 +389,7 @@ def test_the_end_of_a_file_that_could_not_be_saved_is_told(tmp_path, faulty):
 
 
 @pytest.mark.parametrize("number", [errno.EROFS, errno.ENOSPC, errno.EIO])
-def test_a_card_that_takes_no_file_at_power_on_is_waited_for_and_told(tmp_path, faulty, number):
+def test_a_card_that_takes_no_file_at_power_on_is_waited_for_and_reported(tmp_path, faulty, number):
     faulty.open_error = number
     session = RecordingSession(tmp_path, waits=True)
     session.run_until(lambda: session.texts)
@@ -437,7 +437,7 @@ def test_each_further_file_of_a_failing_card_gets_twice_the_time(tmp_path):
     session.files.close()
 
 
-def test_each_loss_is_told_with_its_own_number_of_messages(tmp_path):
+def test_each_loss_is_reported_with_its_own_number_of_messages(tmp_path):
     session = RecordingSession(tmp_path)
     session.files.close()
     texts = []

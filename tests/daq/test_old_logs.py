@@ -166,7 +166,7 @@ def first_event(recovery):
     return events[0]
 
 
-def test_a_process_that_is_killed_is_told_with_its_file(tmp_path, monkeypatch, torn):
+def test_a_process_that_is_killed_is_reported_with_its_file(tmp_path, monkeypatch, torn):
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(torn)
     recovery = BackgroundRecovery([path])

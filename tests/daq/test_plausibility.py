@@ -91,7 +91,7 @@ LINE_OFF = DifferentialPressure(differential_pressure_Pa=0.0)
         ({"gps": None, "baro": None, "battery": None}, None),  # a sensor that is not there
     ],
 )
-def test_what_cannot_be_true_together_is_told_once(changes, comparison):
+def test_what_cannot_be_true_together_is_reported_once(changes, comparison):
     plausibility = Plausibility(PROBE)
     events = flown(plausibility, range(60), **changes)
     assert [event.compared for event in events] == [comparison] * (comparison is not None)

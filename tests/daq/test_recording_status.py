@@ -56,7 +56,7 @@ def test_the_summary_and_the_verdict_agree(changes, expected):
         assert now.line.endswith("; all well") is now.well
 
 
-def test_missed_ticks_are_told_for_ten_seconds():
+def test_missed_ticks_are_reported_for_ten_seconds():
     missed = MissedTicks(40_000_000)
     missed.add(GridTick(100, 0, 3), 4 * SECOND_NS)
     assert missed.recent(4 * SECOND_NS) == 3
@@ -64,7 +64,7 @@ def test_missed_ticks_are_told_for_ten_seconds():
     assert [missed.recent(at_s * SECOND_NS) for at_s in (10, 14, 15, 20, 21)] == [5, 5, 2, 2, 0]
 
 
-def test_a_stall_is_told_on_the_page_and_in_the_log_and_forgotten_after_ten_seconds(tmp_path):
+def test_a_stall_is_reported_on_the_page_and_in_the_log_and_forgotten_after_ten_seconds(tmp_path):
     """The tray hangs for six seconds; a clock that jumps is how the daemon sees a computer that was busy."""
     clock = SimulatedClock()
     fake = FakeTray(SteadySensorTruth(), clock)
@@ -91,7 +91,7 @@ def test_a_stall_is_told_on_the_page_and_in_the_log_and_forgotten_after_ten_seco
     assert "missed in" not in states[max(states)].text and "missed in" not in pages[max(pages)]
 
 
-def test_an_arm_switch_that_nothing_moves_is_told():
+def test_an_arm_switch_that_nothing_moves_is_reported():
     """Channel 9 of 8, or one without a pulse while others have one. No signal at all is another matter."""
     switch = ArmSwitch(ArmSwitchConfig(channel=9, action="record"))
 

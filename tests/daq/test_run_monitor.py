@@ -57,7 +57,7 @@ def notified(
     return [text for _, text in texts]
 
 
-def test_a_level_acceleration_is_good_and_its_speeds_are_told():
+def test_a_level_acceleration_is_good_and_its_speeds_are_reported():
     good, interval = notified()
     assert good.startswith("acceleration good: 1") and good.endswith(("m/s in 14 s", "m/s in 15 s"))
     low, high = (float(word) for word in good.split(": ")[1].replace(" m/s in", "").split()[:3:2])
@@ -96,7 +96,7 @@ def progress_in(V, seconds, *, climb_mps=0.0) -> list:
 
 
 @pytest.mark.parametrize(("V", "kind"), [((12.0, 22.0), "acceleration"), ((22.0, 12.0), "deceleration")])
-def test_the_pilot_is_told_how_long_to_hold_a_run(V, kind):
+def test_the_pilot_is_reported_how_long_to_hold_a_run(V, kind):
     """The time left runs down with the clock, and a run that was held as long as told is good."""
     progress = progress_in(V, 14.0)
     left = [(t, now.more_s) for t, now in progress if now.more_s > 0]
@@ -203,7 +203,7 @@ def test_the_speeds_covered_are_those_of_the_run():
     assert good.split(": ")[1].split(" m/s")[0] == interval.split(", ")[1].split(" m/s")[0]
 
 
-def test_the_interval_s_half_width_is_told_in_per_cent(monkeypatch):
+def test_the_interval_s_half_width_is_reported_in_per_cent(monkeypatch):
     monitor = RunMonitor(NEXSTAR, None)
     monitor.runs, monitor.slowest_mps, monitor.fastest_mps = 3, 12.04, 21.96
     monkeypatch.setattr(monitor.energy, "at_endurance_speed", lambda *speeds: PowerInterval(15.0, 0.042))
@@ -225,7 +225,7 @@ def test_a_leg_in_which_speed_is_held_is_given_after_four_seconds_and_again_if_s
     assert reported[1][0] == pytest.approx(26.0 + 4.1, abs=0.2) and reported[1][3] == pytest.approx(26.0, abs=0.3)
 
 
-def test_nothing_is_told_of_steady_flight_and_of_turns():
+def test_nothing_is_reported_of_steady_flight_and_of_turns():
     assert notified(V=(15.0, 15.5)) == []
     assert math.tan(LEVEL_RUN.largest_bank_rad) < 17 * 0.6 / GRAVITY_MPS2
     assert not [text for text in notified(turn_radps=0.6) if "bank" in text]

@@ -108,7 +108,7 @@ def test_the_check_judges_a_second_sensor_as_the_first(doubled):
         ('driver="ms45xxdo"\nbus="b"\npart="MS4515DO-DS3AJ002DP"\nmeasures="alpha"\nsecond=true', "alpha"),
     ],
 )
-def test_two_of_a_kind_have_to_be_told_apart(sensors, words):
+def test_two_of_a_kind_have_to_be_distinguished(sensors, words):
     with pytest.raises(InputError) as error:
         check_drivers(parse_tray(f"[[sensors]]\n{sensors}", "tray.toml", Path()), None)
     assert words in str(error.value)

@@ -246,13 +246,13 @@ def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_p
     script("install.sh", root)
     assert tree(root) == first
 
-    mine = root / "etc/flightpower/tray.toml"
-    mine.write_text(mine.read_text().replace("/dev/i2c-1", "/dev/i2c-7"))
+    own_file = root / "etc/flightpower/tray.toml"
+    own_file.write_text(own_file.read_text().replace("/dev/i2c-1", "/dev/i2c-7"))
     log = root / "var/lib/flightpower/log-0001.mcap"
     log.parent.mkdir(parents=True)
     log.write_bytes(b"a day's work")
     script("install.sh", root, "--tray")
-    assert "/dev/i2c-7" in mine.read_text()
+    assert "/dev/i2c-7" in own_file.read_text()
     assert b"DeviceAllow=/dev/char/89:7 rw" in tree(root)["etc/systemd/system/flightpower-daq.service.d/tray.conf"]
 
     for _ in range(2):
@@ -262,7 +262,7 @@ def test_install_and_uninstall_can_be_run_twice_and_keep_what_is_the_users(tmp_p
     assert set(tree(root)) == {"var/lib/flightpower/log-0001.mcap"}
 
 
-def test_a_tray_that_names_a_missing_file_is_told_before_the_service_is_stopped(tmp_path):
+def test_a_tray_that_names_a_missing_file_is_reported_before_the_service_is_stopped(tmp_path):
     script("install.sh", tmp_path)
     tray = tmp_path / "etc/flightpower/tray.toml"
     tray.write_text(tray.read_text().replace('aircraft = "nexstar"', 'aircraft = "my.toml"').replace("i2c-1", "i2c-7"))

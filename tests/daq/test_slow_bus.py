@@ -114,7 +114,7 @@ def test_one_tick_passed_over_is_counted_and_degrades_nothing():
     assert bench.supervisor.errors == 1 and bench.supervisor.health.state is SensorState.OK
 
 
-def test_a_slow_bus_is_told_once_with_what_to_do_and_again_when_it_is_fast_enough():
+def test_a_slow_bus_is_reported_once_with_what_to_do_and_again_when_it_is_fast_enough():
     load = BusLoad("/dev/i2c-1", PERIOD_NS)
     slow, fast = {"imu": 18_000_000, "mag": 3_000_000, "baro": 10_000_000}, {"imu": 5_000_000, "mag": 1_000_000}
     events = [event.text for _ in range(3 * READINGS) for event in load.add(slow)]

@@ -62,7 +62,7 @@ def test_what_is_wrong_is_in_the_headline(sources):
     assert "<script>" not in text and "&lt;script&gt;" in text
 
 
-def test_events_have_the_time_at_which_they_were_told(sources, monkeypatch, tmp_path):
+def test_events_have_the_time_at_which_they_were_reported(sources, monkeypatch, tmp_path):
     monkeypatch.setattr(recording_status.time, "time", lambda: 1_795_358_402.0)  # 2026-11-22 14:40:02 UTC
     file = StatusFile(tmp_path / "status.json")
     file.add(Event(text="log-0002.mcap was started"))
@@ -88,7 +88,7 @@ def test_a_daemon_that_has_stopped_is_noticed(sources, tmp_path):
     assert "The daemon does not run" in page(sources._replace(status=torn), 0.0)
 
 
-def test_zero_and_check_are_told(sources, tmp_path):
+def test_zero_and_check_are_reported(sources, tmp_path):
     assert "not taken" in page(sources, now_s(sources)) and "not made" in page(sources, now_s(sources))
     zero = Zero(format=FORMAT, taken_unix_ns=1_795_358_402 * 10**9, seconds=10, temperature_K={}, readings={})
     (tmp_path / "zero.json").write_bytes(msgspec.json.encode(zero))
@@ -187,7 +187,7 @@ def test_a_browser_shows_it(sources, tmp_path):
     assert ":CONSOLE" not in shown.stderr
 
 
-def test_what_is_free_on_the_card_is_told_in_gigabytes(sources, tmp_path):
+def test_what_is_free_on_the_card_is_reported_in_gigabytes(sources, tmp_path):
     file = StatusFile(tmp_path / "status.json")
     status = RecordingStatus(
         state=RecordingState.RECORDING, log="log-0001.mcap", elapsed_s=750.0, ticks=18750, missed=3, rate_Hz=25.0,

@@ -192,7 +192,7 @@ def check_line(driver: str, port, extra="", **options):
     return identify(table, fake, clock).text
 
 
-def test_a_counter_that_speaks_the_other_variant_is_told():
+def test_a_counter_that_speaks_the_other_variant_is_reported():
     message = check_line("esc_counter", 'port="/dev/ttyUSB0"', rpm_with_crc=True)
     assert message == "pulse counter, framed frames, 84 a second, but the tray says framed = false, /dev/ttyUSB0"
 
@@ -318,7 +318,7 @@ def test_a_line_that_is_in_use_is_not_a_matter_of_wiring():
 
 
 @pytest.mark.parametrize(("topic", "expected"), [("/gps", tray_check.NO_FIX), ("/rpm", tray_check.MOTOR_STOPPED)])
-def test_what_is_normal_on_the_ground_is_told_as_such(topic, expected):
+def test_what_is_normal_on_the_ground_is_reported_as_such(topic, expected):
     message = Gps(status=Status.NO_DATA, fix_type=0) if topic == "/gps" else TYPE_OF_TOPIC[topic](status=Status.NO_DATA)
     line = tray_check.check_topic(topic, [message] * 10, 1.0)
     assert line.advice == expected and line.ok is (None if topic == "/rpm" else False)
@@ -358,7 +358,7 @@ def test_the_room_on_the_disk_is_that_beyond_what_is_kept_free(tmp_path, monkeyp
         ),
     ],
 )  # fmt: skip
-def test_ticks_and_room_are_told_in_numbers(tmp_path, readings, free_s, expected):
+def test_ticks_and_room_are_reported_in_numbers(tmp_path, readings, free_s, expected):
     """Missed ticks are among those that were expected; two hours of recording have to fit."""
     tray = default_tray(tmp_path, FakeTray(AtRest(), SimulatedClock()))
     facts = tray_check.system_checks(tray, readings, free_s)

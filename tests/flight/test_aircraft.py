@@ -64,10 +64,10 @@ TEXT = load_aircraft("nexstar").text
 def test_a_file_of_ones_own_is_read_like_a_shipped_one(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(TEXT.replace('name = "nexstar"', 'name = "mine"'), "utf-8")
-    mine = load_aircraft(path)
-    assert mine.name == "mine"
-    assert mine.mass == load_aircraft("nexstar").mass
-    assert mine.text == path.read_text("utf-8")  # travels in the log as it is
+    own_aircraft = load_aircraft(path)
+    assert own_aircraft.name == "mine"
+    assert own_aircraft.mass == load_aircraft("nexstar").mass
+    assert own_aircraft.text == path.read_text("utf-8")  # travels in the log as it is
 
 
 @pytest.mark.parametrize(
@@ -117,20 +117,26 @@ weight = "4 kg"
 
 
 def test_four_keys_are_an_aircraft():
-    mine = parse_aircraft(FOUR_KEYS, "mine.toml")
-    assert mine.mass_kg == pytest.approx(4.0) and mine.mass.standard_weight_N == mine.mass.weight_N
-    assert mine.title == "mine"
-    assert mine.geometry.mean_chord_m == pytest.approx(0.46 / 1.75)
-    assert mine.has("name", "mass.weight") and not mine.has("mass.Ix") and not mine.has("mass.standard_weight")
+    own_aircraft = parse_aircraft(FOUR_KEYS, "mine.toml")
+    assert (
+        own_aircraft.mass_kg == pytest.approx(4.0) and own_aircraft.mass.standard_weight_N == own_aircraft.mass.weight_N
+    )
+    assert own_aircraft.title == "mine"
+    assert own_aircraft.geometry.mean_chord_m == pytest.approx(0.46 / 1.75)
+    assert (
+        own_aircraft.has("name", "mass.weight")
+        and not own_aircraft.has("mass.Ix")
+        and not own_aircraft.has("mass.standard_weight")
+    )
 
 
 @pytest.mark.parametrize("weight", ["4 kg", "4kg", "4000 g", "39.2266 N", "8.8185 lb", "8.8185 lbf"])
 def test_a_weight_is_given_as_a_force_or_a_mass(weight):
-    mine = parse_aircraft(FOUR_KEYS.replace("4 kg", weight), "mine.toml")
-    assert mine.mass.weight_N == pytest.approx(39.2266, rel=1e-5)
+    own_aircraft = parse_aircraft(FOUR_KEYS.replace("4 kg", weight), "mine.toml")
+    assert own_aircraft.mass.weight_N == pytest.approx(39.2266, rel=1e-5)
 
 
-def test_everything_that_is_missing_or_wrong_is_told_at_once_with_an_example():
+def test_everything_that_is_missing_or_wrong_is_reported_at_once_with_an_example():
     with pytest.raises(InputError) as caught:
         parse_aircraft('[geometry]\nspan = 1.75\n[mass]\nweight = "4 m"\nIx = "1 m"\n', "mine.toml")
     message = str(caught.value)

@@ -128,7 +128,7 @@ def test_a_log_that_another_command_reads_is_named_as_such(
     assert ("`analyze` reads" in str(raised.value)) == (autopilot is not None) and "MCAP" not in str(raised.value)
 
 
-def test_a_packed_file_that_ends_early_is_told(tmp_path: Path) -> None:
+def test_a_packed_file_that_ends_early_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "flight.csv.gz"
     path.write_bytes(gzip.compress(LINES * 200)[:40])
     with pytest.raises(InputError, match="cannot be unpacked"):

@@ -182,7 +182,7 @@ def test_a_computed_table_is_said_to_be_off_as_much_as_computed_ones_were_found(
     assert of_measured.thrust == (0, 0) and of_measured.thrust_scale == pytest.approx(0.018)
 
 
-def test_at_advance_ratios_that_no_table_has_nothing_is_said() -> None:
+def test_at_advance_ratios_that_no_table_has_nothing_is_reported() -> None:
     with pytest.raises(InputError, match="too few measured tables"):
         cost_of(named("apc-11x7e"), parse_query(["11x7.5"]), TABLES, (2.0, 3.0))
 

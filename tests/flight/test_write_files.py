@@ -27,7 +27,7 @@ def full_disk() -> Iterator[None]:
     signal.signal(signal.SIGXFSZ, before)
 
 
-def test_a_full_disk_leaves_nothing_and_is_told_by_the_true_name(tmp_path: Path, full_disk: None) -> None:
+def test_a_full_disk_leaves_nothing_and_is_reported_by_the_true_name(tmp_path: Path, full_disk: None) -> None:
     (tmp_path / "old.txt").write_text("old")
     files = {tmp_path / "old.txt": "new", tmp_path / "new" / "folder" / "b.txt": b"x" * 2 * LIMIT}
     with pytest.raises(StorageError, match=rf"^{tmp_path}/new/folder/b.txt: cannot be written \(File too large\)$"):

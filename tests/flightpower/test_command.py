@@ -117,8 +117,8 @@ def test_the_blank_aircraft_asks_for_what_is_required_and_is_an_aircraft_when_fi
     assert [key in str(caught.value) for key in REQUIRED] == [True] * len(REQUIRED)
     for key in REQUIRED:
         text = text.replace('"?"', EXAMPLES[key], 1)
-    mine = parse_aircraft(text, "my.toml")
-    assert mine.mass_kg == pytest.approx(4) and not mine.has("mass.Ix")
+    own_aircraft = parse_aircraft(text, "my.toml")
+    assert own_aircraft.mass_kg == pytest.approx(4) and not own_aircraft.has("mass.Ix")
 
 
 def test_the_blank_aircraft_is_printed_in_utf_8_whatever_the_terminal_s_encoding(
@@ -138,21 +138,21 @@ def test_every_line_of_the_blank_aircraft_can_be_used() -> None:
     for line in text.splitlines():
         bare = line.removeprefix("# ")
         lines.append(bare if bare.startswith("[") or bare.split(" = ")[0].isidentifier() else line)
-    mine = parse_aircraft("\n".join(lines), "my.toml")
+    own_aircraft = parse_aircraft("\n".join(lines), "my.toml")
     alike = ("aileron", "rudder", "probe.lines.beta", "probe.lines.airspeed", "probe.lines.static", "aerodynamics")
-    assert mine.keys >= {key for key in EXAMPLES if not key.startswith(alike)}
+    assert own_aircraft.keys >= {key for key in EXAMPLES if not key.startswith(alike)}
 
 
 @pytest.mark.parametrize("name", shipped_aircraft())
 def test_a_template_like_a_shipped_aircraft_is_that_aircraft(name: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     assert flightpower("new", "aircraft", "--like", name, "-o", path).returncode == 0
-    mine, model = as_complete(path.read_text("utf-8"), "mine.toml"), load_aircraft(name)
-    assert mine.name == "mine"
+    own_aircraft, model = as_complete(path.read_text("utf-8"), "mine.toml"), load_aircraft(name)
+    assert own_aircraft.name == "mine"
     for part in ("geometry", "mass", "propulsion", "elevator", "aileron", "rudder", "probe", "aerodynamics"):
-        there, here = tomllib.loads(model.text)[part], tomllib.loads(mine.text)[part]
+        there, here = tomllib.loads(model.text)[part], tomllib.loads(own_aircraft.text)[part]
         assert there == here, part
-    assert mine.imu_position_m == model.imu_position_m
+    assert own_aircraft.imu_position_m == model.imu_position_m
 
 
 def test_nothing_is_overwritten(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_without_words_all_are_listed(run) -> None:
     assert code == 0 and len(out.splitlines()) > 50 and "blade-11x5" in out
 
 
-def test_the_nearest_are_told_with_what_they_may_cost(run) -> None:
+def test_the_nearest_are_reported_with_what_they_may_cost(run) -> None:
     code, out, _ = run("11x7.2", "apc", "thin")
     assert code == 1 and "+0.2 in pitch" in out and "thrust_scale = " in out and "An inch of diameter" in out
     code, text, _ = run("11x7.2", "apc", "thin", "--json")
@@ -76,7 +76,7 @@ def test_at_the_advance_ratios_of_a_flight_it_is_another_cost(run) -> None:
     assert low["J"] == [0.2, 0.3] and low["thrust"] != high["thrust"]
 
 
-def test_only_computed_tables_of_a_size_are_told_as_such(run) -> None:
+def test_only_computed_tables_of_a_size_are_reported_as_such(run) -> None:
     code, out, _ = run("13x8")
     assert code == 1 and "No measured table of 13x8" in out and "apc-13x8e-computed" in out
 

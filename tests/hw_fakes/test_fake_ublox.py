@@ -152,7 +152,7 @@ def test_velocity_lags_unless_the_receiver_knows_that_it_flies(powered, clock, c
         assert m.velN == pytest.approx(2000 * (t_s - lag_s), abs=100)
 
 
-def test_the_model_is_told_when_asked(gps_of, clock):
+def test_the_model_is_reported_when_asked(gps_of, clock):
     port = gps_of()
     for command in (UBXMessage("CFG", "CFG-NAV5", POLL).serialize(), AIRBORNE, b""):
         port.write(command or UBXMessage("CFG", "CFG-NAV5", POLL).serialize())

@@ -155,13 +155,13 @@ def test_bursts_on_a_narrow_line_show_the_lag_of_the_simulator() -> None:
     text = load_aircraft("nexstar").text
     start, end = text.index("[probe.lines.alpha]"), text.index("[probe.lines.beta]")
     narrow = '[probe.lines.alpha]\nlength = "0.9 m"\ndiameter = "0.42 mm"\ncavity = "20 mm^3"\n'
-    mine = as_complete(text[:start] + narrow + text[end:], "mine.toml")
+    own_aircraft = as_complete(text[:start] + narrow + text[end:], "mine.toml")
     stand = '[[segment]]\nkind = "stand"\nduration = "3 s"\n'
-    flight = fly(mine, parse_plan(stand + '[[segment]]\nkind = "bursts"\nline = "alpha"\n', "mine"))
+    flight = fly(own_aircraft, parse_plan(stand + '[[segment]]\nkind = "bursts"\nline = "alpha"\n', "mine"))
     t = np.arange(0.0, flight.duration_s, 0.01)
     pressure = FlightSensorTruth(flight, draw(load_budget("bench"), 0)).differential_pressure_Pa("alpha", t)
     static, temperature = (float(flight.truth[name].mean()) for name in ("static_pressure_Pa", "temperature_K"))
-    line = mine.probe.lines["alpha"]
+    line = own_aircraft.probe.lines["alpha"]
     true_s = time_constant_s(line, static, temperature)
     assert true_s == pytest.approx(17.5e-3, rel=0.02)
     steps, noise = find_steps(t, pressure)

@@ -101,12 +101,12 @@ def test_a_flight_has_the_date_and_the_installation_s_errors_of_its_aircraft_fil
 
 def test_another_probe_calibration_is_not_replaced_but_can_be_given(sim, tmp_path):
     (tmp_path / "out").mkdir()
-    mine = tmp_path / "out" / "probe.json"
-    mine.write_text('{"format": "mine"}')
+    own_file = tmp_path / "out" / "probe.json"
+    own_file.write_text('{"format": "mine"}')
     code, message = sim("fly", "--no-hardware", "--plan", "short.toml", "-o", "out")
     assert code == 2 and "another calibration" in message and "--probe" in message
-    code, _ = sim("fly", "--no-hardware", "--plan", "short.toml", "--probe", str(mine), "-o", "out")
-    assert code == 0 and read_log(tmp_path / "out" / "log.mcap").attachments["probe.json"] == mine.read_bytes()
+    code, _ = sim("fly", "--no-hardware", "--plan", "short.toml", "--probe", str(own_file), "-o", "out")
+    assert code == 0 and read_log(tmp_path / "out" / "log.mcap").attachments["probe.json"] == own_file.read_bytes()
 
 
 def test_a_real_log_is_never_replaced(sim, tmp_path):

@@ -81,7 +81,7 @@ def test_a_stopped_motor_stays_stopped(propulsion, propeller):
     assert train.battery_current_A == 0
 
 
-def test_more_throttle_than_the_battery_has_is_said(propulsion, propeller):
+def test_more_throttle_than_the_battery_has_is_reported(propulsion, propeller):
     assert throttle_for(propulsion, propeller, V=0.0, n=400.0, rho=RHO) == np.inf
     assert throttle_for(propulsion, propeller, V=30.0, n=60.0, rho=RHO) == 0.0
 

@@ -153,7 +153,7 @@ ERRORS_IN_COMMON = (
 def shares_of_shared(sources: Sources | None, speed_mps: float) -> dict[Share, float]:
     """Shares of the variance of power at a speed, of all that is common to the runs, the largest first.
 
-    Those below half a percent are left out; empty where the sources are not known apart.
+    Sources below half a percent are left out; empty if the sources cannot be separated.
     """
     if sources is None:
         return {}

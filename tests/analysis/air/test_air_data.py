@@ -124,7 +124,7 @@ def test_an_alpha_transducer_that_is_stuck_leaves_no_speed_and_says_why(flown, p
     assert any("/probe/alpha never changed" in note for note in air.notes)
 
 
-def test_time_aloft_that_is_too_slow_to_be_flight_is_told_in_per_cent_of_it() -> None:
+def test_time_aloft_that_is_too_slow_to_be_flight_is_reported_in_per_cent_of_it() -> None:
     height_m = np.where(np.arange(200) < 100, 0.0, 50.0)
     slow = np.where(np.arange(200) >= 175, 20.0, 100.0)  # a quarter of the time aloft
     (message,) = _slow_flight(height_m, slow, 40.0, 1.0)

@@ -25,7 +25,7 @@ def test_an_aircraft_without_a_throttle_channel_has_no_silent_controls() -> None
     assert silent_topics(flight(throttle=1.0), TOPICS) == []
 
 
-def test_a_log_without_an_optional_topic_is_told_what_it_lacks() -> None:
+def test_a_log_without_an_optional_topic_is_reported_what_it_lacks() -> None:
     without = flight(elevator_rad=1.0, throttle=1.0, gps_north_mps=1.0, gps_east_mps=1.0, gps_down_mps=1.0)
     assert silent_topics(without, ("/imu",)) == [
         "No /controls in this log: the cross-check takes the elevator as fixed, and full throttle is not recognized."

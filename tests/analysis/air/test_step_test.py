@@ -143,7 +143,7 @@ def test_more_steps_narrow_the_interval_with_the_square_root_of_their_number() -
         (None, ["/probe/alpha: no step found"]),
     ],
 )  # fmt: skip
-def test_what_is_told_of_a_line(measured: Lag | None, lines: list[str]) -> None:
+def test_what_is_reported_of_a_line(measured: Lag | None, lines: list[str]) -> None:
     line = PneumaticLine(length_m=0.9, diameter_m=0.4e-3, cavity_m3=20e-9)
     assert summary(LineLag("alpha", "/probe/alpha", measured, 0.019, line)) == lines
 

@@ -141,7 +141,7 @@ def test_a_lag_much_shorter_than_a_tick_gets_an_upper_bound_only() -> None:
     assert low_frequency_lag_s([line], SEA_LEVEL) < lag.hi_s < 0.02
 
 
-def test_no_step_is_said() -> None:
+def test_no_step_is_reported() -> None:
     rng = np.random.default_rng(0)
     t = np.arange(0, 20, 0.01)
     steps, noise = find_steps(t, 3.0 * np.sin(t) + rng.normal(0, 1, len(t)))

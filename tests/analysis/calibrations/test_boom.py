@@ -82,9 +82,9 @@ def test_an_aircraft_that_never_stood_still_is_refused(flight):
 def test_the_lines_for_the_aircraft_file_are_read(flight):
     result = boom_bending(stretches(flight, 0), MASSES, read_from_level(0), CarriedMass(HUNG.carried_kg, 0.1))
     text = load_aircraft("nexstar").text.partition("[uncertainty]")[0].replace("[probe]\n", to_toml(result), 1)
-    mine = parse_aircraft(text, "mine.toml")
-    assert mine.uncertainty.boom_bending_rad == pytest.approx(result.error_rad, rel=0.05)
-    assert mine.probe.boom_bending_rad == pytest.approx(result.per_g_rad, abs=1e-6)
+    own_aircraft = parse_aircraft(text, "mine.toml")
+    assert own_aircraft.uncertainty.boom_bending_rad == pytest.approx(result.error_rad, rel=0.05)
+    assert own_aircraft.probe.boom_bending_rad == pytest.approx(result.per_g_rad, abs=1e-6)
 
 
 def test_lists_have_a_unit():

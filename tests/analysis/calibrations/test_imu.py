@@ -58,7 +58,7 @@ def test_the_scale_of_each_axis_is_found_to_a_thousandth_within_its_error(lying)
     assert np.sqrt(np.mean(np.square(z))) < 2.0
 
 
-def test_sides_are_named_by_what_is_up_and_one_that_is_missing_is_told(lying):
+def test_sides_are_named_by_what_is_up_and_one_that_is_missing_is_reported(lying):
     sides = sides_of(lying, 0)
     assert [side.up for side in sides] == [(2, 1), (1, 1), (2, 0), (1, 0), (0, 0), (0, 1), (2, 1)]
     table = table_of(lying, 0)

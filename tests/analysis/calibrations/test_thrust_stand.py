@@ -153,7 +153,7 @@ def test_a_ratio_that_stays_uncertain_is_not_written(tmp_path: Path) -> None:
     assert outcome.exit_code == 1 and "the standard error of the ratio is" in outcome.output and not output.exists()
 
 
-def test_the_error_of_a_ratio_is_told_relative_to_it(tmp_path: Path) -> None:
+def test_the_error_of_a_ratio_is_reported_relative_to_it(tmp_path: Path) -> None:
     """Four fifths of all thrusts are four fifths of the ratio, with the same error in percent."""
     outcomes = [
         run(write(tmp_path / "s.csv", readings(ratio, noise)), "--propeller", "apc-12x8e", *AIR, "-o", tmp_path / "o")

@@ -81,7 +81,7 @@ def test_tubing_finds_the_diameter_that_the_lag_belongs_to(pops: Path, tmp_path:
     assert low_frequency_lag_s([line], gas) == pytest.approx(low_frequency_lag_s([true], gas), rel=0.05)
 
 
-def test_too_few_bursts_for_five_per_cent_are_told_how_many_more(tmp_path: Path) -> None:
+def test_too_few_bursts_for_five_per_cent_are_reported_how_many_more(tmp_path: Path) -> None:
     outcome = run("tubing", popped(tmp_path / "slow.mcap", rate_Hz=25.0), "-o", tmp_path / "lines.toml")
     assert outcome.exit_code == 0, outcome.output
     match = re.search(r"for 5 %: about (\d+) more bursts like these", outcome.output)
@@ -210,20 +210,20 @@ def test_the_probe_s_page_needs_no_network_and_shows_what_it_should(tmp_path: Pa
 
 
 def test_nothing_is_replaced_unasked(pops: Path, protractor: Path, tmp_path: Path) -> None:
-    mine = tmp_path / "mine"
+    own_file = tmp_path / "mine"
     write_calibration(tmp_path / "tunnel.csv", simulated_measurements(seed=0))
     for arguments in (
-        ("tubing", pops, "-o", mine),
-        ("surfaces", protractor, "--angles", "0", "-o", mine),
-        ("magnetometer", protractor, "-o", mine),
-        ("airspeed", protractor, "-o", mine),
-        ("probe", tmp_path / "tunnel.csv", "-o", mine),
-        ("probe", tmp_path / "tunnel.csv", "-o", tmp_path / "new.json", "--report", mine),
+        ("tubing", pops, "-o", own_file),
+        ("surfaces", protractor, "--angles", "0", "-o", own_file),
+        ("magnetometer", protractor, "-o", own_file),
+        ("airspeed", protractor, "-o", own_file),
+        ("probe", tmp_path / "tunnel.csv", "-o", own_file),
+        ("probe", tmp_path / "tunnel.csv", "-o", tmp_path / "new.json", "--report", own_file),
     ):
-        mine.write_text("mine")
+        own_file.write_text("mine")
         outcome = run(*arguments)
         assert isinstance(outcome.exception, InputError) and "--replace" in str(outcome.exception)
-        assert mine.read_text() == "mine" and not (tmp_path / "new.json").exists()
+        assert own_file.read_text() == "mine" and not (tmp_path / "new.json").exists()
 
 
 @pytest.mark.parametrize(

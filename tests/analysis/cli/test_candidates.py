@@ -47,9 +47,9 @@ def test_without_candidates_nothing_is_written(monkeypatch, tmp_path: Path) -> N
 
 
 def test_a_list_that_was_given_is_not_written_over(monkeypatch, tmp_path: Path) -> None:
-    mine = tmp_path / "mine.toml"
-    mine.write_text('[[run]]\nkind = "acceleration"\nstart = "12 s"\nend = "15 s"\n')
-    assert refusal(monkeypatch, tmp_path, [REJECTED], Options(runs=mine)) == "flight.mcap: no run"
+    own_file = tmp_path / "mine.toml"
+    own_file.write_text('[[run]]\nkind = "acceleration"\nstart = "12 s"\nend = "15 s"\n')
+    assert refusal(monkeypatch, tmp_path, [REJECTED], Options(runs=own_file)) == "flight.mcap: no run"
     assert not (tmp_path / "out" / "runs.toml").exists()
 
 

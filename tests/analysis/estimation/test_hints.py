@@ -80,7 +80,7 @@ def test_a_value_beyond_six_standard_deviations_is_an_outlier_unless_the_noise_h
 
 
 @pytest.mark.parametrize(("growth", "is_reported"), [(0.65, False), (0.72, True), (-0.72, False)])
-def test_an_error_that_grows_a_thousandfold_is_told_where_the_fit_is_not_convincing(
+def test_an_error_that_grows_a_thousandfold_is_reported_where_the_fit_is_not_convincing(
     growth: float, is_reported: bool
 ) -> None:
     """ln 1000 over 10 s: 0.69 1/s."""

@@ -55,7 +55,7 @@ def test_equation_error_gives_starting_values_near_the_truth():
     assert error == pytest.approx(TRUTH, rel=0.4)
 
 
-def test_when_no_start_gives_a_response_the_reason_is_told():
+def test_when_no_start_gives_a_response_the_reason_is_reported():
     far = SHORT_PERIOD.changed(Zal={"start": 1e5}, Mq={"start": 1e5})
     with pytest.raises(InputError, match="not finite"):
         best_of_starts(lambda start: fit_output_error(far, noisy(0), start=start), far, starts=2)

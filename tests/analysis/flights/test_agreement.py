@@ -225,7 +225,7 @@ def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
     assert trend.p == pytest.approx(2 * norm.sf(2.5 / trend.standard_error_percent))
 
 
-def test_a_trend_is_told_over_the_range_flown_alone() -> None:
+def test_a_trend_is_reported_over_the_range_flown_alone() -> None:
     """Flights within 0.1 K cannot show a change per kelvin: it is given per 0.1 K, as uncertain as the flights."""
     flights = [
         SimpleNamespace(

@@ -17,7 +17,7 @@ from flightpower.analysis.records.fleet import Contradiction, What
 from flightpower.analysis.records.flight import Trust
 
 
-def test_the_scatter_among_airframes_is_told_from_the_errors_of_each() -> None:
+def test_the_scatter_among_airframes_is_distinguished_from_the_errors_of_each() -> None:
     """Over 400 draws a flight's own errors are as large as the scatter."""
     rng = np.random.default_rng(4)
     among = np.array([[1.0, 0.5], [0.5, 2.0]])
@@ -71,7 +71,7 @@ def test_a_changed_airframe_is_pooled_since_its_change_and_told_on_the_page(tmp_
 
 
 @pytest.mark.parametrize("undated", [range(0), range(10), range(1, 3)])
-def test_a_change_is_told_of_flights_with_dates_alone(tmp_path: Path, undated: range) -> None:
+def test_a_change_is_reported_of_flights_with_dates_alone(tmp_path: Path, undated: range) -> None:
     """Ten flights, the last four with 30 % more drag. The hashes of their contents, which order the undated ones, say
     nothing of time. Of eight that are dated and two before the change that are not, the change is told, and the two,
     which may be of any time, are not in the pool since it."""
@@ -114,7 +114,7 @@ def test_flights_that_differ_make_the_curve_of_their_airframe_doubtful(tmp_path:
         ("aaaa", (2, 2, 3, 2), [(Contradiction.SIZE, "one-002.mcap", "one-000.mcap")]),
     ],
 )
-def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_told(
+def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_reported(
     tmp_path: Path, installations, spans, expected
 ) -> None:
     dataset = Dataset(str(tmp_path / "fleet"))
@@ -135,7 +135,7 @@ def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_told(
     assert all(texts[contradiction.kind] in contradiction.text for contradiction in results.contradictions)
 
 
-def test_one_flight_under_the_names_of_two_airframes_is_told(tmp_path: Path) -> None:
+def test_one_flight_under_the_names_of_two_airframes_is_reported(tmp_path: Path) -> None:
     """A log that was analyzed with another airframe's file."""
     dataset = Dataset(str(tmp_path / "fleet"))
     flights = flights_of("one", 3, 4, noise=0.3)
@@ -151,7 +151,7 @@ def test_one_flight_under_the_names_of_two_airframes_is_told(tmp_path: Path) -> 
     assert "and 1 more are flights of one" in contradiction.text
 
 
-def test_the_history_is_drawn_over_days_that_are_told_as_dates() -> None:
+def test_the_history_is_drawn_over_days_that_are_reported_as_dates() -> None:
     """Flights from 1 May 2024, 19844 days after 1 January 1970, every two days; a tick for each day in UTC."""
     shares = dict.fromkeys(("drag_half_width_percent", "thrust_percent", "thrust_half_width_percent"), 1.0)
     history = [SimpleNamespace(start_unix_s=86400.0 * (19844 + 2 * i), drag_percent=i, **shares) for i in range(3)]

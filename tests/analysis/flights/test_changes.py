@@ -36,7 +36,7 @@ def test_an_airframe_that_does_not_change_raises_one_alarm_in_as_many_flights_as
     assert message > 0.2 * sequences
 
 
-def test_a_worn_propeller_is_told_as_propulsion_within_a_few_flights() -> None:
+def test_a_worn_propeller_is_reported_as_propulsion_within_a_few_flights() -> None:
     (change,) = changes_of(thrust=-0.05 * after(60))
     assert (change.what, change.shape, change.since) == (What.PROPULSION, Shape.STEP, 60)
     assert change.detected <= 63
@@ -44,7 +44,7 @@ def test_a_worn_propeller_is_told_as_propulsion_within_a_few_flights() -> None:
     assert abs(change.drag) < 3 * change.errors[0]
 
 
-def test_a_dented_wing_is_told_as_drag() -> None:
+def test_a_dented_wing_is_reported_as_drag() -> None:
     (change,) = changes_of(drag=0.05 * after(60), noise=0.3)
     assert change.what is What.DRAG and change.since == pytest.approx(60, abs=3) and change.detected <= 66
     assert change.drag == pytest.approx(0.05, abs=3 * change.errors[0])
@@ -79,7 +79,7 @@ def test_a_flight_that_does_not_tell_drag_from_thrust_is_left_out() -> None:
     assert values[[0, 2]] == pytest.approx(np.array([[-0.1, 0.0], [0.1, 0.0]])) and np.isnan(values[1]).all()
 
 
-def test_dirt_that_grows_is_told_as_a_drift_until_the_last_flight() -> None:
+def test_dirt_that_grows_is_reported_as_a_drift_until_the_last_flight() -> None:
     """Drag grows by 10 % over the last 60 of 100 flights."""
     grown = 0.1 * np.clip((np.arange(100) - 40) / 60, 0, None)
     changes = changes_of(drag=grown, noise=0.3)
@@ -115,7 +115,7 @@ def test_one_odd_flight_is_no_change(odd: int) -> None:
 
 
 @pytest.mark.parametrize("slowly", [False, True])
-def test_without_noise_a_change_is_told_where_theory_has_it(slowly: bool) -> None:
+def test_without_noise_a_change_is_reported_where_theory_has_it(slowly: bool) -> None:
     """The detector's own statistic, of flights without scatter, against the closed form of the benchmark; of such
     flights it lacks the two that noise adds in the mean, so that it comes no sooner and only a little later."""
     n, change = benchmark.BEFORE + benchmark.A_YEAR, np.array([0.02, -0.003])

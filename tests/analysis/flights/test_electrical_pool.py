@@ -134,8 +134,8 @@ def test_one_more_flight_costs_a_pool_of_drag_nothing() -> None:
     five, autopilot = of_tray(*"bcdef"), flight("a", 0.02)
     alone, mixed = pool_results(five), pool_results([autopilot, *five])
     assert alone.other_kind is None and mixed.kind is Kind.POWER_REQUIRED
-    for mine, before in zip(mixed.power(alone.speeds_mps), alone.power(alone.speeds_mps), strict=True):
-        np.testing.assert_array_equal(mine, before)
+    for of_five, before in zip(mixed.power(alone.speeds_mps), alone.power(alone.speeds_mps), strict=True):
+        np.testing.assert_array_equal(of_five, before)
     assert logs_of(mixed) == [*"bcdef"] and logs_of(mixed.other_kind) == [*"abcdef"]
     assert [(flight.log, flight.reason) for flight in mixed.left_out] == [("a", LeftOutReason.ELECTRICAL_ONLY)]
     four = pool_results([autopilot, *five[:3]]).other_kind
@@ -418,7 +418,7 @@ def test_the_commands_pool_and_compare_as_those_of_drag(tmp_path: Path, capsys: 
     assert content["differs"] and content["a"]["logs"] == ["0", "1", "2"]
 
 
-def test_what_is_not_pooled_is_said() -> None:
+def test_what_is_not_pooled_is_reported() -> None:
     small = msgspec.structs.replace(flight().aircraft, span_m=1.0)
     with pytest.raises(InputError, match="two aircraft"):
         electrical_pool([flight("a"), msgspec.structs.replace(flight("b", 0.01), aircraft=small)])
@@ -443,7 +443,7 @@ def test_what_is_not_pooled_is_said() -> None:
         ),
     ],
 )
-def test_flights_of_two_autopilots_are_told_and_pooled(vehicles, names: str, messages: list[str]) -> None:
+def test_flights_of_two_autopilots_are_reported_and_pooled(vehicles, names: str, messages: list[str]) -> None:
     flights = [
         flight(str(i), 1e-3 * i, vehicle=vehicle, name=name)
         for i, (vehicle, name) in enumerate(zip(vehicles, names, strict=True))

@@ -54,7 +54,7 @@ def test_flights_with_another_propeller_installation_or_calibration_are_another_
     assert sorted(len(airframe.flights) for airframe in airframes(dataset, 1.0, [])) == [2, 3]
 
 
-def test_who_accepts_more_false_alarms_is_told_of_smaller_changes() -> None:
+def test_who_accepts_more_false_alarms_is_reported_of_smaller_changes() -> None:
     """Steps of drag of 0 to 6 %: with ten a year whatever is told with one in a thousand years, and more."""
     message: dict[float, int] = {0.001: 0, 10.0: 0}
     for step in np.linspace(0.0, 0.06, 13):

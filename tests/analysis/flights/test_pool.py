@@ -300,7 +300,9 @@ def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
 
 
 @pytest.mark.parametrize(("dated", "trends", "expected"), [(8, 1, 0), (5, 1, 1), (0, 0, 1)])
-def test_flights_without_a_date_are_left_out_of_its_trend_which_is_said(dated: int, trends: int, expected: int) -> None:
+def test_flights_without_a_date_are_left_out_of_its_trend_which_is_reported(
+    dated: int, trends: int, expected: int
+) -> None:
     rng = np.random.default_rng(9)
     x = truth(rng)
     starts = [1.7e9 + 1e6 * i if i < dated else None for i in range(8)]

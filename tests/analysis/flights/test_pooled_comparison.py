@@ -102,7 +102,7 @@ def days(seed: int, thrust: float, flights: int = 2) -> Comparison:
     return compare(a, b)
 
 
-def test_thrust_that_differs_between_the_days_is_told_and_does_not_cancel() -> None:
+def test_thrust_that_differs_between_the_days_is_reported_and_does_not_cancel() -> None:
     """Believed to be one, thrust of 6 % less on one day would be a difference of drag."""
     comparison = [days(seed, -0.06) for seed in range(20)]
     messages = [comparison.relation.thrust_contradicted is not None for comparison in comparison]

@@ -214,7 +214,7 @@ def test_a_wind_up_turn_rises_steadily_at_a_constant_speed(
     assert short is not None and reason_in_words(short) == "too short: 2.4 s, 2.5 s are needed"
 
 
-def test_a_load_factor_that_swings_about_its_rise_is_told_by_its_variance() -> None:
+def test_a_load_factor_that_swings_about_its_rise_is_reported_by_its_variance() -> None:
     """A rise by 1.2 has the variance 0.12; a swing by 0.4 adds 0.08, so a line explains 60 %."""
     motion = SmoothedMotion(*[np.full(750, 15.0)] * 4, 1 / RATE_HZ)  # type: ignore[arg-type]
     n = 1 + 1.2 * np.linspace(0, 1, 750) + 0.4 * np.cos(2 * np.pi * 10 * np.linspace(0, 1, 750))
@@ -224,12 +224,12 @@ def test_a_load_factor_that_swings_about_its_rise_is_told_by_its_variance() -> N
 
 
 @pytest.mark.parametrize("reason", [*RunRejected, *Unsuitable])
-def test_every_reason_is_told_in_words_of_its_own(reason) -> None:
+def test_every_reason_is_reported_in_words_of_its_own(reason) -> None:
     words = {other: reason_in_words(Rejection(other, 0.07, 0.06, "thrust")) for other in [*RunRejected, *Unsuitable]}
     assert words[reason] and list(words.values()).count(words[reason]) == 1
 
 
-def test_the_longest_stretch_without_a_run_is_told_with_its_times() -> None:
+def test_the_longest_stretch_without_a_run_is_reported_with_its_times() -> None:
     rejected = [
         RejectedManeuver("acceleration", 10.0, 16.0, Rejection(RunRejected.TOO_LONG, 6.0)),
         RejectedManeuver("deceleration", 100.0, 103.0, Rejection(RunRejected.HEIGHT_VARIED, 30.0)),

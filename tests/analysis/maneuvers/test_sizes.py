@@ -44,7 +44,7 @@ def scaled(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(**{SPEED_SCALE: SCALE})
 
 
-def test_a_short_gentle_run_counts_for_a_light_aircraft_and_is_told_for_another() -> None:
+def test_a_short_gentle_run_counts_for_a_light_aircraft_and_is_reported_for_another() -> None:
     """From 7 to 9.2 m/s in 6 s is 0.37 m/s^2; 7 to 14 m/s in 3.2 s is short."""
     speed = up_and_down(low=7.0, high=9.2, seconds=6.0)
     slow = flight(speed).assign(V_mps=speed)
@@ -85,7 +85,7 @@ def oscillating(amplitude: float, irregular: bool = False) -> pd.DataFrame:
     return flight(np.full(n, 15.0)).assign(az_mps2=-GRAVITY_MPS2 * load)
 
 
-def test_a_porpoise_too_gentle_to_count_is_told_and_gusts_are_not() -> None:
+def test_a_porpoise_too_gentle_to_count_is_reported_and_gusts_are_not() -> None:
     result, rejected = find_loads(oscillating(0.2))
     (gentle,) = rejected
     assert (

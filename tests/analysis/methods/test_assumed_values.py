@@ -80,14 +80,14 @@ def test_the_change_by_one_standard_deviation_is_squared_into_the_covariance(pro
 
 
 def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_interval(propeller):
-    mine = parse_aircraft(FOUR_KEYS + '[probe]\nupwash_per_CL = "1 deg"\n', "mine.toml")
-    uncertainty = assumption_uncertainty(Rerun(), mine, propeller, AT, FLOWN_CL)
+    own_aircraft = parse_aircraft(FOUR_KEYS + '[probe]\nupwash_per_CL = "1 deg"\n', "mine.toml")
+    uncertainty = assumption_uncertainty(Rerun(), own_aircraft, propeller, AT, FLOWN_CL)
     assert uncertainty is not None
     (probe,) = (note for note in uncertainty.notes if "probe.position" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
     widths = []
     for key in ("", '[probe]\nposition = ["0.3 m", "0 m", "0 m"]\nupwash_per_CL = "1 deg"\n'):
-        aircraft = parse_aircraft(FOUR_KEYS + key, "") if key else mine
+        aircraft = parse_aircraft(FOUR_KEYS + key, "") if key else own_aircraft
         added = assumption_uncertainty(Rerun(), aircraft, propeller, AT, FLOWN_CL)
         widened = with_assumption_uncertainty(estimate(np.array([*A, 0.0, 0.0])), added)
         widths.append(power_required(V, widened.polar, AT)[1][0])
@@ -110,25 +110,25 @@ def test_widening_adds_to_the_systematic_part_alone():
 
 def test_unknown_upwash_is_a_slope_of_angle_of_attack(nexstar):
     """1 deg per CL, 4.5 of CL per rad for an aspect ratio of 6.6: 8 % of slope."""
-    mine = parse_aircraft(FOUR_KEYS, "mine.toml")
-    assert upwash_slope_sigma(mine) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
-    slender = replace(mine, geometry=replace(mine.geometry, span_m=3.5))
-    assert upwash_slope_sigma(slender) > upwash_slope_sigma(mine)
+    own_aircraft = parse_aircraft(FOUR_KEYS, "mine.toml")
+    assert upwash_slope_sigma(own_aircraft) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
+    slender = replace(own_aircraft, geometry=replace(own_aircraft.geometry, span_m=3.5))
+    assert upwash_slope_sigma(slender) > upwash_slope_sigma(own_aircraft)
 
 
 @pytest.mark.parametrize(("span_m", "lift_slope"), [(1e5, 2 * np.pi), (1e-3, np.pi / 2 * 1e-6 / 0.46), (1.75, 4.673)])
 def test_the_slope_by_unknown_upwash_is_upwash_times_the_lift_slope_of_the_wing(span_m, lift_slope):
     """2 pi for a wing without ends, pi/2 AR for one without span (Jones), 4.673 for an aspect ratio of 6.66 by
     Helmbold's equation: an angle alpha has a lift coefficient of a alpha, and that 1 deg of upwash for each unit."""
-    mine = parse_aircraft(FOUR_KEYS, "mine.toml")
-    wing = replace(mine, geometry=replace(mine.geometry, span_m=span_m))
+    own_aircraft = parse_aircraft(FOUR_KEYS, "mine.toml")
+    wing = replace(own_aircraft, geometry=replace(own_aircraft.geometry, span_m=span_m))
     assert upwash_slope_sigma(wing) == pytest.approx(np.radians(1) * lift_slope, rel=2e-3)
 
 
 def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propeller):
     """`Rerun` has the covariance OWN (1 + sigma): without upwash's sigma OWN is left, and its change of A2 is gone."""
-    mine = parse_aircraft(FOUR_KEYS, "mine.toml")
-    uncertainty = assumption_uncertainty(Rerun(), mine, propeller, AT, FLOWN_CL)
+    own_aircraft = parse_aircraft(FOUR_KEYS, "mine.toml")
+    uncertainty = assumption_uncertainty(Rerun(), own_aircraft, propeller, AT, FLOWN_CL)
     assert uncertainty is not None
     (note,) = (note for note in uncertainty.notes if "probe.upwash_per_CL" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
@@ -136,7 +136,7 @@ def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propel
     def standard_error(covariance):
         return power_required(V, Polar(A, covariance[:3, :3]), AT)[1][0]
 
-    without = standard_error(OWN * (1 + upwash_slope_sigma(mine)) + uncertainty.covariance)
+    without = standard_error(OWN * (1 + upwash_slope_sigma(own_aircraft)) + uncertainty.covariance)
     part = np.zeros((5, 5))
     part[2, 2] = (0.1 * PRIORS.upwash_rad) ** 2
     narrower = standard_error(OWN + uncertainty.covariance - part)
@@ -144,7 +144,7 @@ def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propel
 
 
 @pytest.mark.parametrize(("share", "expected"), [(0.004, False), (-0.03, True), (0.03, True)])
-def test_what_folding_would_change_is_told_with_its_sign(share, expected):
+def test_what_folding_would_change_is_reported_with_its_sign(share, expected):
     notes = _folding_note(share, 12.3)
     assert bool(notes) == expected
     assert not expected or notes[0].endswith(f"power at 12.3 m/s changes by {'-' if share < 0 else '+'}3 %.")

@@ -132,7 +132,7 @@ def test_pitch_rate_of_runs_is_too_small_for_CLq(by_likelihood) -> None:
     )
 
 
-def test_noise_is_told_from_a_smooth_signal() -> None:
+def test_noise_is_distinguished_from_a_smooth_signal() -> None:
     t = np.arange(4000) / 25
     noise = 0.005 * np.random.default_rng(1).standard_normal(len(t))
     assert likelihood.sample_variance(0.1 * np.sin(t) + noise) == pytest.approx(0.005**2, rel=0.1)

@@ -97,7 +97,7 @@ def test_the_map_has_north_up(nexstar: ExpectedAircraft, heading_deg: float, axi
     assert reached.max() == pytest.approx(50 / 1.15, abs=0.1) and reached.min() > -0.1
 
 
-def test_headings_and_wind_are_told_as_they_were_given(nexstar: ExpectedAircraft) -> None:
+def test_headings_and_wind_are_reported_as_they_were_given(nexstar: ExpectedAircraft) -> None:
     flown = plan(nexstar)
     assert card._headings(flown) == "" and "50° left of the first leg" in card._air(flown)
     flown.request = replace(flown.request, heading_deg=250.0, wind_from_deg=200.0)

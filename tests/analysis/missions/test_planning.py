@@ -449,7 +449,7 @@ def test_the_card_says_what_each_maneuver_is():
     ("unit", "text"), [("m/s", "20.0 m/s"), ("kt", "20.0 m/s (38.9 kt)"), ("mph", "20.0 m/s (44.7 mph)"),
                        ("km/h", "20.0 m/s (72.0 km/h)")],
 )  # fmt: skip
-def test_a_speed_is_told_in_the_unit_of_the_pilot_s_display(plan: FlightPlan, unit: str, text: str):
+def test_a_speed_is_reported_in_the_unit_of_the_pilot_s_display(plan: FlightPlan, unit: str, text: str):
     assert speed_text(20.0, SpeedUnit(unit)) == text
     page = card.card(plan, "mine", SpeedUnit(unit))
     shown = {other for other in SpeedUnit if re.search(rf"\d m/s \([\d.]+ {other}\)", page)}

@@ -247,7 +247,7 @@ def test_the_same_mission_gives_the_same_result() -> None:
     assert first == second
 
 
-def test_the_point_of_no_return_is_told_in_kilometers() -> None:
+def test_the_point_of_no_return_is_reported_in_kilometers() -> None:
     no_return = _no_return(NoReturn(leg="leg 3", route_m=12_340.0, from_home_m=5_670.0), 0.95)
     assert "12.34 km along the route, on leg 3, 5.67 km from home" in no_return and "less than 95 % sure" in no_return
     assert "at least 95 %" in _no_return(None, 0.95)

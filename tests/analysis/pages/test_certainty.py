@@ -60,7 +60,7 @@ def test_the_sentence_says_how_many_runs_or_why_not(results: Results) -> None:
     assert halving(drag(results, interval_parts=[])) is None
 
 
-def test_the_next_flight_of_the_results_is_told_first_and_nothing_twice(results: Results) -> None:
+def test_the_next_flight_of_the_results_is_reported_first_and_nothing_twice(results: Results) -> None:
     by_runs = drag(results, interval_parts=[part(2.0, 0.0)])
     shared = drag(results, interval_parts=[part(1.0, 2.0)])
     assert next_flight(by_runs)[0].startswith("To halve")

@@ -47,14 +47,14 @@ def test_the_head_of_the_page_is_in_kilograms_and_degrees_celsius(results: Resul
     assert condition.startswith("4.00 kg, air 1.200 kg/m³ (17 °C)")
 
 
-def test_runs_are_told_with_their_lengths(results: Results) -> None:
+def test_runs_are_reported_with_their_lengths(results: Results) -> None:
     rejected = RejectedResult(kind="steady", start_s=30.0, end_s=37.5, reason="too short")
     section = flight_section(replace(results, rejected=[rejected]))
     assert section.runs.rows[0] == ("1", "acceleration", "10.0", "8.0", "12.0 to 24.0", "+0.0", "")
     assert section.rejected is not None and section.rejected.rows == [("steady", "30.0", "7.5", "too short")]
 
 
-def test_a_method_is_told_with_half_of_its_interval() -> None:
+def test_a_method_is_reported_with_half_of_its_interval() -> None:
     curve = [
         PowerPoint(speed_mps=V, power_W=50.0, power_lo_W=46.0, power_hi_W=56.0, extrapolated=False)
         for V in (12.0, 24.0)
@@ -62,7 +62,7 @@ def test_a_method_is_told_with_half_of_its_interval() -> None:
     assert _power_at_ends(curve) == ("50 ± 5 at 12.0 m/s", "50 ± 5 at 24.0 m/s")
 
 
-def test_the_battery_s_share_and_the_ceilings_are_told(with_battery: Results) -> None:
+def test_the_battery_s_share_and_the_ceilings_are_reported(with_battery: Results) -> None:
     section = performance_section(with_battery, with_battery.use)
     assert section is not None and section.battery == "74 Wh of which 80 % are used"
     assert with_battery.use is not None
@@ -73,7 +73,7 @@ def test_the_battery_s_share_and_the_ceilings_are_told(with_battery: Results) ->
     assert ceilings(replace(with_battery.use, available=only)).startswith("Absolute ceiling (no climb): density alt")
 
 
-def test_wind_and_air_are_told_with_95_per_cent_and_in_everyday_units(results: Results) -> None:
+def test_wind_and_air_are_reported_with_95_per_cent_and_in_everyday_units(results: Results) -> None:
     with_air = replace(results, air=AIR)
     assert _wind(with_air) == "5.0 ± 1.0 m/s from 310°"
     facts = dict(_air(with_air))
@@ -88,13 +88,13 @@ def test_wind_and_air_are_told_with_95_per_cent_and_in_everyday_units(results: R
     ("latitude", "longitude", "message"),
     [(48.1, 11.5, "48.10000° N 11.50000° E"), (-35.5, -70.25, "35.50000° S 70.25000° W"), (0.0, 0.0, "0.00000° N 0")],
 )
-def test_a_place_is_told_by_its_hemispheres(latitude: float, longitude: float, message: str) -> None:
+def test_a_place_is_reported_by_its_hemispheres(latitude: float, longitude: float, message: str) -> None:
     place = facts_of(latitude_deg=latitude, longitude_deg=longitude, height_msl_m=512.4)
     assert _place(place).startswith(message)  # type: ignore[arg-type]
     assert _place(place).endswith(", 512 m above sea level")  # type: ignore[arg-type]
 
 
-def test_the_log_s_size_and_missed_instants_are_told() -> None:
+def test_the_log_s_size_and_missed_instants_are_reported() -> None:
     facts = SimpleNamespace(duration_s=600.0, log_bytes=12_340_000, log_sha256="abc")
     assert _log(SimpleNamespace(log="a.mcap"), facts) == "a.mcap, 600 s, 12.3 MB, SHA-256 abc"  # type: ignore[arg-type]
     assert _ticks(facts_of(ticks=990, ticks_missed=10)) == "10 of 1000 sampling instants were missed"  # type: ignore[arg-type]

@@ -39,7 +39,7 @@ def luminance(color: str) -> float:
 
 @pytest.mark.parametrize("eye", SEEN)
 @pytest.mark.parametrize("dark", [False, True])
-def test_kinds_of_runs_are_told_apart_by_every_eye(eye: str, dark: bool) -> None:
+def test_kinds_of_runs_are_distinguished_by_every_eye(eye: str, dark: bool) -> None:
     colors = [ON_DARK[color] if dark else color for color in RUN_COLOR.values()]
     for item, other in combinations([lab(SEEN[eye] @ linear(color)) for color in colors], 2):
         assert np.linalg.norm(item - other) > LEAST_DIFFERENCE

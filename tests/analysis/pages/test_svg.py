@@ -113,14 +113,14 @@ def test_a_symbol_keeps_its_shape_at_its_place() -> None:
     assert (place.get("x"), place.get("y"), place.get("data-name")) == ("25.00%", "25.00%", "best")
 
 
-def test_who_does_not_see_a_figure_is_told_axes_and_lines() -> None:
+def test_who_does_not_see_a_figure_is_reported_axes_and_lines() -> None:
     tree = parts(line_figure([0.0, 10.0], [0.0, 100.0]))
     assert tree.findtext("title") == "power, W"
     assert tree.findtext("desc") == "power, W from 0 to 100, against speed, m/s from 0 to 10. Shown: P & <Q>."
     assert tree.get("role") == "graphics-document" and tree.get("tabindex") == "0"
 
 
-def test_the_cursor_is_told_what_to_say() -> None:
+def test_the_cursor_is_reported_what_to_say() -> None:
     figure = line_figure([0.0, 10.0], [0.0, 100.0])
     figure.cursor = Cursor.NEAREST
     figure.add(Line(x=np.zeros(2), y=np.ones(2), color=RED, width=3, label="run 1", value="{y:+.1f} %", run="r1"))

@@ -133,7 +133,7 @@ def together(results: Results, probability: float, **conflicts: float) -> Result
     return drag(replace(results, path=replace(path(**conflicts), joint_conflict=pair)), statistics=statistics())
 
 
-def test_sensor_errors_that_are_improbable_together_are_named_unless_one_is_told_alone(results: Results) -> None:
+def test_sensor_errors_that_are_improbable_together_are_named_unless_one_is_reported_alone(results: Results) -> None:
     (evidence,) = with_trust(together(results, 0.001)).evidence
     assert "offset of angle of attack (-3.4)" in evidence.text and "slope of angle of attack (-3.5)" in evidence.text
     assert with_trust(together(results, 0.004)).evidence == []
@@ -158,7 +158,7 @@ def test_a_sensor_error_says_by_which_of_two_reasons_it_is_not_to_be_trusted(
     assert f"assumed (limit {evidence.limit:.1f}{ending}. Usually" in evidence.text
 
 
-def test_an_updraft_that_the_curve_is_corrected_for_is_told(results: Results) -> None:
+def test_an_updraft_that_the_curve_is_corrected_for_is_reported(results: Results) -> None:
     """It has its own limit, exceeded by 1 % of daytime flights; written results can be read back."""
     (evidence,) = with_trust(
         drag(replace(results, path=path(updraft=-2.6, V_scale=-2.6)), statistics=statistics())
@@ -341,7 +341,7 @@ def test_a_mass_that_no_wing_carries_at_the_slowest_speed_is_doubted(
         ([MethodRejection.UNPHYSICAL, MethodRejection.NONE], False), ([], False),
     ],
 )  # fmt: skip
-def test_a_method_that_the_runs_allow_and_that_fails_is_told_first(
+def test_a_method_that_the_runs_allow_and_that_fails_is_reported_first(
     results: Results, reasons: list[MethodRejection], is_reported: bool
 ) -> None:
     """A method without flown runs is not named, nor is any if another of them gives the curve."""
@@ -358,7 +358,7 @@ def test_a_method_that_the_runs_allow_and_that_fails_is_told_first(
 
 
 @pytest.mark.parametrize(("share", "doubtful"), [(0.15, True), (0.46, False), (0.9, False), (1.03, True)])
-def test_a_shaft_that_takes_what_no_motor_gives_is_told(results: Results, share: float, doubtful: bool) -> None:
+def test_a_shaft_that_takes_what_no_motor_gives_is_reported(results: Results, share: float, doubtful: bool) -> None:
     evidence = evidence_against(balanced(results, shaft_over_electrical=share))
     assert [(item.kind, item.level, item.figure) for item in evidence] == (
         [(EvidenceKind.MOTOR_EFFICIENCY, Trust.DOUBTFUL, share)] if doubtful else []
@@ -377,7 +377,7 @@ def drag(results: Results, **of: Any) -> Results:
     return results.with_curve(Kind.POWER_REQUIRED, **of)
 
 
-def test_the_cause_is_told_before_what_follows_from_it_and_the_worst_first(with_battery: Results) -> None:
+def test_the_cause_is_reported_before_what_follows_from_it_and_the_worst_first(with_battery: Results) -> None:
     both = replace(
         efficiency(with_battery, Interval(value=1.1, lo=1.05, hi=1.15), Interval(value=0.8, lo=0.7, hi=0.9)),
         speed_over_motor_constant=1.17, cross_check_differs=True,

@@ -73,7 +73,7 @@ def test_a_throttle_a_little_below_full_counts_for_what_it_is(nexstar, propeller
     assert full_throttle_revps(propeller, V, RHO, **values) == pytest.approx(true, rel=1e-4)
 
 
-def test_no_full_throttle_is_said_and_not_made_up(nexstar, propeller) -> None:
+def test_no_full_throttle_is_reported_and_not_made_up(nexstar, propeller) -> None:
     part = steady_points(nexstar, propeller)
     part["throttle"] = np.minimum(part["throttle"], 0.9)
     assert "0 s of settled full throttle" in fit_full_throttle(part, nexstar.propulsion, propeller).reason

@@ -160,7 +160,7 @@ def test_without_a_highest_speed_a_note_says_which_side_it_is_on(climb: float, t
     assert text in result.notes[0]
 
 
-def test_service_and_absolute_ceiling_are_told_apart() -> None:
+def test_service_and_absolute_ceiling_are_distinguished() -> None:
     result = available(full_throttle())
     assert result.service_ceiling_m is not None and result.absolute_ceiling_m is not None
     assert (result.service_ceiling_m.value, result.absolute_ceiling_m.value) == (4000, 5000)

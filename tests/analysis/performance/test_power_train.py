@@ -139,7 +139,7 @@ def replace_power(propeller, factor):
     return type(propeller)("off", propeller.diameter_m, rows)
 
 
-def test_without_battery_data_the_aircraft_file_is_believed_and_that_is_said(nexstar, propeller) -> None:
+def test_without_battery_data_the_aircraft_file_is_believed_and_that_is_reported(nexstar, propeller) -> None:
     blind = steady_points(nexstar, propeller).assign(battery_W=np.nan)
     train = fit_power_train(blind, nexstar.propulsion, propeller, **NO_CORRECTION)
     assert not train.measured and train.points == ()

@@ -114,5 +114,5 @@ def test_a_wing_loading_is_as_uncertain_as_a_weighed_mass() -> None:
     )
 
 
-def test_without_a_curve_nothing_is_told() -> None:
+def test_without_a_curve_nothing_is_reported() -> None:
     assert of_power_required(SimpleNamespace(power_required=[]), None) == ([], [])  # type: ignore[arg-type]

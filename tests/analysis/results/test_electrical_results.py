@@ -87,7 +87,7 @@ def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed(
     assert curve(battery=None).endurance_s is None
 
 
-def test_efficiency_is_told_at_the_speed_where_it_is_known_best_and_never_of_a_simulation() -> None:
+def test_efficiency_is_reported_at_the_speed_where_it_is_known_best_and_never_of_a_simulation() -> None:
     thrust_efficiency = balance().thrust_efficiency
     times = np.exp(NORMAL_95 * 0.02)
     assert (thrust_efficiency.value, thrust_efficiency.lo, thrust_efficiency.hi) == pytest.approx(
@@ -178,7 +178,7 @@ def test_the_basis_of_thrust_tells_the_efficiency_in_per_cent() -> None:
         ({"share": 0.128}, ["The interval is wider than ±25 % at 100 % of the speeds"]),
     ],
 )
-def test_what_a_reader_must_know_is_said_from_its_limit_on(of: dict, messages: list[str]) -> None:
+def test_what_a_reader_must_know_is_reported_from_its_limit_on(of: dict, messages: list[str]) -> None:
     warnings = _warnings(estimate(**of))
     assert len(warnings) == len(messages) and all(
         text.startswith(begin) for text, begin in zip(warnings, messages, strict=True)
@@ -276,7 +276,7 @@ def test_half_an_error_of_the_density_is_one_of_the_airspeed_as_far_as_gps_shows
 
 
 @pytest.mark.parametrize(("electrical_W", "is_reported"), [(126.0, False), (128.0, True), (78.0, True)])
-def test_two_answers_for_the_battery_are_said_where_errors_hardly_explain_them(
+def test_two_answers_for_the_battery_are_reported_where_errors_hardly_explain_them(
     electrical_W: float, is_reported: bool
 ) -> None:
     """10 % each are 14 % together, and 3.29 of such standard deviations 23.7 %: exp(0.237) is 1.268."""

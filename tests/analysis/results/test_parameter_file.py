@@ -157,7 +157,7 @@ def test_without_a_curve_of_drag_the_sink_of_a_raised_cruise_is_that_of_the_pola
     assert "FW_T_SINK_MIN" not in read(text, For.PX4) and text.count("FW_T_SINK_MIN is withheld") == 1
 
 
-def test_a_stall_speed_that_is_given_is_told() -> None:
+def test_a_stall_speed_that_is_given_is_reported() -> None:
     text = parameter_file(results(), For.PX4, StallMargin(8.0))
     assert "9.6 m/s: 1.2 times 8 m/s, the stall speed given" in text
     assert read(text, For.PX4)["FW_AIRSPD_MIN"] == 11.0

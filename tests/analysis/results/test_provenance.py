@@ -131,11 +131,11 @@ def test_a_log_without_satellites_has_the_computer_s_date_or_none(log: Log) -> N
 
 
 def test_each_file_has_its_origin_and_hash(log: Log, tmp_path: Path) -> None:
-    mine = tmp_path / "my.toml"
-    mine.write_bytes(b"mine")
-    files = {f.role: f for f in made(log, replacements=Replacements(files={"aircraft.toml": str(mine)})).files}
+    own_file = tmp_path / "my.toml"
+    own_file.write_bytes(b"mine")
+    files = {f.role: f for f in made(log, replacements=Replacements(files={"aircraft.toml": str(own_file)})).files}
     assert (files["aircraft file"].origin, files["aircraft file"].sha256) == (
-        str(mine), hashlib.sha256(b"mine").hexdigest()
+        str(own_file), hashlib.sha256(b"mine").hexdigest()
     )  # fmt: skip
     assert files["propeller table"].sha256 == hashlib.sha256(b"propeller.csv").hexdigest()
     assert files["probe calibration"].origin == "the log"
@@ -152,7 +152,7 @@ def test_each_file_has_its_origin_and_hash(log: Log, tmp_path: Path) -> None:
         ("analyze --usable 70% log.mcap", "had other options"),
     ],
 )
-def test_only_other_options_are_told(log: Log, tmp_path: Path, command: str, says: str) -> None:
+def test_only_other_options_are_reported(log: Log, tmp_path: Path, command: str, says: str) -> None:
     before = made(log, "analyze log.mcap --usable=70%" if says else "analyze log.mcap")
     if command.startswith("analyze --usable"):
         before = made(log, "analyze log.mcap --usable 80%")
@@ -161,7 +161,7 @@ def test_only_other_options_are_told(log: Log, tmp_path: Path, command: str, say
     assert says in note and bool(note) == bool(says)
 
 
-def test_tables_of_an_earlier_analysis_beside_the_new_ones_are_told(log: Log, tmp_path: Path) -> None:
+def test_tables_of_an_earlier_analysis_beside_the_new_ones_are_reported(log: Log, tmp_path: Path) -> None:
     now = SimpleNamespace(provenance=made(log))
     for name in ("power_required.csv", "path.csv", "electrical_power.csv", "notes.csv"):
         (tmp_path / name).write_text("", "utf-8")
@@ -174,7 +174,7 @@ def test_tables_of_an_earlier_analysis_beside_the_new_ones_are_told(log: Log, tm
     )
 
 
-def test_another_log_or_file_is_told(log: Log, tmp_path: Path) -> None:
+def test_another_log_or_file_is_reported(log: Log, tmp_path: Path) -> None:
     now = SimpleNamespace(provenance=made(log))
     assert replaced(tmp_path, now) == "", "nothing was there"
     (tmp_path / "results.json").write_text("{}")

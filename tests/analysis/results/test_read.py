@@ -139,7 +139,7 @@ def test_what_is_no_result_is_refused_in_one_line(change: dict[str, Any], messag
     ("form", "what"),
     [(POOLED_FORMAT, "the results of several flights"), (COMPARISON_FORMAT, "a comparison"), (FLEET_FORMAT, "a fleet")],
 )
-def test_results_of_several_flights_are_told_from_those_of_one(tmp_path: Path, form: str, what: str) -> None:
+def test_results_of_several_flights_are_distinguished_from_those_of_one(tmp_path: Path, form: str, what: str) -> None:
     (tmp_path / "results.json").write_text(json.dumps({"format": form}))
     with pytest.raises(InputError, match=f"holds {what}, and one flight's results are needed here"):
         read_results(tmp_path / "results.json")

@@ -82,7 +82,7 @@ def test_the_truth_of_a_simulation_is_apart_from_what_was_measured(tmp_path: Pat
     assert read_ardupilot(tmp_path / "a").truth[recording.TRUE_AIRSPEED].value == pytest.approx(99.0)
 
 
-def test_dropped_messages_are_told(tmp_path: Path) -> None:
+def test_dropped_messages_are_reported(tmp_path: Path) -> None:
     dropped = messages("DSF", "Qf", Dp=np.minimum(np.arange(len(T_US)), 70))
     speed_of(tmp_path / "a", airspeed(0, 15.0 + 0.5 * np.sin(1e-6 * T_US)), dropped)
     assert "The autopilot dropped 70 messages." in read_ardupilot(tmp_path / "a").notes

@@ -38,7 +38,9 @@ def battery(name: str, current_A: float) -> Battery:
     ("second_A", "messages"),
     [(1.5, ["b carries 15 % of the power of a"]), (0.5, []), (30.0, ["b measures", "a carries 33 %"])],
 )
-def test_the_battery_of_most_power_is_taken_and_a_tenth_beside_it_is_told(second_A: float, messages: list[str]) -> None:
+def test_the_battery_of_most_power_is_taken_and_a_tenth_beside_it_is_reported(
+    second_A: float, messages: list[str]
+) -> None:
     taken, notes = measuring_battery([battery("a", 10.0), battery("b", second_A)])
     assert taken is not None and taken.name == ("b" if second_A > 10 else "a")
     assert len(notes) == len(messages) and all(

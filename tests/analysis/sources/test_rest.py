@@ -117,7 +117,7 @@ def test_zeros_lie_within_four_of_their_own_standard_errors() -> None:
         assert rest.drifting == {} and rest.notes == []
 
 
-def test_a_drift_is_told_and_taken_out_along_a_line() -> None:
+def test_a_drift_is_reported_and_taken_out_along_a_line() -> None:
     """3 Pa over the log, 0.4 deg/s of the gyro: found within four standard errors, and gone at every instant."""
     drift = {"q_c_Pa": 3.0, "q_radps": np.radians(0.4)}
     table = log_table(drift=drift)
@@ -169,7 +169,7 @@ def test_what_the_daemon_saves_is_what_the_analysis_reads() -> None:
     assert result == {"p_radps": 0.5, "q_radps": 1.5, "r_radps": 2.5, "dp_beta_Pa": -2.0}
 
 
-def test_without_rest_the_zero_of_the_log_is_used_and_what_it_lacks_is_said() -> None:
+def test_without_rest_the_zero_of_the_log_is_used_and_what_it_lacks_is_reported() -> None:
     table = log_table().iloc[round(25 * RATE_HZ) : round(75 * RATE_HZ)]
     taken = ZERO_FILE.parsed(zero_file(dp_alpha_Pa=1.5, q_c_Pa=2.2), "zero.json").by_channel()
     rest = zeros(table, rest_segments(table, RATE_HZ), taken)
@@ -178,7 +178,7 @@ def test_without_rest_the_zero_of_the_log_is_used_and_what_it_lacks_is_said() ->
     assert "daq zero" in rest.notes[0] and "gyro r" in rest.notes[1] and "/probe/beta" in rest.notes[1]
 
 
-def test_a_zero_that_disagrees_with_the_log_s_own_rest_is_said() -> None:
+def test_a_zero_that_disagrees_with_the_log_s_own_rest_is_reported() -> None:
     table = log_table()
     still = rest_segments(table, RATE_HZ)
     near = zeros(table, still, ZERO_FILE.parsed(zero_file(q_c_Pa=2.0, q_radps=-0.021), "zero.json").by_channel())

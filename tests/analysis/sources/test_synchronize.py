@@ -55,7 +55,7 @@ def test_a_sound_log_has_nothing_to_say() -> None:
     assert channels.table[["ax_mps2", "dp_beta_Pa"]].notna().mean().min() > 0.99
 
 
-def test_clipping_is_said_and_left_out() -> None:
+def test_clipping_is_reported_and_left_out() -> None:
     """Five seconds of twenty at the end of the range: a bound is no measurement."""
     clipped = synchronize(
         log_of(lambda topic, t: Status.SATURATED if topic == "/probe/alpha" and 5 <= t < 10 else Status.OK)

@@ -245,7 +245,7 @@ def test_a_receiver_s_supply_is_no_battery(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("missing", [("battery_voltage",), ("height", "static_pressure", "velocity_down")])
-def test_a_map_that_lacks_what_a_curve_needs_is_told_so(missing: tuple[str, ...], tmp_path: Path) -> None:
+def test_a_map_that_lacks_what_a_curve_needs_is_reported_so(missing: tuple[str, ...], tmp_path: Path) -> None:
     quantities = ("time", "true_airspeed", "height", "static_pressure", "velocity_north", "velocity_east",
                   "velocity_down", "battery_voltage", "battery_current")  # fmt: skip
     path = written(tmp_path, TRUE, map_text({name: MAP[name] for name in quantities if name not in missing}))
@@ -279,7 +279,7 @@ def test_a_structure_of_matlab_is_drafted(tmp_path: Path) -> None:
     assert flight_recording.channels["gps_down_mps"].value == pytest.approx(TRUE["vd_mps"].to_numpy())
 
 
-def test_telemetry_that_mission_planner_wrote_as_a_mat_file_is_told(tmp_path: Path) -> None:
+def test_telemetry_that_mission_planner_wrote_as_a_mat_file_is_reported(tmp_path: Path) -> None:
     days = 739000 + TRUE["t_s"].to_numpy() / 86400
     savemat(tmp_path / "a.mat", {"airspeed_mavlink_vfr_hud_t": np.column_stack([days, TRUE["tas_mps"]])})
     with pytest.raises(InputError, match=r"analyze the \.tlog"):

@@ -112,7 +112,7 @@ def test_velocity_by_position(digits: int, every: int, within_mps: float) -> Non
 
 
 @pytest.mark.parametrize("wrong", [{"lat_deg": "lon_deg", "lon_deg": "lat_deg"}, {"lat_deg": "lat_deg"}])
-def test_a_wrong_position_is_told(wrong: dict[str, str], tmp_path: Path) -> None:
+def test_a_wrong_position_is_reported(wrong: dict[str, str], tmp_path: Path) -> None:
     """Swapped columns, and a column of another flight."""
     table = with_position()
     taken = {name: table[of].to_numpy()[:: -1 if name == of else 1] for name, of in wrong.items()}

@@ -60,9 +60,9 @@ def both(data: bytes) -> tuple[Any, Any]:
 @pytest.mark.parametrize("block_bytes", [1 << 22, 4000, 500])
 def test_a_sound_log_is_read_from_block_to_block(log: bytes, monkeypatch: pytest.MonkeyPatch, block_bytes: int) -> None:
     monkeypatch.setattr(BlockwiseULog, "BLOCK_BYTES", block_bytes)
-    mine, reference = both(log)
-    assert [len(item["timestamp"]) for item in mine[0].values()] == [300, 100, 100]
-    assert mine == reference
+    ours, reference = both(log)
+    assert [len(item["timestamp"]) for item in ours[0].values()] == [300, 100, 100]
+    assert ours == reference
 
 
 def test_a_damaged_log_gives_what_pyulog_gives(log: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,9 +79,9 @@ def test_a_damaged_log_gives_what_pyulog_gives(log: bytes, monkeypatch: pytest.M
         if number % 5 == 0:
             offset = int(rng.integers(400, max(401, len(data) - 300)))
             del data[offset : offset + int(rng.integers(1, 300))]
-        mine, reference = both(bytes(data))
-        assert mine == reference, number
-        corrupt += isinstance(mine, str) or mine[1]
+        ours, reference = both(bytes(data))
+        assert ours == reference, number
+        corrupt += isinstance(ours, str) or ours[1]
     assert corrupt > 10
 
 

@@ -38,7 +38,7 @@ def test_a_unit_s_factor_is_that_of_the_unit() -> None:
 
 @pytest.mark.parametrize("interval_s", [0.005, 0.04, 1.0])
 @pytest.mark.parametrize(("unit", "per_second"), [("microseconds", 1e6), ("milliseconds", 1e3), ("seconds", 1.0)])
-def test_a_clock_s_unit_is_told_for_any_rate_of_a_daemon(interval_s: float, unit: str, per_second: float) -> None:
+def test_a_clock_s_unit_is_reported_for_any_rate_of_a_daemon(interval_s: float, unit: str, per_second: float) -> None:
     """The number that should be nanoseconds: 200, 25 and 1 messages a second."""
     message = _wrong_interval(interval_s * per_second / 1e9)
     assert message.startswith(f"log_time is in {unit} ({interval_s * per_second:.0f} between messages)")
@@ -49,7 +49,7 @@ def test_a_clock_s_unit_is_told_for_any_rate_of_a_daemon(interval_s: float, unit
     [(math.inf, "most messages have the log_time of the one before"), (400.0, "400 messages a second are too many"),
      (0.5, "2 s between messages")],
 )  # fmt: skip
-def test_another_interval_is_told_as_it_is(rate_Hz: float, message: str) -> None:
+def test_another_interval_is_reported_as_it_is(rate_Hz: float, message: str) -> None:
     assert _wrong_interval(1 / rate_Hz).startswith(message)
 
 

@@ -122,7 +122,7 @@ def test_told_in_one_line(mistake: str, tmp_path: Path) -> None:
         ("[time", "not a TOML file"),
     ],
 )
-def test_a_wrong_map_is_told_in_one_line(text: str, message: str, tmp_path: Path) -> None:
+def test_a_wrong_map_is_reported_in_one_line(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message) as raised:
         log_of_table(written(tmp_path, TRUE, text))
     assert "\n" not in str(raised.value)

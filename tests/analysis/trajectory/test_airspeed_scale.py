@@ -44,7 +44,7 @@ def test_otherwise_one_line_says_what_is_missing(flight: dict, cause: str) -> No
     assert calibrated(error=0.79 * PRIOR).unsupported == ""
 
 
-def test_what_limits_a_scale_is_told_in_per_cent() -> None:
+def test_what_limits_a_scale_is_reported_in_per_cent() -> None:
     (hardly,) = notes_on(0.3, 0.009, PRIOR)
     assert hardly.endswith("standard error 0.9 %, before the flight 1.0 %.")
     (one_way,) = notes_on(0.8, 0.001, PRIOR)

@@ -115,7 +115,7 @@ def test_the_hour_is_that_of_the_satellites_and_not_of_the_computer():
     assert updraft.sun_over(Fix()) is None
 
 
-def test_the_reader_is_told_why_an_interval_is_wider_and_what_is_not_known():
+def test_the_reader_is_reported_why_an_interval_is_wider_and_what_is_not_known():
     assert not updraft.updraft_notes(updraft.Updraft(0.004, 0.0, DAWN))
     (by_sun,) = updraft.updraft_notes(updraft.Updraft(0.1, 0.09, NOON))
     (by_time,) = updraft.updraft_notes(updraft.Updraft(0.02, 0.0, DAWN))

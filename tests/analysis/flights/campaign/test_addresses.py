@@ -191,7 +191,7 @@ def test_a_folder_of_this_computer_is_its_logs(tmp_path: Path) -> None:
     assert find_logs([str(tmp_path / "none.mcap")]).logs == [tmp_path / "none.mcap"]
 
 
-def test_a_folder_of_results_is_told_from_one_without_logs(tmp_path: Path) -> None:
+def test_a_folder_of_results_is_distinguished_from_one_without_logs(tmp_path: Path) -> None:
     assert find_logs([str(tmp_path)]).failures == [f"{tmp_path}: no logs in this folder"]
     (tmp_path / "flight").mkdir()
     (tmp_path / "flight" / "results.json").write_text("{}")

@@ -163,7 +163,7 @@ def test_flight_begins_clear_of_the_ground(table: FlightTable, truth: Truth) -> 
     assert table.flown.sum() == rows.stop - rows.start
 
 
-def test_without_a_thermometer_and_too_short_a_flight_it_is_said(truth: Truth) -> None:
+def test_without_a_thermometer_and_too_short_a_flight_it_is_reported(truth: Truth) -> None:
     complete = flown(truth)
     blind = FlightRecording(complete.path, complete.channels, {}, zeroed=False)
     table = flight_table(blind, MASS_KG * g, AREA_M2)
@@ -382,7 +382,7 @@ def test_efficiency_from_battery_to_thrust_is_as_wrong_as_the_current(
     assert [evidence.kind for evidence in results.evidence] == [EvidenceKind.THRUST_EFFICIENCY] * (scale != 1.0)
 
 
-def test_an_autopilot_is_told_equivalent_airspeeds_and_the_sink_of_gliding(
+def test_an_autopilot_is_reported_equivalent_airspeeds_and_the_sink_of_gliding(
     drag: tuple[DragEstimate, bool], electrical: ElectricalEstimate
 ) -> None:
     result, _ = drag
@@ -420,7 +420,7 @@ def test_an_airspeed_by_gps_less_wind_is_as_uncertain_as_the_wind_and_half_the_d
         assert result.hi - result.value == pytest.approx(half, rel=1e-3)
 
 
-def test_what_a_reader_must_know_is_said(electrical: ElectricalEstimate) -> None:
+def test_what_a_reader_must_know_is_reported(electrical: ElectricalEstimate) -> None:
     def text_of(**change: object) -> str:
         return " ".join(_warnings(dataclasses.replace(electrical, **change)))
 
@@ -450,7 +450,7 @@ def test_a_stretch_that_the_user_leaves_out_does_not_count(truth: Truth, electri
     assert power_at_15([(195.0, 265.0)]) == pytest.approx(true, rel=0.01)
 
 
-def test_left_out_stretches_cut_the_airborne_ones_and_are_said(table: FlightTable, truth: Truth) -> None:
+def test_left_out_stretches_cut_the_airborne_ones_and_are_reported(table: FlightTable, truth: Truth) -> None:
     left_out = [(0.0, 100.0), (200.0, 260.0)]
     cut = flight_table(flown(truth), MASS_KG * g, AREA_M2, left_out)
     seconds = cut.table.index.to_numpy()

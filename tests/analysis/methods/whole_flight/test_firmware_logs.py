@@ -116,8 +116,8 @@ def test_every_message_and_value_is_that_of_pymavlink(name: str, tmp_path: Path)
         if kind != "FMT"
     }
     counted = {kind: n for kind, n in counts.items() if n}
-    mine = {kind: len(next(iter(columns.values()))) for kind in counted if (columns := log.columns(kind))}
-    assert mine == counted
+    own = {kind: len(next(iter(columns.values()))) for kind in counted if (columns := log.columns(kind))}
+    assert own == counted
     values = defaultdict(list)
     while (message := reader.recv_match(type=list(USED))) is not None:
         for field in USED[message.get_type()]:

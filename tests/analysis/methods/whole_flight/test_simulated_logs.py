@@ -150,7 +150,7 @@ def test_without_airspeed(
 
 @pytest.mark.thorough
 @pytest.mark.slow
-def test_a_wind_that_turns_hardly_show_is_said(px4: FlightRecording, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wind_that_turns_hardly_show_is_reported(px4: FlightRecording, monkeypatch: pytest.MonkeyPatch) -> None:
     """One turn determines the wind less well than five; if it is too uncertain there is no curve."""
     blind = {k: x for k, x in px4.channels.items() if k != AIRSPEED_PRESSURE}
     until_s = px4.channels[GPS[0]].t_s[0] + 110.0

@@ -33,7 +33,7 @@ def test_a_meter_of_something_else_stands() -> None:
     assert meter_of(np.full(N, 13.4)) is Meter.STANDS
 
 
-def test_throttle_of_something_else_is_told_from_a_dead_meter() -> None:
+def test_throttle_of_something_else_is_distinguished_from_a_dead_meter() -> None:
     assert meter_of(POWER_W, THROTTLE[::-1] ** 2 * (NOISE > 0)) is Meter.CONTRADICTS
 
 
@@ -79,7 +79,7 @@ def test_with_the_throttle_closed_power_is_that_of_the_avionics() -> None:
     assert not (table.table["power_W"][~off] == table.idle_power_W).any()
 
 
-def test_throttle_that_power_contradicts_is_not_used_and_told() -> None:
+def test_throttle_that_power_contradicts_is_not_used_and_reported() -> None:
     table = flight_table(flown(POWER_W, THROTTLE[::-1] ** 2 * (NOISE > 0)), 20.0, 0.45)
     assert table.table[recording.THROTTLE].isna().all()
     assert sum("throttle" in note for note in table.notes) == 1

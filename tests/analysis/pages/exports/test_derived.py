@@ -86,7 +86,7 @@ def with_first_rows_at(speed_mps: float):
 
 
 @pytest.mark.parametrize(("speed_mps", "defined"), [(3.5, False), (3.8, True)])
-def test_nothing_is_told_below_8_Pa_of_dynamic_pressure(speed_mps: float, defined: bool) -> None:
+def test_nothing_is_reported_below_8_Pa_of_dynamic_pressure(speed_mps: float, defined: bool) -> None:
     result = with_first_rows_at(speed_mps)
     assert result.iloc[:5][["V_mps", "theta_rad", "theta_rad_standard_error"]].notna().all(axis=None) == defined
     assert result.iloc[5:].notna().all(axis=None)

@@ -101,7 +101,7 @@ def test_dropped_files_wait_for_each_other_and_a_refusal_stays_in_view(page: Bro
     assert "third.BIN" in message and "first.BIN" not in message, "those of an earlier drop are not repeated"
 
 
-def test_what_the_command_lacks_is_said_and_a_stretch_begins_in_flight(page: Browser) -> None:
+def test_what_the_command_lacks_is_reported_and_a_stretch_begins_in_flight(page: Browser) -> None:
     page.value_of("pointed = NaN; changed = {}; recompute()")
     page.wait_for(f"at('missing').textContent !== '' && {QUIET}")
     assert "mass in flight, wing area, wing span" in page.value_of("at('missing').textContent")
