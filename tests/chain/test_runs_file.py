@@ -67,6 +67,7 @@ def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, 
     assert "mine.toml: keeps decelerations only" in outcome.stderr and "was flown?" not in outcome.stderr
 
 
+@pytest.mark.thorough  # in make test an edited list of stretches is not lost: test_replace.py
 @pytest.mark.slow
 def test_an_edited_file_of_runs_in_the_report_s_folder_is_not_lost(flown: Path, edited: Edited) -> None:
     report, own_file = edited.report, edited.report / "runs.toml"

@@ -209,7 +209,7 @@ def test_pools_are_compared_by_the_kinds_of_power_that_both_have() -> None:
 def test_answer_and_sentence_quote_one_difference() -> None:
     """Without any difference some interval excludes zero by chance more often than the test sees one; then, too."""
     rng, by_chance = np.random.default_rng(12), 0
-    for _ in range(40):
+    for _ in range(12):
         result = compared(flights_with_errors(rng, 2, 0.0), flights_with_errors(rng, 2, 0.0)).results()
         answer = comparison_answers(result)[1]
         speed_text = f"{result.quoted.speed_mps:.1f} m/s"
