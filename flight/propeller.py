@@ -277,7 +277,7 @@ def _interpolation_weights(x: Number, knots: Number) -> Number:
     """Weights of linear interpolation at x, one for each knot; constant beyond the ends. x may be a CasADi symbol."""
     if len(knots) == 1:
         return [1.0]
-    position = 0.0  # of x on a scale on which knot i is at i
+    position = 0.0  # position of x on a scale where knot i has the value i
     for low, high in pairwise(knots):
         position = position + np.clip((x - low) / (high - low), 0, 1)
     return [np.maximum(1 - np.abs(position - i), 0) for i in range(len(knots))]

@@ -1,4 +1,4 @@
-"""`flightpower propellers`: propeller tables by words and size, the nearest ones, and what these may cost."""
+"""`flightpower propellers`: propeller tables by words and size, the nearest ones, and how far off these may be."""
 
 import json
 import sys

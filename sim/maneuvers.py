@@ -10,7 +10,7 @@ from flightpower.sim.pilot import Targets
 from flightpower.sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
 
 RECOVERY_S = 8.0
-ADAPTING, MOST_CORRECTED = 0.5, 1.5  # of porpoising, from one cycle to the next: power, and limits, of the correction
+ADAPTING, LARGEST_CORRECTION = 0.5, 1.5  # of porpoising, from cycle to cycle: exponent of the correction, and its limit
 LARGEST_ELEVATOR_RAD = radians(18)
 
 
@@ -79,7 +79,7 @@ class PorpoiseSegment:
                 reached = abs(at_phase) / pi
                 correction = (self.load / max(reached, 1e-3)) ** ADAPTING
                 amplitude = min(
-                    amplitude * min(max(correction, 1 / MOST_CORRECTED), MOST_CORRECTED), LARGEST_ELEVATOR_RAD
+                    amplitude * min(max(correction, 1 / LARGEST_CORRECTION), LARGEST_CORRECTION), LARGEST_ELEVATOR_RAD
                 )
                 cycle, at_phase = cycle + 1, 0j
         context.speed_mps = speed

@@ -128,7 +128,7 @@ def maneuver_in(
 ) -> Maneuver:
     """The maneuver in some rows of the table. V: smoothed speed [m/s], (n,), one value per row of the table."""
     step_s = float(table.index[1] - table.index[0])
-    few = max(1, round(LOADS.load_smoothing_s / step_s))
+    edge_rows = max(1, round(LOADS.load_smoothing_s / step_s))
     height, speed = table["height_m"].to_numpy()[rows], V[rows]
     flown = np.isfinite(speed).any() and np.isfinite(height).any()
     height = height[np.isfinite(height)]
@@ -139,7 +139,7 @@ def maneuver_in(
         float(table.index[rows.stop - 1]),
         float(np.nanmin(speed)) if flown else 0.0,
         float(np.nanmax(speed)) if flown else 0.0,
-        float(height[-few:].mean() - height[:few].mean()) if flown else 0.0,
+        float(height[-edge_rows:].mean() - height[:edge_rows].mean()) if flown else 0.0,
         notes,
     )
 

@@ -82,7 +82,7 @@ def disagreements(
     if dynamic is not None:
         A, total = dynamic.polar.A, polar_part(dynamic.noise + dynamic.systematic)
         methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, total, {}, {}, None, dynamic_CL)
-        # Gusts take lift beyond that of the slowest speed flown; no method is compared there.
+        # Gusts raise the lift coefficient above that of the slowest flown speed; no method is compared there.
         methods = {
             name: estimate._replace(flown_CL=(estimate.flown_CL[0], min(estimate.flown_CL[1], dynamic_CL[1])))
             for name, estimate in methods.items()

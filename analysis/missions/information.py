@@ -272,7 +272,7 @@ class SensorErrors(NamedTuple):
 def sensor_errors(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> SensorErrors:
-    """What is known of the sensor errors after a flight like this: the part of `expected` that takes least time."""
+    """Information on the sensor errors after a flight like this: the part of `expected` that needs least time."""
     linearized = _linearized(history, aircraft, gust_mps, alpha_scale_sigma)
     covariance = _sensor_errors(linearized, aircraft, gust_mps)
     moved = [step for _, step in _with_other_values(history, aircraft, gust_mps, alpha_scale_sigma)]

@@ -198,10 +198,10 @@ def draft(table: Path, output: Path | None = None) -> str:
     left_out: dict[Quantity, tuple[MappedColumn, str]] = {}
     tried = [proposed]
     while wrong := _findings(table, columns, proposed):
-        mended = _mended(table, columns, proposed, wrong, tried)
-        tried += [mended] if mended else []
-        if mended is not None:
-            proposed = mended
+        corrected = _corrected_map(table, columns, proposed, wrong, tried)
+        tried += [corrected] if corrected else []
+        if corrected is not None:
+            proposed = corrected
             continue
         suspect = _suspect(wrong)
         left_out[suspect] = (proposed.columns[suspect], wrong[0].text)
@@ -406,7 +406,7 @@ def _without_aircraft(proposed: ColumnMap) -> ColumnMap:
     return replace(proposed, columns={q: column for q, column in proposed.columns.items() if q is not Q.AIRCRAFT})
 
 
-def _mended(
+def _corrected_map(
     table: Path, columns: Columns, proposed: ColumnMap, wrong: list[Finding], tried: list[ColumnMap]
 ) -> ColumnMap | None:
     """The map with a change that leaves fewer contradictions, or as many but without the one it fixes (one mistake can

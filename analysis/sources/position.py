@@ -94,9 +94,9 @@ def _noise(position_m: Array) -> float:
     """Standard deviation of one position: of the last digit, or of the median second difference, which a steady motion
     has not."""
     digit = np.diff(np.unique(np.round(position_m, 2)))
-    of_digit = float(digit.min() / np.sqrt(12)) if len(digit) else 0.0
+    rounding_error = float(digit.min() / np.sqrt(12)) if len(digit) else 0.0
     steady = float(np.median(np.abs(np.diff(position_m, 2))))
-    return max(of_digit, steady / 0.6745 / float(np.sqrt(6)))
+    return max(rounding_error, steady / 0.6745 / float(np.sqrt(6)))
 
 
 def _slope(value: Array, each_side: int) -> Array:

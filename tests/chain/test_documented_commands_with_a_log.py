@@ -186,7 +186,7 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
 
 @pytest.mark.thorough
 def test_a_plan_of_four_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From a catalog with one piece of a kind."""
+    """It plans from a catalog with one piece of each kind."""
     catalog = search.catalog
 
     def small(*arguments: Any) -> list[Any]:

@@ -51,10 +51,10 @@ def flown(flight):
 
 def test_noise_is_a_pure_function_of_seed_channel_and_time():
     t = np.arange(0, 7.3, 0.005)
-    once = white(3, "a", t)
-    assert np.array_equal(once[700:900], white(3, "a", t[700:900]))
-    assert np.array_equal(once[::-1], white(3, "a", t[::-1]))
-    assert not np.array_equal(once, white(4, "a", t)) and not np.array_equal(once, white(3, "b", t))
+    noise = white(3, "a", t)
+    assert np.array_equal(noise[700:900], white(3, "a", t[700:900]))
+    assert np.array_equal(noise[::-1], white(3, "a", t[::-1]))
+    assert not np.array_equal(noise, white(4, "a", t)) and not np.array_equal(noise, white(3, "b", t))
 
 
 @pytest.mark.parametrize("rate_Hz", [25, 200])

@@ -1,4 +1,5 @@
-"""Many logs into many folders: what is done stays, the rest runs, each failure is one line; all read for the pool."""
+"""Analyzes many logs into many folders: finished ones stay, the rest run, and each failure is one line; then reads all
+for the pool."""
 
 import contextlib
 import shutil

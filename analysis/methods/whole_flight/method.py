@@ -20,7 +20,7 @@ from flightpower.analysis.methods.whole_flight.curve import ElectricalEstimate, 
 from flightpower.analysis.methods.whole_flight.drag import DragEstimate, DragWithheld, ThrustSource, drag_estimate
 from flightpower.analysis.methods.whole_flight.energy_balance import FlightConditions, QuarticPolar, drag_power
 from flightpower.analysis.methods.whole_flight.flight_table import flight_table
-from flightpower.analysis.methods.whole_flight.settings import BESIDE_A_COMPLETE_LOG
+from flightpower.analysis.methods.whole_flight.settings import COARSER
 from flightpower.analysis.sources.daemon_recording import recording_with_air_data
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.flight.arrays import Array
@@ -52,14 +52,14 @@ def whole_flight(flight: Reconstructed) -> WholeFlight:
     electrical: ElectricalEstimate | None = None
     try:
         recording = recording_with_air_data(log, flight.table)
-        table = flight_table(recording, weight_N, geometry.wing_area_m2).thinned(BESIDE_A_COMPLETE_LOG.every)
+        table = flight_table(recording, weight_N, geometry.wing_area_m2).thinned(COARSER.every)
         electrical = estimate(
             table, weight_N, geometry.wing_area_m2, geometry.span_m, str(log.path),
-            most_windows=BESIDE_A_COMPLETE_LOG.most_windows, most_points=2 * BESIDE_A_COMPLETE_LOG.most_windows,
+            most_windows=COARSER.most_windows, most_points=2 * COARSER.most_windows,
             airspeed=airspeed_by_trajectory(flight.trajectory, table.zero_sigma_Pa),
         )  # fmt: skip
         source = ThrustSource(propeller, None, aircraft.uncertainty, stand_measurements(aircraft))
-        drag = drag_estimate(table, electrical, geometry.span_m, source, BESIDE_A_COMPLETE_LOG.most_windows)
+        drag = drag_estimate(table, electrical, geometry.span_m, source, COARSER.most_windows)
     except InputError as error:
         return WholeFlight(electrical, MethodEstimate(WHOLE_FLIGHT, notes=(str(error).removeprefix(f"{log.path}: "),)))
     if isinstance(drag, DragWithheld):

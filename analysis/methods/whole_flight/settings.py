@@ -175,7 +175,7 @@ THRUST = ThrustByTable()
 
 
 @dataclass(frozen=True)
-class BesideACompleteLog(Settings):
+class CoarserComputation(Settings):
     """The whole flight of a complete log is computed more coarsely: it should cost little compared with the rest."""
 
     every: int = setting(3, "1", "sample of the flight's table")
@@ -185,4 +185,4 @@ class BesideACompleteLog(Settings):
         return WINDOWS.most // 4
 
 
-BESIDE_A_COMPLETE_LOG = BesideACompleteLog()
+COARSER = CoarserComputation()

@@ -263,7 +263,8 @@ def test_rates_need_a_force_of_less_than_the_specific_force_and_gravity_for_all_
 
 
 def test_the_force_along_the_path_has_the_share_of_the_angle_of_attack() -> None:
-    """Slowing down at a growing angle of attack, the accelerometer's x axis still shows more: that of the lift."""
+    """While the aircraft slows down at a growing angle of attack, the accelerometer's x axis still reads more, from
+    the lift."""
     t_s = swinging().index.to_numpy()
     V, Vdot = 18 + np.sin(0.5 * t_s), 0.5 * np.cos(0.5 * t_s)
     alpha = 0.15 - 0.1 * np.cos(0.5 * t_s)

@@ -87,7 +87,8 @@ def test_at_noon_more_runs_and_more_wind_meet_more_eddies():
 
 
 def test_the_mean_along_a_straight_line_has_the_variance_of_its_integral_length():
-    """Over a length L much beyond the integral length l: 2 l / L of that of a point (Lenschow & Stankov 1986)."""
+    """The variance of a mean over a length L much larger than the integral length l is 2 l / L times that at a point
+    (Lenschow & Stankov 1986)."""
     length_m, speed_mps = 2.0e6, 1.0e4  # so fast that no eddy changes
     t_s = np.linspace(0.0, length_m / speed_mps, 100_000)
     path_m = np.stack([speed_mps * t_s, 0 * t_s], axis=1)
