@@ -31,7 +31,7 @@ UNITS = {*UNIT_OF_SUFFIX, "W", "kgpm3"}
 
 @pytest.fixture(scope="module")
 def exports(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder to which the notebook exported the flight, cell by cell in this process: a kernel takes two seconds."""
+    """The folder to which the notebook exported the flight, cell by cell: a kernel takes two seconds."""
     folder = tmp_path_factory.mktemp("exports")
     names: dict[str, object] = {}
     with patch.dict(os.environ, FLIGHTPOWER_LOG=str(flown / "log.mcap"), FLIGHTPOWER_EXPORTS=str(folder)):
