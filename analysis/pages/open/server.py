@@ -294,7 +294,8 @@ def server_of(page: LocalPage, listening: socket) -> Any:
                 page.checked(environ | {"REQUEST_METHOD": self.command, "PATH_INFO": self.path})
             except RefusedError:  # the page says so, and the connection with the body is closed
                 self.body_rcv, self.content_length = None, 0
-                self.expect_continue, self.connection_close = False, True
+                self.expect_continue = False
+                self.headers["CONNECTION"] = "close"  # which is what waitress goes by
 
     class Channel(HTTPChannel):  # type: ignore[misc]
         parser_class = Parser

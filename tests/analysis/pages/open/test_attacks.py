@@ -293,6 +293,7 @@ def test_the_body_of_a_request_that_is_refused_is_not_taken(
         while part := attacker.recv(4096):
             answer += part
     assert answer.startswith(b"HTTP/1.1 " + status) and b"100 Continue" not in answer
+    assert b"\r\nConnection: close\r\n" in answer, "at once, not after the ten seconds of a silent connection"
 
 
 def test_a_body_that_the_page_wants_is_taken(address: tuple[str, int], flown: bytes, opened: Folder) -> None:
