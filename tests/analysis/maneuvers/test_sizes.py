@@ -93,8 +93,8 @@ def test_a_porpoise_too_gentle_to_count_is_reported_and_gusts_are_not() -> None:
     )
     assert gentle.start_s == pytest.approx(5.0, abs=2.0) and gentle.end_s == pytest.approx(35.0, abs=2.0)
     assert find_loads(oscillating(0.2, irregular=True))[1] == []
-    notes = [len(find_loads(oscillating(amplitude))[1]) for amplitude in (0.04, 0.08)]
-    assert notes == [0, 1], "from 5 % of the weight on it was meant"
+    counts = [len(find_loads(oscillating(amplitude))[1]) for amplitude in (0.04, 0.08)]
+    assert counts == [0, 1], "from 5 % of the weight on it was meant"
     enough, rejected = find_loads(oscillating(0.6))
     assert [item.kind for item in enough] == ["porpoising"] and rejected == []
 
