@@ -83,7 +83,7 @@ def provenance_of_file(
     start_utc, clock = _start(fix, first_s)
     return Provenance(
         command_line=command_line, log_sha256=sha256_of(log), log_bytes=log.stat().st_size,
-        recorded_by=str(autopilot_of(log) or ""),
+        recorded_by=(recording.recorded_by if recording else "") or str(autopilot_of(log) or ""),
         start_utc=start_utc, clock=clock, duration_s=float(last_s - first_s) if ends_s else None,
         latitude_deg=fix.latitude_deg, longitude_deg=fix.longitude_deg, height_msl_m=fix.height_msl_m,
         weight_source=weight_source, files=files, ticks=None, ticks_missed=None, sensors=[], events=[],

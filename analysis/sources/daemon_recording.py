@@ -42,6 +42,7 @@ def recording_of(log: Log) -> FlightRecording:
     first = float(np.mean(warm.value[:50])) if len(warm.value) else float("nan")
     # The tray warms up: its first reading is that of the air.
     air = Channel(warm.t_s, np.full(len(warm.t_s), first))
+    version = log.metadata.get("flightpower", {}).get("version", "")
     missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
     lacks = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
     notes = (*log.metadata.get(TABLE, {}).values(), *((lacks, NOTE) if missing else (NOTE,)))
@@ -55,6 +56,7 @@ def recording_of(log: Log) -> FlightRecording:
         zeroed=zero_Pa is not None,
         place=_place(log, start_ns),
         events=in_order(events(log, start_ns)),
+        recorded_by=f"flightpower {version}" if version else "",
         fix=fix_of_log(log, start_ns),
     )
 

@@ -116,6 +116,7 @@ class FlightRecording:
     fix : date and place
     events : modes and messages, in order of time
     vehicle : of `vehicle_of`; empty where the log does not say which board wrote it
+    recorded_by : our daemon with its version; empty for other recorders
     """
 
     path: Path
@@ -130,6 +131,7 @@ class FlightRecording:
     truth: Mapping[str, Channel] = field(default_factory=dict)
     by_radio: bool = False
     vehicle: str = ""
+    recorded_by: str = ""
     place: Mapping[str, Channel] = field(default_factory=dict)
     events: tuple[Event, ...] = ()
     fix: Fix = field(default_factory=Fix)

@@ -16,6 +16,7 @@ from flightpower.analysis.results.flight_found import autocorrelation, parameter
 from flightpower.analysis.results.previous import replaced
 from flightpower.analysis.results.provenance import provenance, provenance_of_file
 from flightpower.analysis.sources.daemon import first_ns, fix_of_log
+from flightpower.analysis.sources.recording import FlightRecording
 from flightpower.analysis.sources.structure import receiver_notes
 from flightpower.flight.log_entries import LogEntry, entries_of
 from flightpower.flight.log_reader import Log
@@ -101,6 +102,8 @@ def test_a_log_of_an_autopilot_has_its_name(tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_text("time_s,a\n" + "".join(f"{i},{i}\n" for i in range(50)))
     named = [provenance_of_file(tmp_path / name, "given", None, "").recorded_by for name in ("a.ulg", "table.csv")]
     assert named == ["PX4", ""]
+    ours = FlightRecording(tmp_path / "table.csv", {}, recorded_by="flightpower 1.2")
+    assert provenance_of_file(ours.path, "given", None, "", ours).recorded_by == "flightpower 1.2"
 
 
 def written_with(provenance: Provenance) -> bytes:

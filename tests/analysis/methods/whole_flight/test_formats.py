@@ -1,6 +1,7 @@
 """One flight recorded by PX4, ArduPilot and the daemon gives one curve."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -128,4 +129,6 @@ def test_a_log_of_the_daemon_without_flow_angles_and_motor_speed(px4: FlightReco
     assert lacks_drag_topics(log)
     flight = recording_of(log)
     assert "/probe/alpha, /rpm" in flight.notes[0]
+    assert flight.recorded_by == ""
+    assert recording_of(replace(log, metadata={"flightpower": {"version": "1.2"}})).recorded_by == "flightpower 1.2"
     assert power(flight) == pytest.approx(expected, rel=0.005)
