@@ -16,4 +16,4 @@ def test_the_schema_in_the_docs_is_the_code_s() -> None:
 def test_every_field_is_explained() -> None:
     text = (DOCS / "use" / "results.md").read_text("utf-8")
     for field in msgspec.structs.fields(Results):
-        assert f"`{field.name}`" in text, field.name
+        assert f"`{field.encode_name}`" in text, field.encode_name
