@@ -168,7 +168,7 @@ def main(
     question: Annotated[str, typer.Option("--question", help="What is planned for.")] = "curve",
     only: Annotated[str, typer.Option(help="planned, shipped, or both.")] = "both",
     known_drag: Annotated[bool, typer.Option(help="Plan with the drag that a first flight has found.")] = False,
-    pilot: Annotated[str, typer.Option(help="exact, or average: bank 10 deg, height 8 m, speed 1 m/s.")] = "exact",
+    pilot: Annotated[str, typer.Option(help="exact, or average, off by 10 deg, 8 m and 1 m/s.")] = "exact",
     processes: Annotated[int, typer.Option("--jobs", help="Processes.")] = 2,
     output: Annotated[Path, typer.Option("-o", "--output", help="Lines of JSON, one a flight.")] = Path("plans.jsonl"),
 ) -> None:

@@ -68,7 +68,7 @@ AIRCRAFT = ("nexstar", "light-1kg", "survey-6kg")
 
 
 class Flown(NamedTuple):
-    """Energy [Wh] and time [s] of a mission, and shares of the draws below them; the prediction's median and ends."""
+    """Energy [Wh] and time [s] flown, the share of draws below that energy, and the prediction's median and limits."""
 
     energy_Wh: float
     time_s: float

@@ -202,12 +202,12 @@ class Legs:
         return ended
 
     def current(self) -> Leg | None:
-        """The leg that has not ended; None if speed never changed by the turning share."""
+        """The leg that has not ended; None if speed never changed by `LEVEL_RUN.turning_share`."""
         return Leg(self._sign, self._first.row, self.last_point.row) if self._sign else None
 
 
 def legs_of(speeds: Sequence[float]) -> list[Leg]:
-    """All legs of a whole speed history [m/s]; empty if speed never changes by the turning share."""
+    """All legs of a complete speed history [m/s]; empty if speed never changes by `LEVEL_RUN.turning_share`."""
     legs = Legs()
     ended = [leg for V in speeds if (leg := legs.add(V))]
     last = legs.current()

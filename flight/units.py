@@ -173,7 +173,7 @@ def _read_table(kind: Any, table: object, where: str, examples: Mapping[str, str
     hints = typing.get_type_hints(kind)
     values: dict[str, Any] = {}
     accepted: list[str] = []
-    before = len(problems)
+    problems_before = len(problems)
     for field in dataclasses.fields(kind):
         if not field.metadata.get("key", True):
             continue
@@ -199,7 +199,7 @@ def _read_table(kind: Any, table: object, where: str, examples: Mapping[str, str
     problems += [
         f"{where}: unknown key {key!r}; known here: {', '.join(accepted)}" for key in table if key not in accepted
     ]
-    return None if len(problems) > before else kind(**values)
+    return None if len(problems) > problems_before else kind(**values)
 
 
 def split_unit(name: str) -> tuple[str, str | None]:

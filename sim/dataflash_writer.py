@@ -45,7 +45,7 @@ class DataflashMessages:
 
 
 def write_dataflash(path: Path, kinds: Sequence[DataflashMessages]) -> None:
-    """Write a log. Kinds of the same name are instances with one format. Raises OSError where it cannot be written."""
+    """Write a log. Kinds that share a name become instances with one format. Raises OSError if it cannot be written."""
     out = [_format(FORMAT_TYPE, 89, "FMT", "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))]
     types = _types([*kinds, *_units(kinds, {})])
     kinds = [*_units(kinds, types), *kinds]

@@ -34,7 +34,7 @@ def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
     sent = [
         (time_us, AUTOPILOT, message)
         for kind in kinds
-        if kind.name in SENT
+        if kind.name in ENCODERS
         for time_us, message in _timed_messages(kind)
     ]
     last_us = max((time_us for time_us, _, _ in sent), default=0)
@@ -56,7 +56,7 @@ def _timed_messages(kind: DataflashMessages) -> Iterator[tuple[int, Any]]:
     names = [*kind.columns]
     for values in zip(*(column.tolist() for column in kind.columns.values()), strict=True):
         row = dict(zip(names, values, strict=True))
-        for message in SENT[kind.name](row):
+        for message in ENCODERS[kind.name](row):
             yield int(row["TimeUS"]), message
 
 
@@ -115,5 +115,5 @@ def _parameter(row: Row) -> list[Any]:
     return [mavlink.MAVLink_param_value_message(row["Name"], row["Value"], 9, 1, 0)]
 
 
-SENT: dict[str, Callable[[Row], list[Any]]] = {"ARSP": _airspeed, "BARO": _pressure, "BAT": _battery, "IMU": _imu,
-                                               "GPS": _gps, "RPM": _rpm, "PARM": _parameter}  # fmt: skip
+ENCODERS: dict[str, Callable[[Row], list[Any]]] = {"ARSP": _airspeed, "BARO": _pressure, "BAT": _battery, "IMU": _imu,
+                                                   "GPS": _gps, "RPM": _rpm, "PARM": _parameter}  # fmt: skip

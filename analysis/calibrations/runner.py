@@ -45,7 +45,7 @@ class Calibrated(NamedTuple):
 def calibration(file: Any, default: str | None = None) -> Callable[[Callable[..., Calibrated]], Callable[..., None]]:
     """A command of a function that calibrates: with --output, annotated as `file`, and --replace.
 
-    The function gets the values of these where it has parameters `output` and `replace`. Exit code 1 where the result
+    These options are passed on if the function has parameters `output` and `replace`. Exit code 1 where the result
     is not supported by the measurements.
     """
 

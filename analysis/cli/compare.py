@@ -61,7 +61,7 @@ def compare(
 
 
 def _check_no_other_results(path: Path) -> None:
-    """Raises InputError where there are results of something else, such as of a flight that is compared."""
+    """Raises InputError if the path holds other results, such as those of one of the flights being compared."""
     from flightpower.analysis.records.pool import COMPARISON_FORMAT
     from flightpower.analysis.results.read import read_json
 

@@ -151,8 +151,8 @@ CONTRADICTIONS = {
     ),
     Contradiction.INSTALLATION: (
         "{airframe}: {later.name} names the installation {later.installation!r} of {earlier.name} again, after"
-        " {between.name} with {between.installation!r}: give what was remounted a new name, or two airframes their own"
-        " names."
+        " {between.name} with {between.installation!r}: if the instruments were remounted, give the installation a new"
+        " name; if these are two airframes, name each."
     ),
     Contradiction.FLIGHT: (
         "{airframe}: {later.name} {of_owner}, too (their figures are identical): give each log to one airframe"

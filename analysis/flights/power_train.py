@@ -1,7 +1,8 @@
 """The inputs for the energy of a mission, from a pool: its polar and thrust, and the mean of its power trains.
 
-Flights have the motor, the controller, the battery's meter and the priors of their losses in common, to a part that
-nobody knows. Whatever it is, the covariance of a mean is at most the mean of the covariances, which stands here.
+Flights share the motor, the controller, the battery's meter and the priors of their losses, so their errors are
+correlated, to an unknown degree. Whatever the correlation, the covariance of the mean is at most the mean of the
+covariances, which is used here.
 """
 
 from collections.abc import Sequence

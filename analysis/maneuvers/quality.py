@@ -49,9 +49,9 @@ def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
         remarks.append(f"height varied by {np.ptp(height):.0f} m")
     if np.nanmax(np.abs(bank)) > FLOWN.level_rad:
         remarks.append(f"bank reached {np.degrees(np.nanmax(np.abs(bank))):.0f} deg")
-    step, (noted_step, within_s) = throttle_step(data), NOTED.throttle_step
+    step, (noted_step, period_s) = throttle_step(data), NOTED.throttle_step
     if step > noted_step:
-        remarks.append(f"throttle moved by {100 * step:.0f} % within {within_s:g} s: a step pitches the aircraft")
+        remarks.append(f"throttle moved by {100 * step:.0f} % within {period_s:g} s: a step pitches the aircraft")
     rms = load_factor_rms(data)
     light, rough = NOTED.turbulence
     if rms > light:

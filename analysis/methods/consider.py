@@ -8,9 +8,9 @@ the runs. These hold the errors of the states too, whose spectrum is estimated f
    subtracted: the two must not simply be added.
 2. Sensor errors: each independent direction of their covariance, through trajectory and regression (in `dynamic`).
 3. Errors that no residual of the flight shows, consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6): `UPDRAFT`,
-   `WEIGHT`, `DENSITY`. UPDRAFT is of eddies that differ from run to run; the
-   others have a size from [uncertainty] of the aircraft file. The estimate is repeated with each
-   error of one standard deviation, and the outer product of its change is added.
+   `WEIGHT`, `DENSITY`. UPDRAFT stands for eddies that differ from run to run; [uncertainty] in the aircraft
+   file gives the sizes of the others. The estimate is repeated with each error of one standard deviation,
+   and the outer product of its change is added.
 4. What the runs reject: the propeller's table, a parabolic polar (`rejected_assumptions`).
 5. Values assumed for keys that the aircraft file lacks, and the pressure transducers' hysteresis and drift of zero
    (`assumed_values`).

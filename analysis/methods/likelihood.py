@@ -155,7 +155,7 @@ class _Data:
         ]
 
 
-# Derivative of the thrust (n,) [N] that acts, by each of AS_MEASURED. u: inputs of a segment
+# Derivative of the true thrust (n,) [N] with respect to each of AS_MEASURED. u: inputs of a segment
 THRUST_BY: dict[str, Callable[[Mapping[str, Array]], Array]] = {
     "airspeed_scale": lambda u: -u["thrust_per_speed"] * u["V_ref"],
     "thrust_scale": lambda u: u["thrust"],

@@ -59,8 +59,9 @@ class MotorSpeed:
 
     @property
     def least_errors(self) -> float:
-        """Standard errors from which an error is taken for real: twice what is significant, as many motor speeds
-        are tested with standard errors of correlated residuals. 2 in sound flights, 7 and more with 2 % of pulses lost.
+        """How many standard errors an error must exceed to be accepted as real: twice the usual limit, because many
+        motor speeds are tested and the residuals are correlated. Sound flights reach 2; flights with 2 % of the pulses
+        lost reach 7 or more.
         """
         return 2 * STATISTICS.sigmas
 

@@ -191,7 +191,7 @@ def runs_to_tick_off(plan: FlightPlan) -> str:
 
 
 def side_m(plan: FlightPlan) -> float:
-    """Room to the side of a leg that the widest turn needs [m], in still air."""
+    """Room [m] that the widest turn needs to the side of a leg, in still air."""
     return max((turn.width_m for turn in plan.maneuvers if isinstance(turn, Turn)), default=0.0)
 
 

@@ -30,7 +30,7 @@ class _Part:
     spare_s : by how much it can become shorter        held_mps : its speed           turn_s : the turn takes
     """
 
-    air_m: float
+    through_air_m: float
     seconds: float
     adjusted: int | None
     turn: int | None
@@ -44,7 +44,7 @@ class _Part:
 
         direction : 1 along x, -1 back
         """
-        longest_m = direction * self.air_m + wind_x_mps * self.seconds
+        longest_m = direction * self.through_air_m + wind_x_mps * self.seconds
         least_m = longest_m - (direction * self.held_mps + wind_x_mps) * self.spare_s
         end_m = copysign(max(min(abs(longest_m), leg_m), abs(least_m)), longest_m)
         return end_m, end_m + wind_x_mps * self.turn_s
@@ -78,7 +78,8 @@ def kept_in_place(
             if before is None:
                 longer_s = min(longer_s, _until_a_leg_away_s(part, wind, space.leg_m))
             maneuvers[part.adjusted] = replace(adjusted, duration_s=adjusted.duration_s + longer_s)
-            part = replace(part, air_m=part.air_m + longer_s * adjusted.speed_mps, seconds=part.seconds + longer_s)
+            through_air_m = part.through_air_m + longer_s * adjusted.speed_mps
+            part = replace(part, through_air_m=through_air_m, seconds=part.seconds + longer_s)
         if before is None:
             until_turn = fly(maneuvers[: part.turn], expected, space.height_m, wind_mps, wind_from_deg=wind_from_deg)
             place = until_turn.position_m[-1]
@@ -91,7 +92,7 @@ def kept_in_place(
                 turned = place + _moved(turn_path(expected, begun_mps, turn), heading, wind)
             maneuvers[before], place = turn, turned
             heading += turn.angle_rad
-            place = place + part.air_m * np.array([cos(heading), sin(heading)]) + part.seconds * wind
+            place = place + part.through_air_m * np.array([cos(heading), sin(heading)]) + part.seconds * wind
         if part.turn is not None and after is not None:
             turned = place + _moved(flown[part.turn], heading, wind)
             before = part.turn
@@ -111,7 +112,7 @@ def _parts(plan: Sequence[Maneuver], flown: Sequence[Path]) -> Iterator[_Part]:
         held_mps, number, duration_s = max(candidates, default=(0.0, None, 0.0))
         shortest_s = 8.0  # of a circuit
         yield _Part(
-            air_m=sum(float(flown[i].V.sum()) for i in numbers) * PATH.step_s,
+            through_air_m=sum(float(flown[i].V.sum()) for i in numbers) * PATH.step_s,
             seconds=sum(float((flown[i].V > 0).sum()) for i in numbers) * PATH.step_s,
             adjusted=number,
             turn=turn if turn < len(plan) else None,
@@ -133,14 +134,14 @@ def _turned_to(turn: Turn, angle_rad: float) -> Turn:
 
 def _crab_rad(part: _Part, begun: Array, wind: Array) -> float:
     """Heading relative to the line of the legs with which a part that begins at a position (2,) ends on that line."""
-    across = -float(begun[1] + wind[1] * part.seconds) / max(part.air_m, 1.0)
+    across = -float(begun[1] + wind[1] * part.seconds) / max(part.through_air_m, 1.0)
     steepest = 0.64  # 40 deg: above it a leg hardly advances
     return asin(min(max(across, -steepest), steepest))
 
 
 def _longer_s(part: _Part, adjusted: Hold | Porpoise, headwind_mps: float, until_m: tuple[float, float]) -> float:
     """How much longer to fly the held maneuver. until_m: distance to the turning point, and longest leg"""
-    ground_m = part.air_m - headwind_mps * part.seconds
+    ground_m = part.through_air_m - headwind_mps * part.seconds
     turn_m, leg_m = until_m
     longer_m = max(turn_m - ground_m, min(leg_m - ground_m, 0.0))
     least_mps = 0.1 * adjusted.speed_mps  # slower over the ground, a longer leg leads nowhere
@@ -152,7 +153,7 @@ def _longer_s(part: _Part, adjusted: Hold | Porpoise, headwind_mps: float, until
 
 def _until_a_leg_away_s(part: _Part, wind: Array, leg_m: float) -> float:
     """How long what is held after take-off, which is not crabbed, can last until the flight is a leg away."""
-    place = np.array([part.air_m, 0.0]) + part.seconds * wind
+    place = np.array([part.through_air_m, 0.0]) + part.seconds * wind
     return max(leg_m - float(np.hypot(*place)), 0.0) / float(np.hypot(part.held_mps + wind[0], wind[1]))
 
 

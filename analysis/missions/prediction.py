@@ -368,7 +368,7 @@ class Route:
         return energy_and_time(legs, self._best(legs), replace(self.world_draws, **mean), self.flight.battery)[0]
 
     def _home_J(self, places: list[Place], weight_N: Array) -> Array:
-        """Energy (n, k) of the direct way home at the height of each place."""
+        """Energy (n, k) to fly straight home from each place, at its height."""
         distance_m = np.array([place.distance_m(HOME) for place in places])
         course_rad = np.array([np.arctan2(-place.east_m, -place.north_m) for place in places])
         heights = np.array([place.height_m for place in places])

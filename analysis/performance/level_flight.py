@@ -88,9 +88,9 @@ def steady_thrust(
     steeper than a glide.
     """
     carried_N = np.zeros(1)
-    held_N = condition.weight_N * load_factor * np.sqrt(1 - np.square(sine))
+    normal_N = condition.weight_N * load_factor * np.sqrt(1 - np.square(sine))
     for _ in range(6):  # each changes the result by a tenth of the change before
-        CL = (held_N - carried_N) / _qS(V, condition)
+        CL = (normal_N - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
         thrust_N = (drag(parameters, V, CL, condition) + condition.weight_N * sine) / np.cos(alpha)
         carried_N = thrust_N * np.sin(alpha)

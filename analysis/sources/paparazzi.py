@@ -201,33 +201,34 @@ def _static(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
     gps = tables.get("GPS")
     if gps is None:
         return None, []
-    fixed = _fixed(gps)
-    return channel(gps["t_s"][fixed], pressure_at(1e-3 * gps["height_mm"][fixed])), [FROM_GPS]
+    has_fix = _has_fix(gps)
+    return channel(gps["t_s"][has_fix], pressure_at(1e-3 * gps["height_mm"][has_fix])), [FROM_GPS]
 
 
 def _gps(gps: Table) -> dict[str, Channel]:
-    fixed = _fixed(gps)
-    t_s, course = gps["t_s"][fixed], np.radians(gps["course_decideg"][fixed] / 10)
-    speed, down = 1e-2 * gps["speed_cmps"][fixed], -1e-2 * gps["climb_cmps"][fixed]
+    has_fix = _has_fix(gps)
+    t_s, course = gps["t_s"][has_fix], np.radians(gps["course_decideg"][has_fix] / 10)
+    speed, down = 1e-2 * gps["speed_cmps"][has_fix], -1e-2 * gps["climb_cmps"][has_fix]
     values = (speed * np.cos(course), speed * np.sin(course), down)
     return {axis: channel(t_s, value) for axis, value in zip(recording.GPS, values, strict=True)}
 
 
 def _place(gps: Table) -> dict[str, Channel]:
-    fixed = _fixed(gps)
-    if not fixed.any():
+    has_fix = _has_fix(gps)
+    if not has_fix.any():
         return {}
-    position = (1e-2 * gps[field][fixed] for field in ("north_cm", "east_cm"))
-    return {name: channel(gps["t_s"][fixed], x - x[0]) for name, x in zip(recording.PLACE, position, strict=True)}
+    position = (1e-2 * gps[field][has_fix] for field in ("north_cm", "east_cm"))
+    return {name: channel(gps["t_s"][has_fix], x - x[0]) for name, x in zip(recording.PLACE, position, strict=True)}
 
 
 def _date(gps: Table) -> Fix:
     """Only the date is used: positions are in a map projection."""
-    fixed = _fixed(gps)
-    nowhere, unix_s = np.full(int(fixed.sum()), np.nan), unix_of_week(gps["week"][fixed], 1e-3 * gps["week_ms"][fixed])
-    return fix_of(gps["t_s"][fixed], nowhere, nowhere, unix_s=unix_s)
+    has_fix = _has_fix(gps)
+    nowhere = np.full(int(has_fix.sum()), np.nan)
+    unix_s = unix_of_week(gps["week"][has_fix], 1e-3 * gps["week_ms"][has_fix])
+    return fix_of(gps["t_s"][has_fix], nowhere, nowhere, unix_s=unix_s)
 
 
-def _fixed(gps: Table) -> NDArray[np.bool_]:
+def _has_fix(gps: Table) -> NDArray[np.bool_]:
     complete = np.all([np.isfinite(x) for name, x in gps.items() if name not in WEEK], axis=0)
     return np.asarray(complete & (gps["mode"] >= 3))  # a position in three dimensions

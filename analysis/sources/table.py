@@ -110,7 +110,7 @@ def contradiction(path: Path, wrong: list[Finding], column_map: ColumnMap) -> In
 
 
 def as_log(path: Path, channels: Channels) -> Log:
-    """The messages of quantities in SI units. Raises InputError where neither airspeed nor ground velocity is known."""
+    """A log built from quantities in SI units. Raises InputError if neither airspeed nor ground velocity is known."""
     averaged = {quantity: _averaged(_possible(quantity, channel)) for quantity, channel in channels.items()}
     topics: dict[str, Fields] = {}
     attachments = {"zero.json": _zeros()}

@@ -205,7 +205,7 @@ class UpdraftSettings(Settings):
 
 @dataclass(frozen=True)
 class ObservabilitySettings(Settings):
-    """What a flight lacked to determine a sensor error, and which notes are written."""
+    """Limits for notes on what a flight lacked to determine a sensor error."""
 
     one_heading: float = setting(
         0.7, "1", "length of the mean heading vector above which a flight counts as flown on one heading"

@@ -35,7 +35,7 @@ PLAUSIBLE_PA, PLAUSIBLE_CENTI_DEGC = (1e3, 2e5), (-5000.0, 9000.0)
 JUMP_PA, JUMP_PA_PER_S = 30.0, 500.0
 CONFIRMED_BY = 3  # conversions in a row that agree; a shifted reply is wrong by the same factor each time
 ON_GROUND_PA = (70e3, 115e3)  # where flights begin: up to 3000 m, and some above the highest at sea level
-JUDGED_PRESSURES = 25  # after the start, in which another part is recognized by its pressure
+PRESSURES_TO_JUDGE = 25  # after the start, in which another part is recognized by its pressure
 IMPLAUSIBLE_LIMIT = 3  # in a row: then the cause is not a single bit error on the bus
 
 
@@ -163,7 +163,7 @@ class MS56xxDriver:
             return Sample(self._topic, now_ns, AbsolutePressure(status=Status.BUSY))
         d2 = self._temperatures.at(middle_ns)
         centi_degC, pressure_Pa = compensate(self._variant, self._prom, counts, d2)
-        if self._judged < JUDGED_PRESSURES:
+        if self._judged < PRESSURES_TO_JUDGE:
             self._judge_part(counts, d2, pressure_Pa)
         if not plausible(centi_degC, pressure_Pa):
             self._implausible += 1
@@ -202,7 +202,7 @@ class MS56xxDriver:
         twin = self._variant.twin
         low_Pa, high_Pa = ON_GROUND_PA
         if twin is None or low_Pa <= pressure_Pa <= high_Pa:
-            self._judged = JUDGED_PRESSURES
+            self._judged = PRESSURES_TO_JUDGE
         elif low_Pa <= (other_Pa := compensate(twin, self._prom, d1, d2)[1]) <= high_Pa:
             raise wrong_device(
                 self._variant.name,

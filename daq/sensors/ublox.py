@@ -428,7 +428,7 @@ def solution(frame: bytes, dynamic_model: int | None = None) -> Gps:
 
 
 def believed(message: Gps) -> Gps:
-    """The solution, or `corrupt` without values where no such aircraft can be there, or be so fast."""
+    """The solution, or status `corrupt` without values if no aircraft of this kind can be there or fly that fast."""
     if message.status is not OK:
         return message
     latitude, longitude, height = message.latitude_deg, message.longitude_deg, message.height_m

@@ -1,7 +1,7 @@
-"""Every driver, and every fake part, on a wire that for a while carries anything at all.
+"""Every driver and every fake part survives arbitrary bytes on its bus or serial line.
 
-A driver may say so (a status, or SensorFailure, for which the daemon makes a new one); it raises nothing else, returns
-at once, and measures again within two seconds after the wire is sound.
+A driver may report them (by a status, or by SensorFailure, after which the daemon creates a new driver); it raises
+nothing else, returns at once, and measures again within two seconds after the line is sound.
 """
 
 import sys

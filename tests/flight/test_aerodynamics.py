@@ -23,7 +23,7 @@ AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs")
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_below_the_stall_lift_is_linear_and_drag_parabolic(name):
     aero = aerodynamics_of(load_aircraft(name))
-    # Four widths before the stall tanh has fallen to 3e-4 of a step.
+    # Four widths before the stall, the step, a tanh, has reached only 3e-4 of its height.
     alpha = np.linspace(0, aero.stall_angle_rad - 4 * aero.stall_width_rad, 20)
     CL, CD = lift_and_drag(aero, alpha, elevator=0.05)
     assert np.allclose(CL, aero.CL0 + aero.CLa * alpha + aero.CLde * 0.05, atol=2e-3)

@@ -20,9 +20,9 @@ from flightpower.flight.log_reader import read_log
 
 def archive(*names: str) -> bytes:
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as made:
+    with zipfile.ZipFile(stream, "w") as new_archive:
         for name in names:
-            made.writestr(name, "x")
+            new_archive.writestr(name, "x")
     return stream.getvalue()
 
 

@@ -89,7 +89,7 @@ def test_uiuc_files_give_back_their_printed_values(uiuc):
     for rpm, text in texts.items():
         row = by_rpm[min(by_rpm, key=lambda speed, rpm=rpm: abs(speed - rpm))]
         J, cT, cP, _ = np.loadtxt(text.splitlines()[1:], unpack=True)
-        # What both tests measured at the same J, to the third digit, is averaged: they repeat to 0.0011.
+        # Where both tests have a point at the same J to three decimals, the points are averaged; they agree to 0.0011.
         once = np.array([sum(f"\n{j:.3f} " in other for other in texts.values()) == 1 for j in J])
         coefficients = propeller.coefficients(J, row.rpm)
         assert np.allclose(np.array(coefficients)[:, once], np.array((cT, cP))[:, once], atol=1e-12)

@@ -160,7 +160,7 @@ class WholeFlight(OpenedFlight):
         }
 
     def _guessed(self, values: Values) -> dict[str, float]:
-        """What is needed for a curve and was not typed, in SI units by key of the form."""
+        """Guesses for the values a curve needs that the user has not typed, in SI units by key of the form."""
         missing = [key for key in form.NEEDED if not values.aircraft.get(key, "").strip()]
         if self.aircraft_keys or not missing:
             return {}

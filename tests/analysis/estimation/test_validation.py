@@ -96,9 +96,9 @@ def test_two_inputs_that_are_alike_are_named():
         segment = Segment(name="s", t_s=0.1 * np.arange(200), u={"u1": u1, "u2": u2}, z={"y": u1 + u2 + noise})
         return fit_output_error(LINE, segment)
 
-    alike = fit(u1 + 1e-4 * rng.standard_normal(200))
-    assert Finding.COLLINEAR in alike.verdict.findings and "a and b (condition index" in alike.verdict.text
-    assert alike.summary().table().count("correlated with") == 2
+    collinear = fit(u1 + 1e-4 * rng.standard_normal(200))
+    assert Finding.COLLINEAR in collinear.verdict.findings and "a and b (condition index" in collinear.verdict.text
+    assert collinear.summary().table().count("correlated with") == 2
     assert Finding.COLLINEAR not in fit(rng.standard_normal(200)).verdict.findings
 
 

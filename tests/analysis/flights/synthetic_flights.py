@@ -20,7 +20,7 @@ PRIOR_SIGMA = np.array([np.inf] * 3 + [0.018, 0.15, 1.0, 0.0175, 0.03, 0.0175, 0
 PRIOR_MEAN = np.r_[np.zeros(M - 1), 0.006]  # a lag, as latency has one
 # Of one flight in turbulence, for given shared errors: polar, thrust, installation.
 NOISE = np.array([3e-4, 9e-4, 6e-4, 0.006, 0.04, 0.5, 0.005, 0.02, 0.01, 0.006, 0.004])
-# Change of the polar by one unit of thrust scale, thrust slope and errors of the installation.
+# Change of the polar per unit of thrust scale, thrust slope and errors of the installation.
 BY_OTHERS = np.zeros((3, M))
 BY_OTHERS[:, 3:] = np.array(
     [

@@ -72,9 +72,9 @@ def test_a_changed_airframe_is_pooled_since_its_change_and_told_on_the_page(tmp_
 
 @pytest.mark.parametrize("undated", [range(0), range(10), range(1, 3)])
 def test_a_change_is_reported_of_flights_with_dates_alone(tmp_path: Path, undated: range) -> None:
-    """Ten flights, the last four with 30 % more drag. The hashes of their contents, which order the undated ones, say
-    nothing of time. Of eight that are dated and two before the change that are not, the change is told, and the two,
-    which may be of any time, are not in the pool since it."""
+    """Ten flights, the last four with 30 % more drag. Undated flights are sorted by a hash of their contents, which
+    says nothing about time. When only two flights from before the change are undated, the change is reported, and
+    those two, which may be of any date, stay out of the pool since the change."""
     flights = flights_of("one", 3, 10, drag=0.3 * (np.arange(10) >= 6), noise=0.3)
     for i in undated:
         flights[i]["pooling"]["start_unix_s"] = None
@@ -84,7 +84,7 @@ def test_a_change_is_reported_of_flights_with_dates_alone(tmp_path: Path, undate
     (airframe,) = results.airframes
     if len(undated) == 10:
         assert not airframe.changes and airframe.pooled_flights == 10 and airframe.first_unix_s is None
-        assert airframe.trust is not Trust.TRUSTED, "that the flights differ is told all the same"
+        assert airframe.trust is not Trust.TRUSTED, "that the flights differ is reported all the same"
     else:
         (change,) = airframe.changes
         assert change.since_log == "one-006.mcap" and airframe.pooled_flights == 4
@@ -129,7 +129,7 @@ def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_reported(
     assert len(doubts(results)) >= len(expected)
     texts = {
         Contradiction.INSTALLATION: "one-002.mcap names the installation 'a' of one-000.mcap again, after one-001.mcap"
-        " with 'b': give what was remounted",
+        " with 'b': if the instruments were remounted, give the installation a new name",
         Contradiction.SIZE: "one: one-002.mcap has another wing area or span than one-000.mcap: two aircraft",
     }
     assert all(texts[contradiction.kind] in contradiction.text for contradiction in results.contradictions)

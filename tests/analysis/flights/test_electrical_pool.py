@@ -112,7 +112,7 @@ def test_a_flight_with_runs_is_pooled_by_its_electrical_power_with_an_autopilot_
 
 
 def with_drag(results: Results, *, battery: bool = True, seed: int = 5, **facts: str) -> Results:
-    """The flight with statistics of drag, as one of our tray; without a battery it has drag alone."""
+    """The flight with drag statistics added, like a flight of our tray; without a battery it has only drag."""
     rng = np.random.default_rng(seed)
     by_runs = read_results(synthetic_flight(TRUTH, rng, results.log, **facts))
     curves = {**by_runs.curves, **(results.curves if battery else {})}

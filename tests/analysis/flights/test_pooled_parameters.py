@@ -78,7 +78,7 @@ def test_intervals_of_means_are_as_wide_as_the_flights_own() -> None:
         assert four[name].hi - four[name].lo == pytest.approx(single[name].hi - single[name].lo, rel=1e-6)
     assert single["AIRSPEED_MIN"].hi / single["AIRSPEED_MIN"].value == pytest.approx(1.02, rel=1e-3)
     width = [values["cruise_power"].hi - values["cruise_power"].lo for values in (single, four)]
-    assert width[1] < 0.9 * width[0]  # of the curve own errors average out
+    assert width[1] < 0.9 * width[0]  # the errors of each flight's own curve average out
     assert mean_interval([]) is None
 
 

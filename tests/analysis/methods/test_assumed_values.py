@@ -83,7 +83,7 @@ def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_i
     own_aircraft = parse_aircraft(FOUR_KEYS + '[probe]\nupwash_per_CL = "1 deg"\n', "mine.toml")
     uncertainty = assumption_uncertainty(Rerun(), own_aircraft, propeller, AT, FLOWN_CL)
     assert uncertainty is not None
-    (probe,) = (note for note in uncertainty.notes if "probe.position" in note)
+    (probe_note,) = (note for note in uncertainty.notes if "probe.position" in note)
     V = np.array([speed_at(FLOWN_CL[1], AT)])
     widths = []
     for key in ("", '[probe]\nposition = ["0.3 m", "0 m", "0 m"]\nupwash_per_CL = "1 deg"\n'):
@@ -91,7 +91,7 @@ def test_the_notes_say_what_stands_in_and_by_how_much_the_key_would_narrow_the_i
         added = assumption_uncertainty(Rerun(), aircraft, propeller, AT, FLOWN_CL)
         widened = with_assumption_uncertainty(estimate(np.array([*A, 0.0, 0.0])), added)
         widths.append(power_required(V, widened.polar, AT)[1][0])
-    assert f"{100 * (1 - widths[1] / widths[0]):.0f} % narrower" in probe
+    assert f"{100 * (1 - widths[1] / widths[0]):.0f} % narrower" in probe_note
     assert not any("upwash" in note for note in uncertainty.notes)
 
 

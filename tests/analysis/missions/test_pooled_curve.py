@@ -140,7 +140,7 @@ def test_the_command_takes_a_pool_and_says_whose_losses_count(
 
 
 def test_a_pool_gives_endurance_and_range_as_a_flight_does() -> None:
-    """Uses the pooled polar and the battery of the last flight, also at other weights; none without a battery."""
+    """Uses the pooled polar and the last flight's battery, also at other weights; needs power-train models."""
     result = joint_pool(contents()).results()
     assert result.performance is not None and result.battery is not None and result.battery.energy_Wh == 74.0
     flown = result.performance.loadings[0]

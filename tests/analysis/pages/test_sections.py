@@ -121,7 +121,7 @@ def test_a_standard_error_is_shown_with_two_digits(sigma: float, shown: int) -> 
 
 
 def test_a_trusted_result_of_a_quarter_of_the_power_is_called_wide(results: Results) -> None:
-    """±25 % at the speed of least drag and more; less is not."""
+    """±25 % or more at the speed of least drag is wide; less is not."""
     for share, wide in ((0.24, False), (0.26, True)):
         points = [replace(p, power_lo_W=(1 - share) * p.power_W, power_hi_W=(1 + share) * p.power_W)
                   for p in results.power_required]  # fmt: skip

@@ -46,7 +46,7 @@ def incidence_of(nexstar: Aircraft) -> ParameterVector:
 
 
 def steady_points(nexstar: Aircraft, propeller: Propeller, seconds: float = 20.0) -> pd.DataFrame:
-    """Steady points one after another: five speeds, each at the motor speed of some advance ratio."""
+    """Five steady points in sequence; each has a speed and an advance ratio, which give the motor speed."""
     V = np.repeat([12.0, 14.0, 16.5, 19.5, 22.5], round(seconds / STEP_S))
     n = V / (np.repeat([0.56, 0.62, 0.66, 0.66, 0.62], round(seconds / STEP_S)) * propeller.diameter_m)
     throttle = throttle_for(nexstar.propulsion, propeller, V=V, n=n, rho=RHO)

@@ -137,11 +137,11 @@ def test_a_best_speed_outside_the_propeller_table_is_an_extrapolation() -> None:
     assert not performance_case(TITLED, level(BATTERY_W), None, (1e5, EVERYWHERE)).extrapolated
 
 
-@pytest.mark.parametrize(("maximum", "last"), [(17.0, 18.0), (22.0, 22.5)])
-def test_power_available_is_drawn_to_the_highest_or_the_fastest_speed(maximum: float, last: float) -> None:
+@pytest.mark.parametrize(("maximum", "last_speed_mps"), [(17.0, 18.0), (22.0, 22.5)])
+def test_power_available_is_drawn_to_the_highest_or_the_fastest_speed(maximum: float, last_speed_mps: float) -> None:
     """To 3 % beyond the highest level speed, and at least to the fastest flown; extrapolated from there on."""
     result = available(full_throttle(maximum=maximum))
-    assert result.power_available[-1].speed_mps == last
+    assert result.power_available[-1].speed_mps == last_speed_mps
     assert len(result.climb_mps) == len(result.power_available)
     for point in result.power_available:
         assert point.power_W == pytest.approx(10 * point.speed_mps)

@@ -121,7 +121,7 @@ def test_a_sensor_that_shows_nothing_of_the_motion_is_not_called_reversed(name: 
 
 
 def blended(wanted: pd.Series, correlation: float) -> np.ndarray:
-    """A signal as strong as another, with a correlation to it: the rest is its Hilbert transform, a quarter later."""
+    """A signal as strong as `wanted` and correlated with it; the rest is its Hilbert transform, 90 deg out of phase."""
     x = wanted.to_numpy() - wanted.mean()
     spectrum = np.fft.rfft(x)
     quarter = np.fft.irfft(-1j * spectrum, len(x))

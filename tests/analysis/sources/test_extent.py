@@ -17,7 +17,7 @@ LENGTH_S = 59.9
 
 
 def ulog(path: Path, seconds: float = 700.0) -> None:
-    """Longer than what is read of its ends."""
+    """Writes a log that is longer than the parts at both ends that are read."""
     t_us = (1e6 * np.arange(50.0, 50.0 + seconds, 0.05)).astype(np.uint64)
     columns = {f"value_{i}": np.sin(t_us * 1e-7 * i).astype(np.float32) for i in range(6)}
     write_ulog(path, UlogContents([UlogTopic("airspeed", t_us, columns)]))

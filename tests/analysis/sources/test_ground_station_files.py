@@ -64,25 +64,25 @@ def read(folder: Path, suffix: str, kinds: list[DataflashMessages]) -> FlightRec
 
 
 @pytest.fixture
-def by_dataflash(tmp_path: Path) -> FlightRecording:
+def dataflash_recording(tmp_path: Path) -> FlightRecording:
     return read(tmp_path, ".BIN", flight())
 
 
-def test_the_text_of_a_log_has_its_channels(tmp_path: Path, by_dataflash: FlightRecording) -> None:
+def test_the_text_of_a_log_has_its_channels(tmp_path: Path, dataflash_recording: FlightRecording) -> None:
     text = read(tmp_path, ".log", flight())
-    assert text.channels.keys() == by_dataflash.channels.keys() and text.parameters == pytest.approx(
+    assert text.channels.keys() == dataflash_recording.channels.keys() and text.parameters == pytest.approx(
         {"ARSPD_RATIO": 1.9}
     )
-    for name, channel in by_dataflash.channels.items():
+    for name, channel in dataflash_recording.channels.items():
         assert text.channels[name].t_s == pytest.approx(channel.t_s, abs=1e-9)
         assert text.channels[name].value == pytest.approx(channel.value, rel=1e-5, abs=1e-5), name
 
 
-def test_telemetry_has_the_channels_in_its_own_steps(tmp_path: Path, by_dataflash: FlightRecording) -> None:
+def test_telemetry_has_the_channels_in_its_own_steps(tmp_path: Path, dataflash_recording: FlightRecording) -> None:
     heard = read(tmp_path, ".tlog", flight())
-    assert heard.channels.keys() == by_dataflash.channels.keys()
+    assert heard.channels.keys() == dataflash_recording.channels.keys()
     for name, step in STEPS.items():
-        channel, other = by_dataflash.channels[name], heard.channels[name]
+        channel, other = dataflash_recording.channels[name], heard.channels[name]
         assert np.diff(other.t_s) == pytest.approx(np.diff(channel.t_s), abs=1e-6)
         assert other.value == pytest.approx(channel.value, abs=step), name
     assert heard.parameters == pytest.approx({"ARSPD_RATIO": 1.9})

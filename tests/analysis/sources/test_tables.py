@@ -261,7 +261,7 @@ def test_a_heading_beyond_two_pi_alone_is_in_degrees(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_draft_by_physics(tmp_path: Path) -> None:
-    """Names without units: knots and feet by GPS, degrees per second by attitude, g by gravity, signs by motion."""
+    """Units that names lack are inferred: knots and feet by GPS, deg/s by attitude, g by gravity; signs by motion."""
     table = pd.DataFrame(
         {
             "time": TRUE["t_s"] * 1000, "airspeed": TRUE["tas_mps"] * 1.9438, "altitude": TRUE["height_m"] / 0.3048,

@@ -374,7 +374,7 @@ def test_all_blocks_of_a_compass_count_as_four_measurements(exact) -> None:
 
 
 def test_gps_is_left_out_in_gaps_of_several_of_its_intervals(exact) -> None:
-    """A receiver of 1 Hz is as good as one of 5 Hz, and a gap of half a second none of its."""
+    """0.8 s without GPS is a gap for a 5 Hz receiver, but shorter than the interval of a 1 Hz receiver."""
     blocks = BlockMeans(exact.table)
     rest = np.zeros(blocks.n, dtype=bool)
     for every_s, gap_s, left_out in ((0.2, 0.4, False), (0.2, 0.8, True), (1.0, 0.8, False), (1.0, 4.0, True)):

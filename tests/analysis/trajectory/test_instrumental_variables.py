@@ -20,7 +20,7 @@ N = 6000
 def simulated(slope: float, response: float, seed: int):
     """The aircraft's angle, the gust, and a measurement of (1 + slope) times the angle plus the gust.
 
-    The stick swings the angle; the aircraft also responds to each gust.
+    The pilot oscillates the angle with the stick; gusts change it too.
     """
     noise = np.random.default_rng(seed).normal(0, 0.02, N)
     gust, angle = np.zeros(N), np.zeros(N)

@@ -73,7 +73,7 @@ def test_a_log_is_shown_with_strips_modes_track_and_curve_without_a_word_typed(l
 
 
 def test_the_guess_is_near_enough_for_a_picture_and_is_never_written(folder: Folder) -> None:
-    """The guessed mass may be wrong by a factor of three; power of level flight is measured, and hardly follows it."""
+    """The guessed mass may be wrong by a factor of three; level-flight power is measured and barely depends on it."""
     log, name = opened(folder), "flight.BIN"
     guessed, exact = log.curve(Values(name)), log.curve(Values(name, aircraft=AIRCRAFT))
     assert exact["guessed"] == {} and exact["mass_kg"] == pytest.approx(3.84)
