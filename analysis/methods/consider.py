@@ -3,9 +3,9 @@
 Errors of thrust are in the first part: scale, slope, and thrust beyond the table are parameters of the regression, with
 their priors as measurements (`dynamic.drag_model`, `analysis.methods.thrust_prior`).
 
-1. Noise (`noise_covariance`): from errors of the reconstructed states, propagated exactly, and from other residuals of
-the runs. These hold the errors of the states too, whose spectrum is estimated from random draws and
-   subtracted: the two must not simply be added.
+1. Noise (`noise_covariance`): from errors of the reconstructed states, propagated to first order, and from the rest of
+   the residuals of the runs. The residuals contain the errors of the states too, whose spectrum is estimated from
+   random draws and subtracted: the two must not simply be added.
 2. Sensor errors: each independent direction of their covariance, through trajectory and regression (in `dynamic`).
 3. Errors that no residual of the flight shows, consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6): `UPDRAFT`,
    `WEIGHT`, `DENSITY`. UPDRAFT stands for eddies that differ from run to run; [uncertainty] in the aircraft

@@ -225,7 +225,7 @@ def without_model_errors(table: pd.DataFrame, trajectory: Trajectory) -> pd.Data
 
 
 def _cross_check(flight: Reconstructed) -> tuple[CrossCheck | None, list[str]]:
-    """The cross-check on the runs alone, and what it failed by."""
+    """The cross-check on the runs alone, None where there is none, and a warning if it failed."""
     runs, trajectory = flight.maneuvers.level_runs, flight.trajectory
     if not runs or trajectory.as_measured:
         return None, []

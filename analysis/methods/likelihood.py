@@ -180,7 +180,7 @@ def _method_estimate(
             fit.model,
             segments,
             start=_values(fit),
-            # The step is one standard deviation, and R changes with it; it begins at an optimum, so at no other.
+            # A change of one standard deviation, and of R with it: the search begins at an optimum and needs no other.
             options=FitOptions(max_iterations=3, second_start=False),
         )
         return np.asarray(polar_of(once_more.shared()) - derived.value)

@@ -110,7 +110,8 @@ def path_along(
 def _perturbed_path(
     flight_forces: FlightForces, trajectory: Trajectory, error: Array, rows: NDArray[np.intp]
 ) -> PathAlong:
-    """The path with errors of the sensors added that the trajectory might have."""
+    """The path with one independent error of the trajectory, `error` (m,) in the sensor errors, and the states moved by
+    it."""
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors + error
     moved = trajectory.state_sensitivity.reshape(-1, len(error)) @ error
     forces = flight_forces.forces(states + moved.reshape(states.shape), sensor_errors)
@@ -125,7 +126,7 @@ def input_tables(
 ) -> Tables:
     """The data that methods work on, a table for each of the k paths, with errors subtracted from measured quantities.
 
-    removed : of each table, the errors that are subtracted; names of `error_prior_sigma`. It has
+    removed : for each table, the errors to subtract, by the names of `error_prior_sigma`. Each table has
     V, alpha, gamma, climb, bank, Vdot, rho, J; specific force ax, az [m/s^2]; qS_over_m_mps2; thrust_x_over_m_mps2, the
     thrust of the table along body x.
     As measured: alpha_measured [rad]; theta_measured [rad], pitch attitude leveled by the accelerometer;
@@ -258,7 +259,7 @@ def estimate_with(method: Method, inputs: MethodInputs) -> MethodEstimate:
 
 
 def not_flown(method: MethodDescription) -> MethodEstimate:
-    """No estimate, because no run was flown of the kinds that the method needs."""
+    """No estimate, because no run was flown of any kind that the method can use."""
     note = f"no run of the required kind was flown: {' or '.join(method.kinds)}"
     return MethodEstimate(method, not_flown=method.kinds, notes=(note,))
 

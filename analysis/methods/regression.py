@@ -21,7 +21,7 @@ from flightpower.flight.errors import InputError
 
 @dataclass(frozen=True)
 class Tables:
-    """Tables of the same rows, of one flight analyzed with one error after the other: times t_s (n,) and columns.
+    """Tables with the same rows, from one flight analyzed with one error after another: times t_s (n,) and columns.
 
     columns : by name, (k, n) of k tables, or (n,) where all have the same
     """
@@ -80,7 +80,8 @@ def _interpolated(values: Array) -> Array:
 
 
 def least_squares(X: Array, z: Array) -> Array:
-    """The coefficients (…, m) that solve X (…, n, m) A = z (…, n) best; the smallest ones where more than one do."""
+    """The coefficients (…, m) that solve X (…, n, m) A = z (…, n) best; if several do, those of least norm with columns
+    of X scaled to a mean square of one."""
     scale = np.sqrt(np.mean(X**2, axis=-2))
     columns = np.concatenate([X / scale[..., None, :], z[..., None]], axis=-1)
     R, m = np.asarray(np.linalg.qr(columns, mode="r")), X.shape[-1]
@@ -114,8 +115,8 @@ class PolarRegression(Protocol):
 
 
 class RunRegression(NamedTuple):
-    """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,). Of k tables, each but
-    t_s has a first axis (k,).
+    """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,). With k tables,
+    all but t_s have a first axis (k,).
 
     absorbed : gives the covariance (n, n) of errors of z that the fit largely absorbs, so that residuals do not show
     them
@@ -160,7 +161,7 @@ class TimeSeriesRegression:
 
 @dataclass(frozen=True)
 class PointRegression:
-    """Points X (n, 3), z (n,) with standard errors sigma (n,), each of k tables with a first axis (k,).
+    """Points X (n, 3), z (n,) with standard errors sigma (n,); with k tables, each has a first axis (k,).
 
     terms : (3, m) the columns of A that are fitted
     """

@@ -66,7 +66,7 @@ def thrust_beyond_prior(model: Model, values: Mapping[str, float]) -> dict[str, 
 
 
 def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
-    """Thrust errors larger than the prior allows, or a stand measurement that the flight contradicts.
+    """Thrust errors beyond the 95 % of their prior, or a stand measurement that the flight contradicts by as much.
 
     The estimate is repeated with the thrust of the table, as if something else than the propeller were wrong.
     """

@@ -1,9 +1,10 @@
 """Each acceleration and deceleration compared with the others of its kind: the flight tests itself.
 
-Each run alone gives power at one lift coefficient, and this is compared with all other runs. Their difference has the
-noise of both, an error of the path's slope in each, which residuals of some seconds do not show (D changes by L times
-the slope), and what errors that they share (trajectory, propeller's table) change in it: runs of one kind are flown
-alike, so that most of these cancel, whatever their size. A defect that is not the same in all runs does not cancel.
+At one lift coefficient the power from each run alone is compared with the mean of the other runs of its kind. Their
+difference has the noise of both, an error of the path's slope in each, which residuals of some seconds do not show (D
+changes by L times the slope), and the effects of errors that they share (trajectory, propeller's table): runs of one
+kind are flown alike, so that most of these cancel, whatever their size. A defect that is not the same in all runs does
+not cancel.
 """
 
 from collections.abc import Sequence
@@ -83,8 +84,9 @@ def _compared(
 def _differences(
     run: MethodEstimate, others: list[MethodEstimate], lift: Array, uncertainty: Uncertainty
 ) -> _Differences | None:
-    """Where other runs cover the lift coefficient: their mean, weighted by noise. Shared errors change the difference
-    by the difference of their effects. None if they cover no lift coefficient."""
+    """The run and the mean of the others, weighted by the inverse variance of their noise, at the lift coefficients
+    that others cover; None if they cover none. Shared errors change the difference by the difference of their effects.
+    """
     if not others:
         return None
     ends = np.array([method_estimate.flown_CL for method_estimate in others])

@@ -185,7 +185,7 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
     (x, covariance), (other, other_covariance) = (
         _solved(equations, priors, start, apart_s) for equations in (by_pitot, by_gps)
     )
-    # The truth is between both regressions (R. Frisch, 1934), evenly; no flight makes the prior wider.
+    # The truth is between both regressions (R. Frisch, 1934), evenly; no estimate is less certain than its prior.
     values, half = unpack(names, (x + other) / 2), pack(AIRSPEED, unpack(names, (x - other) / 2))
     before = np.diag(1 / prior_sigma**2)
     by_flight = np.linalg.inv((covariance + other_covariance) / 2) - before

@@ -149,7 +149,7 @@ def most_probable_fit(
         of_drag = by_efficiency(windows, balance.thrust_power_W(parameters), share) + white
         airs = [air + of_gusts(first, 1.0, time_s) for air, time_s in zip(vertical, WINDOWS.times_s, strict=True)]
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
-        if is_last:  # the other sizes wait for the next round
+        if is_last:  # the other sizes would serve only a next round
             break
         air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
         of_form = [by_efficiency(windows, balance.thrust_power_W(parameters), 1.0)]
@@ -259,8 +259,8 @@ class Estimate(NamedTuple):
         return np.array(rows)
 
     def quantity(self, function: Quantity, gradient: Array | None = None) -> Uncertain:
-        """A quantity with its errors; errors common to the whole flight are kept by source. gradient: of the quantity,
-        if known"""
+        """A quantity with its errors; errors common to the whole flight are kept by source. gradient: (m, n) of the
+        quantity, if it is known already."""
         gradient = self.gradient(function) if gradient is None else gradient
         p = self.named()
         value = function(p, self.conditions)

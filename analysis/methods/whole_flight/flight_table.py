@@ -440,8 +440,8 @@ class Meter(StrEnum):
 
 
 def meter(columns: Mapping[str, Array], moving: BoolArray) -> Meter:
-    """What the channels of power and throttle (n,) measured in flight. Power rises at least as throttle does, relative
-    to its mean, whatever the airspeed; a channel of throttle that power contradicts is another's, or was not in
+    """How measured power varies with the throttle, (n,) each, in flight. Power rises at least as throttle does,
+    relative to its mean, whatever the airspeed; a throttle that power contradicts is not this motor's, or was not in
     control.
     """
     throttle, power = columns[recording.THROTTLE], columns["power_W"]

@@ -1,7 +1,7 @@
 """Airspeed without a sensor: the velocity by GPS less the wind.
 
-Wind is constant apart from a linear trend and the logarithmic profile over height. `circle_center` gives a
-first wind, the center of the circle on which the ground velocities of an aircraft at one airspeed lie. The energy
+The horizontal wind is constant apart from a linear trend and the logarithmic profile over height. `circle_center` gives
+a first wind, the center of the circle on which the ground velocities of an aircraft at one airspeed lie. The energy
 balance then estimates the wind with its other parameters: power, height and specific force say how the kinetic energy
 relative to the air changes, and on a turn, how that follows from the ground velocities depends on the wind.
 

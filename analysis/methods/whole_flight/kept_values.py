@@ -26,8 +26,8 @@ class _Noted(NamedValues):
 class Kept(Generic[T]):
     """A function of parameters, computed again only when one that it has read has another value.
 
-    It may call other such functions; their reads count as its own. While a numerical derivative moves each parameter
-    once, the unmoved value is kept.
+    It may call other such functions; their reads count as its own. The value at which a numerical derivative
+    starts is kept while each of the parameters read is moved once.
     """
 
     def __init__(self, function: Callable[[NamedValues], T]):

@@ -113,7 +113,7 @@ class ThrustBalance(EnergyBalance):
         for i, V in enumerate(speed_mps):
             _, shaft_W = self._propeller.thrust_and_power(np.full_like(revps, V), revps, c.rho)
             taken_W = np.maximum.accumulate(self._motor.electrical_W(shaft_W, revps))
-            driven = max(int(np.argmax(taken_W > 0)) - 1, 0)  # the fastest speed at which the air alone turns it
+            driven = max(int(np.argmax(taken_W > 0)) - 1, 0)  # the fastest rotation by the air alone
             speeds[i] = np.interp(power_W, taken_W[driven:], revps[driven:])
         grid_place = np.clip(np.nan_to_num(s.V_mps) / (speed_mps[1] - speed_mps[0]), 0, len(speed_mps) - 1.001)
         low, samples = grid_place.astype(int), np.arange(len(power_W))
@@ -122,7 +122,7 @@ class ThrustBalance(EnergyBalance):
 
 
 def _powered(samples: Samples, c: FlightConditions) -> list[slice]:
-    """True where the motor draws enough power to determine its speed; false where it idles."""
+    """Stretches of flight in which the motor draws enough power for its speed to follow from it; without idling."""
     power_W = samples.power_W - c.idle_power_W
     flown = np.zeros(len(power_W), dtype=bool)
     for rows in samples.stretches:
