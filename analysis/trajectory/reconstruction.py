@@ -189,7 +189,7 @@ def _candidate(solution: _Solution) -> _Candidate:
 def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
     start, middle_mps = (problem.initial_states, problem.initial_errors), GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
     first_solution = _solve(problem, *start, middle_mps, tolerance=SOLVER.converged[0])
-    if not first_solution.converged:  # it does not change for other gusts either, which need as many iterations
+    if not first_solution.converged:  # nor would it in other gusts, each after as many iterations
         return _trajectory(problem, first_solution, _draws(first_solution), gust_length)
     first = _candidate(first_solution)
     del first_solution
@@ -292,7 +292,7 @@ def _damping(damping: float, move: Array, last_move: Array) -> float:
         return damping
     if damping == 1.0:  # the early steps of a rough first estimate: their ratio says little
         return 0.5
-    return max(damping / (1 - max(ratio, -3.0)), 0.05)  # one pair of steps cannot justify less than a quarter
+    return max(damping / (1 - max(ratio, -3.0)), 0.05)  # one pair of steps justifies no less than a quarter of it
 
 
 def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array:

@@ -1,8 +1,8 @@
 """Inputs of the measurement equations: regressors of the sensor errors, actual and predicted from past data.
 
 A regressor of a sensor error must be uncorrelated with the current gust. The aircraft's motion responds to gusts; a
-regressor that contains this response attributes the gust to the sensor. So the residuals use actual values, which are
-exact, and the derivatives use values predicted from past data (instrumental variables).
+regressor that contains this response attributes the gust to the sensor. So the residuals use actual values, which
+make them exact, and the derivatives use values predicted from past data (instrumental variables).
 """
 
 from typing import NamedTuple
@@ -137,7 +137,7 @@ class Regressors:
         airspeed, sideslip and angle of attack, angles times the cruise speed."""
         self._V_noise_mps, _, self._alpha_noise_mps = noise_mps
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
-        # Where past values exist. After each missing block it would restart from the current gust.
+        # Gaps are bridged: after each missing block a prediction would restart from the current value, with its gust.
         self._in_flight = blocks.in_flight
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
         self._slowest_mps = PROCESS.slowest_mps * blocks.speed_scale

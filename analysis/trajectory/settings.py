@@ -184,7 +184,7 @@ class SolverSettings(Settings):
 
     @property
     def least_gust_mps(self) -> float:
-        """The smallest gust intensity that is considered."""
+        """The smallest gust intensity that an estimate may have; the search also tries a smaller one."""
         return self.gusts_mps[1]
 
 

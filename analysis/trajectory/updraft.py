@@ -155,7 +155,7 @@ def updraft_by_day(trajectory: Trajectory, sun_rad: float | None) -> UpdraftByDa
     of sink: 40 to 80 % of power, up to five half widths). So the prior is that of the eddies. Their size is known for
     fair weather only: the prior is as wide as is most probable by the flight itself, and never narrower than the hour's
     (empirical Bayes, as in `observability`). In gusts a flight shows the updraft so poorly that an estimate of 1.5
-    standard deviations, no contradiction, may be air sinking ten times faster than the prior.
+    standard deviations, no contradiction, may be air that sinks at ten times the prior.
     """
     t_s = trajectory.states.index.to_numpy()[trajectory.block_means.airborne]
     of_hour = mean_updraft(trajectory, [(t_s[0], t_s[-1])], sun_rad) if len(t_s) else None
