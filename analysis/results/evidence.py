@@ -161,7 +161,7 @@ def _estimation(results: Results) -> Iterator[Evidence]:
 
 
 def _failed_methods(results: Results) -> Iterator[Evidence]:
-    """Applies where the runs allow drag but every method finds an impossible polar: the energy balance uses the same
+    """Applies where runs were flown that allow drag but no method gives a curve: the energy balance uses the same
     aircraft file and sensors, so it is in doubt as well."""
     tried = results.methods_tried
     failed = [
@@ -195,7 +195,7 @@ def _level(figure: float, limit: float) -> Trust:
 
 @dataclass(frozen=True)
 class _Deviation:
-    """The deviating quantity, its name in the file, and the deviation in standard errors."""
+    """The deviating quantity, its name in the file, and the deviation in the standard deviations assumed."""
 
     title: str
     subject: str
@@ -407,15 +407,15 @@ def _shaft(results: Results) -> Iterator[Evidence]:
 def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
     """Judges the efficiency from battery to thrust that the flight's energy alone shows.
 
-    A current that is measured wrong makes one that no power train has, or hardly any. Against others, a deviation of 95
-    % is enough.
+    A current that is measured wrong makes an efficiency that no power train has, or hardly any. Outside the range that
+    power trains have, a deviation of 95 % is enough.
     """
     eta = results.balance.thrust_efficiency if results.balance else None
     if eta is None or eta.lo <= 0:
         return
     usual, T = POWER_TRAIN.efficiency, TRUST
     error = math.hypot(math.log(eta.hi / eta.lo) / (2 * NORMAL_95), usual.sigma * (1 - usual.mean))
-    z_limit = -float(special.ndtri(T.false_alarm_rate))  # limits on both sides: too little current, and too much
+    z_limit = -float(special.ndtri(T.false_alarm_rate))  # the rate of each side: too little current, and too much
 
     def efficiency_at(sigmas: float) -> float:
         return usual.mean * math.exp(sigmas * error)
@@ -536,7 +536,7 @@ def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
     )
 
 
-# The measurements that each of the daemon's comparisons puts in doubt. These need no separate item: GPS is an aid,
+# The measurements that each of the daemon's comparisons puts in doubt. Other comparisons need no item: GPS is an aid,
 # whose faults the trajectory shows.
 _DOUBTED = {
     Comparison.AIRSPEED: "airspeed, which the speed over the ground contradicts by more than any wind",

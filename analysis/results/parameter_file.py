@@ -154,7 +154,10 @@ def _true_per_equivalent(results: WithCurves) -> float:
 
 
 def _ratio(results: WithCurves, points: list[tuple[float, float]], from_mps: float, to_mps: float) -> float | None:
-    """points : true airspeed and power. None if the second speed is missing."""
+    """Power at `to_mps` over power at `from_mps`, both equivalent airspeeds; None if `to_mps` is outside the points.
+
+    points : true airspeed and power
+    """
     to_true = _true_per_equivalent(results)
     V = [speed for speed, _ in points]
     if not points or not V[0] <= to_mps * to_true <= V[-1]:

@@ -179,8 +179,8 @@ def _air(air: Json | None, temperature_K: float | None, pressure_Pa: float | Non
 
 
 def _battery(of_curve: Json, use: Json) -> Json | None:
-    """Any record that has its energy. Of electrical power the share that is used follows from the endurance; pools did
-    not say it, and had what `analyze` takes."""
+    """The battery, if its energy is stored. For electrical power the usable share follows from the endurance; pools did
+    not store it and used the default of `analyze`."""
     energy_Wh, usable = use.get("battery_energy_Wh"), use.get("usable", ASKED.usable)
     if energy_Wh is None:
         return None

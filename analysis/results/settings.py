@@ -7,7 +7,7 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class ResultsSettings(Settings):
-    """Lengths of written lists, and limits below which values are withheld."""
+    """Lengths of written lists, and the width above which results call an interval wide."""
 
     longest_lag_s: float = setting(4.0, "s", "of autocorrelations: the gusts of a run are shorter")
     wide: float = setting(
