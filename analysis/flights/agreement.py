@@ -2,7 +2,8 @@
 
 The estimates of two flights are correlated, since both were drawn to the same prior. For the shared parameters x, each
 estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's mean, n_f the flight's own error, and c_f
-the effect of errors that all flights have in common. Both tests use the covariance of these differences.
+the effect of errors that all flights have in common. Both tests use the covariance of the differences that
+follows.
 """
 
 from collections.abc import Callable, Sequence
@@ -166,9 +167,9 @@ One = TypeVar("One", bound=Compared)
 def outliers(n: int, compared: Callable[[list[int]], Sequence[One]], false_alarms: float) -> dict[int, One]:
     """Numbers of the flights that differ from the pool of agreeing flights; the worst is removed first.
 
-    compared: numbers of the flights to compare, each with the pool of the others. Curve and installation are tested,
-    each at the level `false_alarms` over the number of tests. At most half of the flights are named; of two flights
-    none is, since either may be wrong.
+    compared: for flights by number, the comparison of each with the pool of the others. Curve and installation are
+    tested, each at the level `false_alarms` over the number of tests. At most half of the flights are named; of two
+    flights none is, since either may be wrong.
     """
     agreeing, differing = list(range(n)), dict[int, One]()
     while len(agreeing) > 2 and 2 * (len(differing) + 1) <= n:
@@ -249,7 +250,7 @@ def least_squares(values: Array, design: Array, errors: ErrorParts) -> Generaliz
     """Generalized least squares of values (n, k) on a design (n, k, q).
 
     The shared errors are estimated along with the q parameters, each with its variance as prior. This equals using the
-    covariance (n k, n k) of all values (Tapley et al. 2004, sec. 4.5), but its time grows only with n.
+    covariance (n k, n k) of all values (Tapley et al. 2004, sec. 4.5), but its time grows linearly with n.
     """
     n, k, q = design.shape
     m = errors.shared.shape[2]

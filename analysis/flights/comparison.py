@@ -198,9 +198,9 @@ class Comparison(OfAKind["Comparison"]):
 def compare(a: Pool, b: Pool) -> Comparison:
     """B against A at the weight and density of A, over the speeds that both flew, by a kind of power that both have.
 
-    If both kinds qualify, the kind of both pools' curves comes first, otherwise electrical power. Where more flights
-    have the other kind of power, B is also compared by that kind: see `other_kind`. Raises InputError where there is no
-    common kind of power, where a flight is in both pools, and where they have no speeds in common.
+    If both kinds qualify, the kind of both pools' curves comes first, otherwise electrical power. Where the
+    other kind has flights that the first lacks, B is also compared by it: see `other_kind`. Raises InputError where
+    there is no common kind of power, where a flight is in both pools, and where they have no speeds in common.
     """
     if a.kind is b.kind and not a.other_kind and not b.other_kind:
         return _of_one_kind(a, b)
@@ -302,7 +302,7 @@ def _same_day(a: JointPool, b: JointPool) -> bool:
 def _contradicted(a: JointPool, b: JointPool, part: slice) -> Test | None:
     """The test by which flights of A and B contradict having the same errors of a part; None where they do not.
 
-    part: INSTALLATION_PART or THRUST_PART. The other errors are free on each side, so changes in them do not count.
+    part: INSTALLATION_PART or THRUST_PART. The other errors are free on each side, so differences in them do not count.
     Flights that contradict one installation in their own pool have errors of their own, and are left out.
     """
     own, others = ([flight for i, flight in enumerate(pool.flights) if i not in pool.remounted] for pool in (a, b))

@@ -44,7 +44,7 @@ class SharedMeasurement(NamedTuple):
 
     @property
     def vector(self) -> Array:
-        """(M,), the data's contribution to information times mean."""
+        """(M,), what this measurement adds to information times mean."""
         return np.array(self.coefficients) * self.value / self.sigma**2
 
 

@@ -76,9 +76,9 @@ class Prior(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Flights that share all estimated parameters.
+    """Flights with the same M parameters among all that are estimated.
 
-    columns : (M,) where these are     counts : (n,) how many flights like each there are, each with its own errors
+    columns : (M,) places of these     counts : (n,) how many flights like each there are, each with its own errors
     """
 
     stack: FlightStack

@@ -58,7 +58,7 @@ AnyKind = TypeVar("AnyKind")
 
 @dataclass(frozen=True)
 class OfAKind(Generic[AnyKind]):
-    """An estimate by one kind of power, plus the estimate by the other kind if more flights have it.
+    """An estimate by one kind of power, plus the estimate by the other kind if that has flights which this one lacks.
 
     refused : why the other cannot be made though there are such flights; else empty
     """

@@ -22,7 +22,7 @@ def run_apart(analyze: Analyze, job: Job, working: Path, results: Path) -> Outco
         assert process.stdin is not None
         pickle.dump((analyze, job, results, outcome), process.stdin)
         process.stdin.flush()
-        code = process.wait()  # before stdin is closed: the process sees by its end that nobody waits any more
+        code = process.wait()  # before stdin is closed, by whose end the process sees that nobody waits any more
     if not outcome.is_file():
         return Outcome(f"{job.log}: its process ended with exit code {code}; is there enough memory? Analyze it alone")
     result: Outcome = pickle.loads(outcome.read_bytes())
