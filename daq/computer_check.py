@@ -17,7 +17,7 @@ LONGEST_BLOCK_S = 2.0  # the daemon reports a disk that takes longer
 
 
 class ComputerFact(NamedTuple):
-    """Status `ok` and the finding, or the status with advice."""
+    """Whether a part of the computer is in order, and the finding, with advice if it is not."""
 
     ok: bool
     text: str

@@ -205,7 +205,7 @@ def expected_rate_Hz(table: SensorTable, topic: str, tray: Tray) -> float | None
 def check_rate(
     line: TopicCheck, messages: list[Message], seconds: float, least_Hz: float | None, trouble: str
 ) -> TopicCheck:
-    """Checks the rate of a topic without faults so far, and adds its driver's description. least_Hz: see
+    """Checks the rate of a topic without faults so far, and reports its driver's complaint, `trouble`. least_Hz: see
     `expected_rate_Hz`."""
     rate_Hz = sum(message.status in GOOD_STATUSES for message in messages) / seconds
     if line.ok and least_Hz is not None and rate_Hz < least_Hz:

@@ -2,7 +2,7 @@
 
 Protocols 1 and 2, see `daq.mavlink_frames`. A line may carry other senders, too: a gimbal sends its own attitude, and a
 radio forwards other vehicles. The first autopilot heartbeat decides whose messages are read: only those of its system
-and component. The outputs that move a surface of the aircraft or its throttle.
+and component. It is then asked for the required messages (SET_MESSAGE_INTERVAL), and again when they stop.
 """
 
 import math

@@ -8,8 +8,8 @@ does not alias into 25 Hz samples. The magnetometer inside (AK8963) has its own 
 
 Each tick, the registers of ranges, filters and rate are read after the samples, now and then those of FIFO and bypass:
 samples of other settings are not recorded, and the settings are restored. A reply with a wrong bit must not look like
-that: what differs is read once more. A damaged reply is recognized by its temperature, or by a sample far from all
-others.
+that: what differs is read once more. Damaged samples are recognized by their temperature, or by one sample far from
+all others.
 """
 
 import math
