@@ -143,7 +143,7 @@ def fit_output_error(
     if band_Hz is not None or (first.verdict.ok and not first.verdict.hints):
         return first
     if {hint.finding for hint in first.verdict.hints} == {Finding.NOT_WHITE} and first.verdict.ok:
-        # Most often the model lacks something, and the optimum is the same: no longer than the first took.
+        # Most often the model lacks something, and the optimum is the same: no more iterations than the first took.
         options = replace(options, max_iterations=first.iterations)
     again = _second_start(model, segments, start or {}, noise, options)
     if again is None or not again.verdict.ok:
@@ -162,7 +162,7 @@ def _second_start(
     noise: MeasurementNoise,
     options: FitOptions,
 ) -> Fit | None:
-    """The fit started from estimates of the records cut in pieces; None if it fails.
+    """The fit started from estimates of the records cut in pieces; None where there are no pieces, and if it fails.
 
     In each piece the response starts again, at a state that is estimated. Reference: Bock, Recent advances in parameter
     identification techniques for O.D.E., 1983.
