@@ -61,7 +61,7 @@ EVIDENCE: Mapping[EvidenceKind, Trouble] = {
         "No flight path explains all measurements.", "Check units, axes and delays of the log, and the aircraft file."
     ),
     EvidenceKind.METHOD_FAILED: Trouble(
-        "The flight has runs, but every method finds an impossible drag.",
+        "The flight has runs, but no method gives drag from them.",
         "Check weight, wing area, propeller and its table, pole pairs, and units and delays of the log.",
     ),
     EvidenceKind.COUNTED_SPEED: Trouble("Pulses of the motor are lost, or counted with wrong poles.", POLES),
