@@ -187,8 +187,8 @@ def flow_at_probe(
 
     The maps are curved, and the mean of a curved function of a noisy number is biased. So they are evaluated at the
     mean of dp_alpha and dp_beta over so many samples, and angles are linear in the deviation from it. `inside` is
-    judged by the means: dropping samples that only noise moves out of the calibrated range would bias the angle of slow
-    flight.
+    judged by the means: dropping samples that only noise moves out of the calibrated range would lower the angle of
+    slow flight.
     """
     q_c = np.where(q_c_Pa > 0, q_c_Pa, np.nan)
     C_alpha, C_beta = (_moving_mean(dp, samples) / q_c for dp in (dp_alpha_Pa, dp_beta_Pa))

@@ -168,7 +168,7 @@ class TransducerCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return table.assign(**columns)
 
     def corrected_zero(self, zero: Mapping[str, float]) -> dict[str, float]:
-        """Subtracts zeros read in still air, by column."""
+        """The zeros read in still air as the reference would read them, by column."""
         named = COLUMN_OF.values()
         return {name: self.pressure_Pa(name, value) if name in named else value for name, value in zero.items()}
 
