@@ -25,7 +25,7 @@ def too_low(data: pd.DataFrame) -> Rejection | None:
 
 
 def without_data(data: pd.DataFrame) -> Rejection | None:
-    """The rejection of a stretch in which a needed channel is missing too long; None if all are present."""
+    """The rejection of a stretch in which a needed channel is missing too long; None if none is."""
     return missing_data(*missing_share(data))
 
 
