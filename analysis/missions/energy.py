@@ -2,7 +2,8 @@
 
 A leg's airspeed and the wind make its ground speed (wind triangle). Height changes evenly over the leg; if that exceeds
 the aircraft's rate of climb, the rest is climbed in circles. Turns between legs and circles are flown at a load factor.
-A change of speed counts as a change of height of the same energy. Wind is the direction it blows to, m/s.
+A change of speed counts as a change of height of the same energy. Components of the wind are those of where it blows to
+[m/s].
 """
 
 from dataclasses import dataclass, replace
@@ -31,8 +32,8 @@ class Battery(NamedTuple):
     resistance_ohm: float = 0.0
 
     def drawn_W(self, power_W: Array) -> Array:
-        """Voltage and energy that the cells deliver: V_oc I, where V_oc I - R I^2 = P. Infinite where the cells cannot
-        deliver the power."""
+        """Power that the cells give up, with their own loss: V_oc I, where V_oc I - R I^2 = P. Infinite where they
+        cannot deliver the power P."""
         if self.open_circuit_V is None or not self.resistance_ohm:
             return power_W
         V, R = self.open_circuit_V, self.resistance_ohm

@@ -122,7 +122,7 @@ class Covariances(NamedTuple):
 class AssumedErrors(NamedTuple):
     """What k values assumed for missing keys, each wrong by one standard deviation, do to the estimate.
 
-    scores : (k, m) gradients for the sensor errors: covariance times score is their change. Scores
+    scores : (k, m) gradients of the log likelihood by the sensor errors, whose change is covariance times score. Scores
         add over the pieces of a flight, as information does.
     direct : (k, 3) change of A0, A1, A2 beyond that by the sensor errors
     """
@@ -272,7 +272,8 @@ class SensorErrors(NamedTuple):
 def sensor_errors(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> SensorErrors:
-    """Information on the sensor errors after a flight like this: the part of `expected` that needs least time."""
+    """Covariance and scores of the sensor errors after a flight like this: the part of `expected` that needs least
+    time."""
     linearized = _linearized(history, aircraft, gust_mps, alpha_scale_sigma)
     covariance = _sensor_errors(linearized, aircraft, gust_mps)
     moved = [step for _, step in _with_other_values(history, aircraft, gust_mps, alpha_scale_sigma)]

@@ -160,8 +160,8 @@ def aerodynamic_source(
 ) -> RoutePower:
     """Power from a model of performance. draws: number of draws, random generator
 
-    largest_CL: that the wing has carried; 0: not known, the largest of level flight. In the low airspeed of a gust this
-    may exceed what the wing ever carried; a known largest lift coefficient limits it.
+    largest_CL: that the wing has carried. 0 if it is not known: then that of level flight, which the low airspeed of a
+    gust may make larger than the wing ever carried.
     """
     parameters = model.parameters
     parameter_draws = _draw(parameters.values, parameters.covariance, draws)

@@ -306,7 +306,7 @@ def _increment(
     [s].
     """
     alone, alone_s = base
-    repeated = 2  # duration of a piece in the flight from which its information was computed
+    repeated = 2  # times that a piece is in the flight from which its information is computed
     planned = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
     if piece.kind is PieceKind.RUNS:
         expectation, seconds = _evaluated(planned, aircraft, request)
