@@ -236,7 +236,7 @@ def _instances(
 
 
 def _are_instances(numbers: NDArray[np.float64]) -> bool:
-    """Whether these are numbers of sensors: the name I is also used for the integral of a controller A few may be
+    """Whether these are numbers of sensors: the name I is also used for the integral of a controller. A few may be
     damaged."""
     finite = numbers[np.isfinite(numbers)]
     return bool(np.mean((finite == np.round(finite)) & (finite >= 0) & (finite < 256)) > 0.5) if len(finite) else True

@@ -375,7 +375,7 @@ def _speed_laws(grid: Grid) -> Iterator[Law]:
     if down is not None and q is not None and angles is not None:
         needed = V * q + g * np.cos(angles[0]) * np.cos(angles[1])
         lag_s = _heave_s(V)
-        if alpha is not None:  # the part of gravity that heaving explains
+        if alpha is not None:  # less the acceleration in heave
             needed, lag_s = needed - grid.rate(V * np.sin(alpha)), 0.0
         yield Law(
             (Q.FORCE_DOWN, Q.PITCH_RATE, speed_quantity), np.where(flown, -down, np.nan), needed, False, lag_s=lag_s
@@ -450,7 +450,7 @@ def _judged(law: Law, name: Callable[[Quantity], str]) -> Finding | None:
 
 @cache
 def _factors() -> dict[str, float]:
-    """The factor by which a number is off if its unit is mistaken for the SI unit, by the unit in words."""
+    """The size in SI units of each unit that is mistaken for the SI unit, by the unit in words."""
     return {words: to_si(f"1 {unit}", si, words) for words, (unit, si) in TAKEN_FOR_SI.items()}
 
 

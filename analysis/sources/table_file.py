@@ -143,7 +143,7 @@ def _numbers(table: Any) -> Columns:
 def _mat(path: Path) -> Table:
     """Vectors, and the columns or rows of matrices: those with a clock of their own structure at the times of all.
 
-    With a single clock, columns of the most common length are used; the others are named.
+    With one clock or none, columns of the most common length are used; the others are named.
     """
     vectors: dict[str, Array] = {}
     matrices: dict[str, Array] = {}
