@@ -35,7 +35,9 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 @dataclass(frozen=True)
 class FlightValues:
-    """The result of a flight; None if it has none. Airspeeds are equivalent airspeeds [m/s].
+    """Values from a flight for an autopilot; None for those that it does not give.
+
+    Airspeeds are equivalent airspeeds [m/s].
 
     cruise: of best range among the speeds flown; cruise_power: from the battery there [W]; sink: with the motor off
     there [m/s]. CD0, B: of C_D = CD0 + B C_L^2 over the lift coefficients flown. wing_loading: 2 W / (rho_0 S)
@@ -257,7 +259,7 @@ def of_electrical_pool(pool: WithCurves, flights: Sequence[Results]) -> tuple[li
         return mean_interval([values[name] for values in of_flights if name in values])
 
     def airspeed(true_mps: float, name: str) -> Interval:
-        """The equivalent airspeed, with the same relative error as the flight's."""
+        """The equivalent airspeed, with the relative error of the mean of the flights' own."""
         own = mean_of(name)
         share = (own.hi - own.lo) / (2 * own.value) if own else 0.0
         return around(true_mps * to_equivalent, share * true_mps * to_equivalent)

@@ -77,7 +77,7 @@ def full_throttle_performances(
 def _performance(
     V: Array, thrust_N: Array, power_W: Array, climb: Array, covered: NDArray[np.bool_]
 ) -> FullThrottlePerformance:
-    """What follows at one condition. power_W, climb: (2m + 1, k)"""
+    """The performance at one condition. power_W, climb: (2m + 1, k)"""
     return FullThrottlePerformance(
         V=V,
         thrust_N=thrust_N,
@@ -191,7 +191,7 @@ def available_result(
 
 
 def _notes_on_speed(full: FullThrottlePerformance, maximum: Interval | None, fastest_mps: float) -> list[str]:
-    """The cause that limits the highest level speed."""
+    """Notes on the highest level speed: why there is none, or why it is an extrapolation."""
     if maximum is None and np.nanmax(full.climb.value) > 0:
         return [f"No highest level speed: excess power remains up to {full.V[-1]:.1f} m/s."]
     if maximum is None:
