@@ -20,7 +20,7 @@ from flightpower.analysis.trajectory.settings import PRIOR_CHECK
 
 class CertaintySection(NamedTuple):
     shared_part: str
-    withheld: list[str]  # what the flight lacks
+    withheld: list[str]  # what the flight does not give
     checks: HtmlTable
     certificate: HtmlTable | None
     next_flight: list[str]

@@ -84,7 +84,7 @@ class AutopilotSection(NamedTuple):
 
 
 def autopilot_section(results: WithCurves) -> AutopilotSection | None:
-    """None if there is nothing to conclude."""
+    """None where no parameter follows from the results."""
     if not results.autopilot_parameters:
         return None
     logged = any(parameter.logged is not None for parameter in results.autopilot_parameters)

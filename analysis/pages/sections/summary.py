@@ -75,7 +75,7 @@ class VerdictSection(NamedTuple):
 
     @property
     def colon(self) -> str:
-        """The text under the heading."""
+        """The punctuation after the heading: a colon before reasons, otherwise a period."""
         return ":" if self.reasons else "."
 
 
