@@ -1,6 +1,6 @@
 """The contents of a fleet's `fleet.json`: airframes with their curves and changes, and the curves of the fleet.
 
-`summary` fills it; the page and the terminal only need the form.
+`flights.fleet_summary` fills it; the page and the terminal only need the form.
 """
 
 from enum import StrEnum

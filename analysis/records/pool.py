@@ -124,7 +124,7 @@ class FlightsToSee(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TrendQuantity(StrEnum):
-    """The reference of a comparison of power."""
+    """Quantities over which power may have a trend."""
 
     DATE = "date"
     TEMPERATURE = "air temperature"
@@ -222,7 +222,7 @@ class PowerDifference(msgspec.Struct, frozen=True, kw_only=True):
     difference_percent: float
     lo_percent: float
     hi_percent: float
-    independent_half_width_percent: float  # the difference if A and B shared no error
+    independent_half_width_percent: float  # what it would be if A and B shared no error
 
     @property
     def excludes_zero(self) -> bool:
