@@ -1,7 +1,7 @@
 """Finds propeller tables by words and size, and estimates the error of using a table of another size or a computed one.
 
 The header of a table describes the propeller: `# series = APC thin electric`, `# origin = measured`, `# published = …`,
-`# pitch_m = …`, `# blades = 2`. Both costs are found from the tables themselves, by comparing thrusts at the same
+`# pitch_m = …`, `# blades = 2`. Both errors are found from the tables themselves, by comparing thrusts at the same
 airspeed and speed of rotation.
 """
 
@@ -299,7 +299,7 @@ def with_table_error(uncertainty: Uncertainty, keys: Collection[str], propeller:
     """The uncertainty of a table's thrust before a flight, and a sentence if it differs from the usual one: a computed
     table is less certain, unless the aircraft file states it.
 
-    stated : of the aircraft file     keys : that this file has ("uncertainty.thrust_scale")
+    uncertainty : of the aircraft file     keys : that this file has ("uncertainty.thrust_scale")
     """
     silent = [key for key in ("thrust_scale", "thrust_slope") if f"uncertainty.{key}" not in keys]
     if propeller.origin is not Origin.COMPUTED or not silent:
