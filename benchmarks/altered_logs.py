@@ -402,7 +402,7 @@ def altered_text(data: bytes, number: int) -> bytes:
 
 
 class Hang(BaseException):
-    """One input took too long. It is not an error that altered bytes cause, which readers catch."""
+    """One input took too long. No Exception, since readers catch those that altered bytes cause."""
 
 
 @dataclass
@@ -444,7 +444,7 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
             try:
                 with warnings.catch_warnings(record=True) as warned:
                     warnings.simplefilter("always")
-                    warnings.simplefilter("ignore", ResourceWarning)  # a slot that Python does not expose
+                    warnings.simplefilter("ignore", ResourceWarning)  # Python does not show these either
                     target.run(path)
                 if warned:
                     raise RuntimeError(

@@ -89,7 +89,7 @@ def outcome_of(job: tuple[int, tuple[str, str, str]]) -> Checked:
     values = flight_values(electrical, best_range, recording.parameters)
     assert values.airspeed_factor is not None
     factor = 1 / (1 + errors.values.V_scale)
-    moved = factor * (1 + electrical.airspeed.scale)  # error from the estimated to the true airspeed
+    moved = factor * (1 + electrical.airspeed.scale)  # true over estimated airspeed
     to_equivalent = float(np.sqrt(electrical.conditions.rho / SEA_LEVEL_DENSITY))
     speeds = [(speed, moved * speed.value) for speed in (values.slowest, values.fastest)]
     speeds.append((values.cruise, to_equivalent * cruise_mps))

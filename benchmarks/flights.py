@@ -244,7 +244,7 @@ def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.nd
     """Name, values and format of each statistic of errors (flights, speeds) with the half widths of their intervals.
 
     NaN marks a speed that a flight does not cover; a speed covered by no flight is NaN in every row. Without half
-    widths there is no such row.
+    widths there are no rows on intervals.
     """
     finite = np.isfinite(error).any(axis=0)
     rows = [

@@ -40,7 +40,7 @@ SHIPPED = "full-test-flight"
 BY_HAND = Pilot(autopilot=False, load=1.0)
 HEIGHT_M, LEG_M = 40.0, 1300.0  # as in the shipped plan
 KEY = ("aircraft", "question", "kt", "minutes", "plan", "pilot", "seed")
-EARLIER_SEED = 999  # from the first flight, after which further ones are planned
+EARLIER_SEED = 999  # of the first flight, after which further ones are planned
 
 
 def make_plans(
