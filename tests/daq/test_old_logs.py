@@ -201,7 +201,7 @@ def test_stopping_ends_the_process_at_once(tmp_path, monkeypatch, torn):
 
 
 def test_the_process_has_no_real_time_priority(tmp_path):
-    """It inherits no descriptors of the daemon, and uses a tenth of a processor at most."""
+    """It inherits none of the daemon, and leaves nine tenths of a processor to others that compute."""
     recovery, lines = BackgroundRecovery([]), []
     show = "import os; print(os.sched_getscheduler(0), os.nice(0))\nfrom daq import background_recovery as b\n"
     show += "b.yield_to_others(); print(os.sched_getscheduler(0), os.nice(0))"

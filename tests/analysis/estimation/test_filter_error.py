@@ -280,8 +280,8 @@ def test_segments_add_and_missing_samples_cost_information_and_nothing_else():
 
 
 def test_an_unstable_aircraft_needs_no_split_record():
-    """Positive Mal, held by feedback: an error doubles in 0.3 s, e^23 over the record, except the filter, which
-    corrects itself at every sample."""
+    """Positive Mal, held by feedback: an error would double in 0.3 s, e^23 over the record, if the filter did not
+    correct itself at every sample."""
     truth = LINEAR_TRUTH | {"Z0": 0.0, "M0": 0.0, "Mal": 12.0}
     A = np.array([[truth["Zal"], 1.0], [truth["Mal"], truth["Mq"]]])
     B = np.array([truth["Zde"], truth["Mde"]])

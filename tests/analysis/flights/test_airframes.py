@@ -18,7 +18,7 @@ from flightpower.analysis.records.flight import Trust
 
 
 def test_the_scatter_among_airframes_is_distinguished_from_the_errors_of_each() -> None:
-    """Over 400 draws a flight's own errors are as large as the scatter."""
+    """400 airframes are drawn, each with errors of its own as large as the scatter."""
     rng = np.random.default_rng(4)
     among = np.array([[1.0, 0.5], [0.5, 2.0]])
     own = np.stack([np.diag(rng.uniform(0.5, 2.0, 2)) for _ in range(400)])

@@ -297,7 +297,7 @@ def test_drag_with_a_quartic_term_is_a_doubt_and_the_interval_covers_it() -> Non
     CL = 2 * W / (AT.rho * V**2 * AT.wing_area_m2)
     true = power(polar()) + AT.rho * V**3 * AT.wing_area_m2 / 2 * 0.02 * CL**4
     assert np.all(np.abs(results - true) < 1.96 * error + 0.003 * true)
-    assert np.all(error < 0.1 * true), "wider by the change of the term, which is less than the whole interval"
+    assert np.all(error < 0.1 * true), "wider by what the quartic term changes, which is less than all of it"
     assert not estimate_polar(measured(f), runs, AIRCRAFT, PROPELLER).warnings
 
 

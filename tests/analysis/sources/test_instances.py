@@ -176,7 +176,7 @@ def test_what_no_small_aircraft_can_measure_is_left_out(name: str, least: float,
      (CURRENT, 20.0, 300.0), (MOTOR, 100.0, 100.0), (GPS[0], 15.0, 30.0), ("a thermometer [K]", 290.0, 50.0)],
 )  # fmt: skip
 def test_a_single_value_far_from_its_neighbors_is_left_out(name: str, usual: float, spike: float) -> None:
-    """A deviation of three samples is not a spike. Such a sample can be the first or the last one."""
+    """A deviation of three samples is not a spike. The first and the last sample can be spikes."""
     for i in (0, 1, 50, 98, 99):
         for height, is_plausible in ((0.95, True), (1.05, False)):
             value = np.full(100, usual)
