@@ -108,7 +108,8 @@ class BackgroundRecovery(Recovery):
         return done + 1
 
     def _run(self, command: list[str], on_line: Callable[[bytes], None]) -> int:
-        """The exit status of a process that has no real-time priority from its first instruction. hear: each line."""
+        """The exit status of a process that has no real-time priority from its first instruction. on_line: gets each
+        line."""
         read_end, write_end = os.pipe2(os.O_CLOEXEC)
         with os.fdopen(read_end, "rb") as output:
             try:

@@ -337,7 +337,7 @@ KEYS: dict[str, Key] = {
     "installation.name": Key(
         '"boom on the left wing, 12 May"',
         "Name of the installation of probe, tubes and tray.",
-        "Choose a name, and a new one whenever a sensor is removed or moved.",
+        "Choose a name, and a new one whenever one of these is removed or moved.",
         "pooling of flights",
         "the probe is treated as remounted for each flight",
     ),

@@ -20,7 +20,7 @@ def read_unit_columns(
 ) -> dict[str, NDArray[np.float64]]:
     """Columns (n,) of finite numbers by name, in SI units. Lines that are empty or begin with # are left out.
 
-    known : by title, the name and the SI unit     needed : titles of columns that the file must have
+    columns : by title, the name and the SI unit     needed : titles of columns that the file must have
     example : a header, for messages
     Raises InputError naming file and cause: no measurements, another column, a line without a number, a missing column.
     """

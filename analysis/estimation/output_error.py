@@ -72,7 +72,10 @@ def responses_in_blocks(simulator: "Simulator", records: Iterable[Record]) -> It
 
 
 def summed(blocks: Iterable[Response], Z: Array, columns: NDArray[np.intp]) -> Sums | None:
-    """The sums over a record; None if the response is not finite. kept : unknowns among those of the simulator."""
+    """The sums over a record; None if the response is not finite.
+
+    columns : of the unknowns of the fit among those of the simulator
+    """
     y, residuals = np.empty_like(Z), np.empty_like(Z)
     gram, product = np.zeros((Z.shape[1], len(columns), len(columns))), np.zeros((Z.shape[1], len(columns)))
     first = 0

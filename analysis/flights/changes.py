@@ -41,7 +41,7 @@ class Series(NamedTuple):
 class Change(NamedTuple):
     """A change from one flight on, until the next change or the last flight.
 
-    since, found : numbers of the first flight that differs and of the one after which this was reported
+    since, detected : numbers of the first flight that differs and of the one after which this was reported
     drag, thrust : change as a share; of a drift until the last of these flights     covariance : (2, 2) of both
     """
 

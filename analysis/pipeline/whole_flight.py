@@ -106,7 +106,8 @@ def analyze_recording(
     """The energy balance of a recording.
 
     tried : as for `analyze_daemon_log`
-    given : the aircraft file, where the log has one; else that of the options     table : of the propeller in the log
+    aircraft : the aircraft file, where the log has one; else that of the options
+    table : of the propeller in the log
     Raises InputError.
     """
     path = Path(recording.path)

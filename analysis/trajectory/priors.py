@@ -128,7 +128,7 @@ class SensorPriors(NamedTuple):
     """What is known of the sensor errors before a flight.
 
     alpha_scale_sigma : of the slope of the probe's calibration, in addition to the stated one
-    stated : standard deviations of `stated_sigma`
+    file_sigma : standard deviations of `stated_sigma`
     calibrated : standard errors by the calibration of the transducers, by name of PRIORS.calibrated; in place of
         the stated ones. An error of the reference's scale acts on both; they are taken as independent.
     factor : on all standard deviations, a number or (m,)
