@@ -57,15 +57,15 @@ def stand_of(aircraft: Aircraft, errors: DrawnErrors, seed: int) -> ThrustStand:
 
 
 def one_flight(
-    setup: Setup, *, with_curvature: bool = False, steady: bool = False, curvature: float | None = None
+    setup: Setup, *, states_errors: bool = False, steady: bool = False, curvature: float | None = None
 ) -> Rows:
     """Rows by data used, without and with the stand; thrust at rest in percent of the table's.
 
-    with_curvature: the aircraft file has the world's errors of thrust. steady: by the steady points of the plan alone.
+    states_errors: the aircraft file has the world's errors of thrust. steady: by the steady points of the plan alone.
     curvature: [uncertainty] thrust_curvature. Empty where the flight ended too soon.
     """
     aircraft, probe, errors = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn_errors
-    if with_curvature:
+    if states_errors:
         aircraft = stating_thrust(aircraft, load_world(setup.world).errors)
     if curvature is not None:
         aircraft = replace(aircraft, uncertainty=replace(aircraft.uncertainty, thrust_curvature_fraction=curvature))

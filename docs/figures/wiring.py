@@ -87,10 +87,10 @@ def wiring() -> str:
         y = top + i * step
         parts += [box(left, y, WIDTH - left - 8, step - 12), *lines(left + 54, y + 24, *board)]
         for k, kind in enumerate(kinds):
-            height = y + 13 + 17 * k
+            wire_y = y + 13 + 17 * k
             parts += [
-                path(kind, (rails[kind], height), (left, height)),
-                text(left + 8, height + 4.5, kind, size=12, fill=COLOR[kind]),
+                path(kind, (rails[kind], wire_y), (left, wire_y)),
+                text(left + 8, wire_y + 4.5, kind, size=12, fill=COLOR[kind]),
             ]
     last = top + (len(BOARDS) - 1) * step
     for k, kind in enumerate(kinds):
@@ -103,10 +103,10 @@ def wiring() -> str:
         *lines(left + 54, y + 24, "GPS, u-blox", "pin VCC: 3.3 V (a board", "with a regulator: 5 V)"),
     ]
     for k, (name, number, kind) in enumerate(RECEIVER):
-        height = y + 16 + 18 * k
+        wire_y = y + 16 + 18 * k
         pi_name = {"TX": "RXD", "RX": "TXD"}.get(name, name)
-        parts += [pin(edge, height, str(number), pi_name, kind), path(kind, (edge, height), (left, height))]
-        parts.append(text(left + 8, height + 4.5, {"3.3 V": "VCC"}.get(name, name), size=12, fill=COLOR[kind]))
+        parts += [pin(edge, wire_y, str(number), pi_name, kind), path(kind, (edge, wire_y), (left, wire_y))]
+        parts.append(text(left + 8, wire_y + 4.5, {"3.3 V": "VCC"}.get(name, name), size=12, fill=COLOR[kind]))
     y += step + 12
     parts += [
         box(left, y, WIDTH - left - 8, 76),
@@ -119,10 +119,10 @@ def wiring() -> str:
         *lines(left + 12, sensor + 46, "RPM sensor", "at one phase of the motor"),
     ]
     for k, (above, below, kind) in enumerate(COUNTER):
-        height = left + 36 + 76 * k
-        parts += [path(kind, (height, y + 76), (height, sensor))]
-        parts.append(text(height, y + 68, above, size=12, anchor="middle", fill=COLOR[kind]))
-        parts.append(text(height, sensor + 18, below, size=12, anchor="middle", fill=COLOR[kind]))
+        wire_x = left + 36 + 76 * k
+        parts += [path(kind, (wire_x, y + 76), (wire_x, sensor))]
+        parts.append(text(wire_x, y + 68, above, size=12, anchor="middle", fill=COLOR[kind]))
+        parts.append(text(wire_x, sensor + 18, below, size=12, anchor="middle", fill=COLOR[kind]))
     y = sensor + 88
     parts += [
         box(left, y, WIDTH - left - 8, 64),
@@ -134,9 +134,9 @@ def wiring() -> str:
         box(left, y, WIDTH - left - 8, 64),
         *lines(left + 54, y + 20, "Supply: 5 V, 3 A", "converter of its own", "on the flight battery"),
     ]
-    for height, number, kind in ((y + 20, "2, 4", "5 V"), (y + 44, "6", "GND")):
-        parts += [pin(edge, height, number, kind, kind), path(kind, (edge, height), (left, height))]
-        parts.append(text(left + 8, height + 4.5, kind, size=12, fill=COLOR[kind]))
+    for wire_y, number, kind in ((y + 20, "2, 4", "5 V"), (y + 44, "6", "GND")):
+        parts += [pin(edge, wire_y, number, kind, kind), path(kind, (edge, wire_y), (left, wire_y))]
+        parts.append(text(left + 8, wire_y + 4.5, kind, size=12, fill=COLOR[kind]))
     parts += shunt(y + 92)
     return page(y + 232, parts, "Wiring: which pin of the Raspberry Pi goes where")
 
