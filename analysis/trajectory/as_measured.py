@@ -1,7 +1,7 @@
-"""The path of a flight as its sensors show it, where no trajectory explains all of them.
+"""The path of a flight as its sensors measure it, used where no trajectory agrees with all of them.
 
-Attitude is the measured angle of attack above the climb by the barometer, velocity is airspeed along the heading that
-the gyros integrate. No sensor error is estimated: each keeps its prior, which is the covariance of this path.
+Pitch attitude is the measured angle of attack plus the climb angle from the barometer; velocity is airspeed along the
+heading of the first estimate. No sensor error is estimated: each keeps its prior, and so does their covariance.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ def path_as_measured(
     compass: Compass | None = None,
     gust_length: float = 1.0,
 ) -> Trajectory:
-    """The path as measured, in the form of a trajectory that did not converge. Arguments as for `reconstruct`."""
+    """Return the path as measured, as a trajectory that did not converge. The arguments are those of `reconstruct`."""
     problem = TrajectoryProblem(table, rest, priors, compass)
     blocks, n, m = problem.blocks, problem.blocks.n, len(SENSOR_ERRORS)
     x = problem.initial_states.copy()
@@ -59,7 +59,7 @@ def path_as_measured(
 
 
 def _gusts_mps(blocks: BlockMeans) -> float:
-    """Vertical gusts [m/s], 1 sigma, by the quick changes of the angle of attack in flight; the pilot's are in it."""
+    """Vertical gusts [m/s], 1 sigma, from quick changes of the angle of attack in flight, the pilot's included."""
     if not blocks.flying.any():
         return SOLVER.least_gust_mps
     alpha = blocks["alpha_rad"]

@@ -15,9 +15,9 @@ class BlockMeans:
     """Block means of every column of a table that `air_data` returned; `means[name]` is an array (n,).
 
     n : number of whole blocks             t_s : (n,) centers of the blocks
-    rows : (n,) rows of the table there    step_s : time between them    rate_Hz : of the table
+    rows : (n,) table rows at the centers  step_s : time between them    rate_Hz : sample rate of the table
     flying : (n,) whether the aircraft is above `least_height_m` and airspeed is measured
-    speed_scale, least_height_m : of the aircraft (`flight.runs.AIRCRAFT_SIZE`)
+    speed_scale, least_height_m : properties of the aircraft (`flight.runs.AIRCRAFT_SIZE`)
     """
 
     def __init__(self, table: pd.DataFrame):
@@ -32,7 +32,7 @@ class BlockMeans:
 
     @property
     def in_flight(self) -> BoolArray:
-        """`flying`, (n,), and gaps of airspeed in the air that are shorter than the past from which one predicts."""
+        """`flying`, (n,), also True in gaps of airspeed in the air that are shorter than the window of predictions."""
         bridged, in_air = self.flying.copy(), self["height_m"] > self.least_height_m
         for gap in stretches(~self.flying):
             inside = 0 < gap.start and gap.stop < self.n and bool(in_air[gap].all())

@@ -1,20 +1,20 @@
 """Kinematic consistency of a flight's channels, as measured and with the estimated sensor errors corrected.
 
-Two checks of classic flight-path reconstruction. With wings level, pitch attitude less angle of attack is the angle of
-climb: theta - alpha - gamma = 0, gamma from the barometer (a small bank is included). And airspeed equals GPS velocity
-less wind. No sensor measures attitude or wind: both come from the reconstructed trajectory in either case, so "before"
-shows the errors of air data and GPS, and "after" what is left of them.
+These are two checks of classic flight-path reconstruction. With wings level, pitch attitude less angle of attack is the
+angle of climb: theta - alpha - gamma = 0, gamma from the barometer (a small bank is included). And airspeed equals GPS
+velocity less wind. No sensor measures attitude or wind: both come from the reconstructed trajectory in either case, so
+"before" shows the errors of air data and GPS, and "after" what is left of them.
 
-Time shifts between channels, after all known delays were taken out, are estimated by the reconstruction with
-everything else: the probe's channels, whose tubes have much the same length,
-against the inertial sensors; and GPS against them. It always corrects for them, significant or not; this module only
-reports them.
+All known delays have been removed before. The reconstruction estimates the remaining time shifts along with everything
+else: those of the probe's channels, whose tubes have nearly the same length, and of GPS, both relative to the inertial
+sensors. It always corrects for them, significant or not; this module only reports them.
 
-Why not alpha by itself, against pitch rate and lift (3.22): the aircraft heaves with a gust and turns into it,
-which looks like a late probe. On simulated flights with lags of 15 to 20 ms such a fit gave 53 to 75 ms in a turbulence
-of W20 = 3 kt and 120 to 134 ms at 15 kt, with errors of 3 to 8 ms and residuals that look like white noise.
+A fit of alpha alone to pitch rate and lift (3.22) cannot replace this: the aircraft heaves with a gust and turns into
+it, which looks like a late probe. On simulated flights with lags of 15 to 20 ms such a fit gave 53 to 75 ms in
+turbulence of W20 = 3 kt and 120 to 134 ms at 15 kt, with standard errors of 3 to 8 ms and residuals that look like
+white noise.
 
-`calibrate` gives airspeed scale and wind of a flight, from airspeed against GPS on different headings.
+`calibrate` returns the airspeed scale and wind of a flight, from airspeed compared with GPS on different headings.
 """
 
 from typing import NamedTuple
@@ -46,7 +46,7 @@ class Consistency(NamedTuple):
 
 
 class _AirDataAndGps(NamedTuple):
-    """Channels (n,) of the checks."""
+    """Channels (n,) that the checks compare."""
 
     V: Array
     alpha: Array
@@ -56,7 +56,7 @@ class _AirDataAndGps(NamedTuple):
 
 
 def consistency(trajectory: Trajectory) -> Consistency:
-    """Both checks, before and after the correction."""
+    """Return the differences of both checks, before and after the correction."""
     blocks = trajectory.block_means
     names = ("V_mps", "alpha_rad", "beta_rad", "gps_north_mps", "gps_east_mps")
     measured = _AirDataAndGps(*(blocks[name] for name in names))
@@ -64,7 +64,7 @@ def consistency(trajectory: Trajectory) -> Consistency:
 
 
 def consistency_checks(agreement: Consistency) -> list[ConsistencyCheck]:
-    """Mean and scatter of both differences, as far as they were measured."""
+    """Return the mean and scatter of each difference that was measured."""
     checks = []
     for column, title, factor, unit in (
         (ANGLES, "pitch attitude less angle of attack less climb angle, wings level", float(np.degrees(1.0)), "deg"),
@@ -77,7 +77,7 @@ def consistency_checks(agreement: Consistency) -> list[ConsistencyCheck]:
 
 
 def difference_check(difference: pd.Series, title: str = "", unit: str = "") -> Check | None:
-    """Mean and scatter of a difference in flight, NaN left out; None where less than two batches were measured.
+    """Mean and scatter of a difference in flight, NaN left out; None if fewer than two batches were measured.
 
     The standard error comes from the means of batches of CONSISTENCY.batch_s, so slow changes count.
     """
@@ -95,7 +95,7 @@ def difference_check(difference: pd.Series, title: str = "", unit: str = "") -> 
 
 
 def _differences(trajectory: Trajectory, channels: _AirDataAndGps) -> pd.DataFrame:
-    """Columns of Consistency."""
+    """Return the two differences, columns ANGLES and SPEED, for these channels."""
     blocks, t_s = trajectory.block_means, trajectory.block_means.t_s
     x = _states(trajectory)
     flying = np.where(blocks.flying, 1.0, np.nan)
@@ -138,13 +138,13 @@ def _states(trajectory: Trajectory) -> NamedArrays:
 
 
 def _moving_average(values: Array, t_s: Array) -> Array:
-    """Means over PREDICTION.slow_s about each instant; NaN where any of it was not measured."""
+    """Means over PREDICTION.slow_s about each instant; NaN where any value in the window is missing."""
     window = 2 * round(PREDICTION.slow_s / (t_s[1] - t_s[0]) / 2) + 1
     return pd.Series(values).rolling(window, center=True).mean().to_numpy()
 
 
 def _advanced(values: Array, t_s: Array, lag_s: float) -> Array:
-    """A channel with its lag taken out; NaN stays in place."""
+    """Return a channel with its lag removed; NaN stays in place."""
     finite = np.isfinite(values)
     if not finite.any():
         return values
@@ -155,7 +155,7 @@ SHIFTED_CHANNELS = {"air_data_lag": "the probe", "gps_latency": "GPS"}
 
 
 class TimeShift(NamedTuple):
-    """Delay of channels against the inertial sensors, and its standard error [s]. error: of SHIFTED_CHANNELS."""
+    """Delay of channels against the inertial sensors, and its standard error [s]. error: key of SHIFTED_CHANNELS."""
 
     error: str
     delay_s: float
@@ -167,7 +167,7 @@ class TimeShift(NamedTuple):
         return abs(self.delay_s) > max(STATISTICS.sigmas * self.standard_error_s, CONSISTENCY.least_shift_s)
 
     def in_words(self) -> str:
-        """ "GPS is 212 ± 3 ms late against the IMU.", or that the flight does not show it."""
+        """Return "GPS is 212 ± 3 ms late against the IMU.", or say that the flight does not show the shift."""
         name = SHIFTED_CHANNELS[self.error]
         if not self.determined:
             return f"This flight does not show how late {name} is against the IMU."
@@ -188,7 +188,7 @@ def _time_shift(trajectory: Trajectory, name: str) -> TimeShift:
 
 
 def time_shift_notes(trajectory: Trajectory) -> list[str]:
-    """A significant shift of the probe; a latency of GPS is normal."""
+    """Return a note on a significant time shift of the probe; none on GPS, whose latency is normal."""
     shift = _time_shift(trajectory, "air_data_lag")
     if not (shift.determined and shift.significant):
         return []
@@ -211,7 +211,7 @@ class AirspeedCalibration(NamedTuple):
 
 
 def why_not_determined(error: float, prior: float) -> str:
-    """Why a flight does not determine the scale, and what to fly; empty if it does. Both: standard errors."""
+    """Why a flight does not determine the scale, and what to fly; empty if it does. Both are standard errors."""
     if error <= STATISTICS.determined_share * prior:
         return ""
     return (
@@ -221,7 +221,8 @@ def why_not_determined(error: float, prior: float) -> str:
 
 
 def notes_on(one_way: float, error: float, prior: float) -> list[str]:
-    """What limits a scale, in sentences. one_way: length of the mean heading vector; prior: its standard deviation."""
+    """Return notes on what limits the scale. one_way: length of the mean heading vector; error, prior: standard errors
+    of the scale after and before the flight."""
     notes = []
     if one_way > SHOWN.one_heading:
         notes.append(

@@ -32,7 +32,7 @@ class GaussMarkov(NamedTuple):
 
 
 class SecondOrderGust(NamedTuple):
-    """Dryden's lateral or vertical gust, g = g2 + sqrt3 (g1 - g2): white noise filtered once is g1, twice is g2.
+    """Dryden's lateral or vertical gust, g = g2 + sqrt3 (g1 - g2): g1 is white noise filtered once, g2 filtered twice.
 
     T g1' = noise - g1, T g2' = g1 - g2: variances sigma^2/2 and sigma^2/4. T = L/V with the standard's L.
     """
@@ -43,7 +43,8 @@ class SecondOrderGust(NamedTuple):
     def discretize(self, step_s: float) -> tuple[Array, Array, Array]:
         """Decay factor of g1 and g2 over a step; standard deviations of the increments of g1 and of g2 [m/s].
 
-        g1 is taken as linear over the step; g2 then lacks the noise within it: (step/T)^3/12 of sigma^2.
+        g1 is assumed linear over the step; g2 gets the noise within it as an increment of variance
+        sigma^2 (step/T)^3/12.
         """
         d = np.asarray(step_s / self.time_s)
         return np.exp(-d), self.sigma_mps * np.sqrt(-np.expm1(-2 * d) / 2), self.sigma_mps * np.sqrt(d**3 / 12)
@@ -66,21 +67,21 @@ def mean_wind_profile(height_m: ArrayLike) -> Array:
     """Mean wind at heights (n,) above ground [m], up to a factor: logarithmic (sec. 3.7.3.4: roughness of open
     country 0.15 ft), constant outside the layer of `_in_layer`.
 
-    From 20 to 100 m the wind grows by 26 %. Country ten times rougher or smoother makes that 43 or 19 %.
+    From 20 to 100 m the wind grows by 26 %; over country ten times rougher or smoother, by 43 or 19 %.
     """
     return np.asarray(np.log(_in_layer(height_m) / (0.15 * FOOT_M)))
 
 
 def longitudinal(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> GaussMarkov:
-    """Longitudinal gusts where the vertical ones have sigma_w: L_u = h/s^1.2, sigma_u = sigma_w/s^0.4 (h in feet), at
-    heights above ground [m] and speeds V [m/s]."""
+    """Longitudinal gusts for vertical gusts of intensity sigma_w: L_u = h/s^1.2, sigma_u = sigma_w/s^0.4 (h in feet),
+    at heights above ground [m] and speeds V [m/s]."""
     h = _in_layer(height_m)
     shape = 0.177 + 0.000823 * h / FOOT_M
     return GaussMarkov(sigma_w_mps / shape**0.4, h / shape**1.2 / np.asarray(V))
 
 
 def lateral(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> SecondOrderGust:
-    """Lateral gusts where the vertical ones have sigma_w: intensity and scale length of the longitudinal ones."""
+    """Lateral gusts for vertical gusts of intensity sigma_w; as strong and as long as the longitudinal ones."""
     return SecondOrderGust(*longitudinal(sigma_w_mps, height_m, V))
 
 
@@ -90,5 +91,5 @@ def vertical(sigma_w_mps: float, height_m: ArrayLike, V: ArrayLike) -> SecondOrd
 
 
 def _in_layer(height_m: ArrayLike) -> Array:
-    """The heights, limited to those of the low-altitude form: 10 to 1000 ft."""
+    """Limit heights to the range of the low-altitude form: 10 to 1000 ft."""
     return np.asarray(np.clip(np.asarray(height_m, dtype=float), 10 * FOOT_M, 1000 * FOOT_M))

@@ -1,8 +1,8 @@
 """Process and measurement equations of the trajectory reconstruction.
 
 States at each instant: Euler angles, inertial velocity north-east-down, height, slowly varying wind, gusts, and the
-filter states of the lateral and vertical gusts. Sensor errors are constant over the flight: biases, scales, lags; with
-them is the mean updraft. The functions are written with NumPy; `linearized_equations` has CasADi derive them.
+filter states of the lateral and vertical gusts. Sensor errors are constant over the flight: biases, scales, lags;
+the mean updraft is listed with them. The functions use NumPy; `linearized_equations` has CasADi differentiate them.
 
 The aircraft responds to gusts: it heaves within a second and yaws into them within two; only its speed responds slowly.
 If this response multiplied a free sensor error, gusts would be attributed to the sensor (estimators.md).
@@ -30,9 +30,9 @@ SENSOR_ERRORS = ("p_bias", "q_bias", "r_bias", "ax_bias", "ay_bias", "az_bias", 
                  "dp_alpha_zero", "q_c_zero", "ax_vibration", "az_vibration", "alpha_per_g", "updraft",
                  "p_scale", "q_scale", "r_scale", "ax_scale", "az_scale", "probe_ahead")  # fmt: skip
 CONING_SCULLING = ("coning_phi", "coning_theta", "coning_psi", "sculling_north", "sculling_east", "sculling_down")
-# Between two instants: mean rates and specific force, those of them that have a scale predicted from past data, time
-# step, what means leave out of the changes of angles and velocity, ratio of the mean wind at the two heights, decay
-# factors of gusts.
+# Inputs for the step between two instants: mean rates and specific force; predictions from past data of those that have
+# a scale error; time step; what means leave out of the changes of angles and velocity; ratio of the mean wind at the
+# two heights; decay factors of gusts.
 PROCESS_INPUTS = ("p", "q", "r", "ax", "ay", "az", "vibration",
                   "p_predicted", "q_predicted", "r_predicted", "ax_predicted", "az_predicted", "dt", *CONING_SCULLING,
                   "wind_ratio", "decay_u", "decay_v", "decay_w")  # fmt: skip
@@ -41,12 +41,13 @@ MEASUREMENTS = ("V", "alpha", "beta", "height", "gps_north", "gps_east", "gps_do
 # Flow predicted from past data; variance of lateral and vertical gusts together, (m/s)^2; d ln V/d ln(pressure
 # difference of the alpha ports).
 PREDICTED_FLOW = ("V_predicted", "alpha_predicted", "transverse_gust_variance", "dlnV_dlndp_alpha")
-# Airspeed scale [1/Pa] and offset of the angle of attack [rad/Pa] that `q_c_zero` and `dp_alpha_zero` amount to.
+# Airspeed scale [1/Pa] and offset of the angle of attack [rad/Pa] that each pascal of `q_c_zero` and `dp_alpha_zero`
+# causes.
 BY_ZEROS = ("V_scale_per_Pa", "alpha_per_Pa")
 LEVEL_FIELD = ("field_forward", "field_right")  # measured magnetic field in level axes along and across the heading [T]
-# Regressors of the errors of the angle of attack: its change by the slope, the derivative of the angle at the probe,
-# which the lag subtracts, its change by the airspeed scale and by each meter that the probe sits further ahead, and the
-# mean over a block less the value at its center.
+# Regressors of the errors of the angle of attack: its change by the slope; the derivative of the angle at the probe,
+# for the lag; its change by the airspeed scale; the load factor less 1; its change for each meter that the probe sits
+# farther ahead; and its mean over a block less the value at the block's center.
 ALPHA_REGRESSORS = ("alpha_by_slope", "probe_alpha_rate", "alpha_by_V_scale", "excess_load", "alpha_per_m_ahead",
                     "alpha_curvature")  # fmt: skip
 MEASUREMENT_INPUTS = ("ax", "ay", "az", "vibration", "V_mean", "V_rate", "probe_beta_rate", "beta_per_m_ahead",
@@ -54,16 +55,15 @@ MEASUREMENT_INPUTS = ("ax", "ay", "az", "vibration", "V_mean", "V_rate", "probe_
 
 
 def vibration(motor_revps: Array) -> Array:
-    """Square of the motor's speed (n,) over that of VIBRATION_REVPS; 0 where it was not measured."""
+    """Square (n,) of the ratio of motor speed to VIBRATION_REVPS; 0 where the speed was not measured."""
     return np.asarray(np.nan_to_num(motor_revps / VIBRATION_REVPS) ** 2)
 
 
 def corrected_force(measured: Any, errors: Any) -> tuple[Any, Any, Any]:
-    """Specific force [m/s^2] without the errors of the accelerometers: constant ones, by vibration, and of scale.
+    """Specific force [m/s^2] without the accelerometers' errors: biases, offsets by vibration, and scale errors.
 
-    measured: ax, ay, az, and vibration, the square of the motor's speed over that of VIBRATION_REVPS. An offset by
-    vibration across the aircraft moves bank and heading, hardly drag: it is left out. The same holds for the lateral
-    scale, where the force is negligible.
+    measured: ax, ay, az, and vibration as `vibration` returns it. The lateral offset by vibration is left out because
+    it changes bank and heading, but hardly drag; so is the lateral scale, because the lateral force is negligible.
     """
     return (
         (measured.ax - errors.ax_bias - errors.ax_vibration * measured.vibration) / (1 + errors.ax_scale),
@@ -73,7 +73,7 @@ def corrected_force(measured: Any, errors: Any) -> tuple[Any, Any, Any]:
 
 
 def corrected_rates(measured: Any, errors: Any) -> tuple[Any, Any, Any]:
-    """Angular rates [rad/s] without the errors of the gyros: constant ones, and those of scale. measured: p, q, r."""
+    """Angular rates [rad/s] without the gyros' errors: biases and scale errors. measured: p, q, r."""
     return (
         (measured.p - errors.p_bias) / (1 + errors.p_scale),
         (measured.q - errors.q_bias) / (1 + errors.q_scale),
@@ -84,8 +84,9 @@ def corrected_rates(measured: Any, errors: Any) -> tuple[Any, Any, Any]:
 def _over_a_step(u: Any, errors: Any) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]:
     """Rates and specific force without their errors, over a step; u: PROCESS_INPUTS.
 
-    Scales multiply values predicted from past data: the aircraft yaws and heaves into a gust, which would be taken for
-    an error of scale (without GPS, in 15 kt, 13 deg of heading). Of an error of 2 %, 2 % of quick changes are left.
+    Scales multiply values predicted from past data. Otherwise the aircraft's yaw and heave into a gust would be
+    mistaken for a scale error (13 deg of heading without GPS, in 15 kt). So a scale error of 2 % still leaves an error
+    of 2 % in quick changes.
     """
 
     def of_scale(scale: Any, predicted: Any) -> Any:
@@ -135,7 +136,7 @@ def process_residuals(before: Any, after: Any, errors: Any, inputs: Any) -> Sequ
 
 
 def _gust_increments(gust_a: Any, twice_a: Any, gust_b: Any, twice_b: Any, decay: Any) -> tuple[Any, Any]:
-    """Increments over a step of g1 and g2 (dryden.SecondOrderGust); g1 from the gust g and g2."""
+    """Increments over a step of g1 and g2 (dryden.SecondOrderGust); g1 follows from the gust g and g2."""
     once_a, once_b = (twice + (gust - twice) / np.sqrt(3) for gust, twice in ((gust_a, twice_a), (gust_b, twice_b)))
     return once_b - decay * once_a, twice_b - decay * twice_a - (1 - decay) * (once_a + once_b) / 2
 
@@ -143,16 +144,16 @@ def _gust_increments(gust_a: Any, twice_a: Any, gust_b: Any, twice_b: Any, decay
 def flow(x: Any, predicted: Any, updraft_mps: Any = 0.0) -> tuple[Any, Any, Any]:
     """Airspeed [m/s], angles of attack and of sideslip [rad] at state x; predicted: PREDICTED_FLOW.
 
-    updraft_mps : mean vertical motion of the air. It acts on the angle of attack as 1/V, where an offset is constant
-        and an error of the slope goes with 1/V^2; in a turn also on sideslip. Its share of the airspeed, as the sine of
-        the flight path's angle, is left out.
+    updraft_mps : mean vertical motion of the air. It changes the angle of attack as 1/V, whereas an offset is constant
+        and a slope error varies as 1/V^2; in a turn it also changes sideslip. Its effect on airspeed, in proportion to
+        the sine of the flight-path angle, is left out.
 
-    Linear in the gust: its components along and across the predicted flow. Components along and across the actual flow
-    would have products of gusts that act like an offset of angle of attack.
+    The flow is linear in the gust, which is resolved along and across the predicted flow. Resolved along and across the
+    actual flow, it would give products of gusts that act like an offset of angle of attack.
 
-    The mean effect of the transverse gusts' square g^2 on airspeed is included. Airspeed is |v - g| = V - v.g/V +
-    g^2/(2 V), with the direction of flight v/V. The aircraft heaves and yaws with the gust, so that v has a transverse
-    component g too, which the predicted flow lacks: v.g/V contains g^2/V on average, and the sum is -g^2/(2 V).
+    The mean effect of transverse gusts g on airspeed is included. Airspeed is |v - g| = V - v.g/V + g^2/(2 V), with the
+    direction of flight v/V. The aircraft heaves and yaws with the gust, so v also has a transverse component g, which
+    the predicted flow lacks: v.g/V contains g^2/V on average, and the sum is -g^2/(2 V).
     """
     steady = x.v_north - x.wind_north, x.v_east - x.wind_east, x.v_down
     u, v, w = motion.body_from_earth(steady, (x.phi, x.theta, x.psi))
@@ -170,21 +171,22 @@ def flow(x: Any, predicted: Any, updraft_mps: Any = 0.0) -> tuple[Any, Any, Any]
 
 
 def measurement_model(x: Any, errors: Any, inputs: Any) -> Sequence[Any]:
-    """Each of MEASUREMENTS at state x; errors: SENSOR_ERRORS, inputs: MEASUREMENT_INPUTS.
+    """Return each of MEASUREMENTS at state x; errors: SENSOR_ERRORS, inputs: MEASUREMENT_INPUTS.
 
     If airspeed reads high by a fraction, dynamic pressure reads high by twice that; flow angles are pressure
     differences over dynamic pressure, and read low by as much. An angle that reads low selects the wrong q_c/qbar in
     the probe's calibration, which changes airspeed (dlnV_dlndp_alpha). A lag subtracts the derivative times the lag.
-    Slope and lag act on the angle at the probe, upwash and rotation included. The slope is an error of the pressure
-    difference, through the probe's calibration, which is curved: at 12 deg it acts on 10.6 deg (alpha_by_slope). Upwash
-    and rotation are subtracted in proportion to 1/V^2 and 1/V; alpha_by_V_scale contains these changes too. The zeros
-    of q_c and dp_alpha are an airspeed scale and an offset of the angle in inverse proportion to dynamic pressure; that
-    of dp_alpha changes airspeed by 0.01 % per 0.1 Pa, which is left out.
+    Slope and lag act on the angle at the probe, upwash and rotation included. The slope error is an error of the
+    pressure difference and acts through the probe's calibration, which is curved: at 12 deg it multiplies 10.6 deg
+    (alpha_by_slope). Upwash and rotation are subtracted in proportion to 1/V^2 and 1/V, so an airspeed error changes
+    them too (alpha_by_V_scale). The zeros of q_c and dp_alpha act as an airspeed scale and as an offset of the angle,
+    each in inverse proportion to dynamic pressure. The zero of dp_alpha also changes airspeed by 0.01 % per 0.1 Pa,
+    which is left out.
 
-    A probe further ahead than assumed moves up as the aircraft pitches up, and to the right as it yaws to the right.
+    A probe farther ahead than assumed moves up as the aircraft pitches up, and to the right as it yaws to the right.
 
     compass: component of the earth's field across magnetic north, which is zero. Leveling of the field uses a fixed
-    attitude (LEVEL_FIELD), so that this residual has a derivative by heading only. Otherwise errors of the
+    attitude (LEVEL_FIELD), so among the attitude angles only heading changes this residual. Otherwise errors of the
     magnetometer (hard iron) would change bank and pitch.
     """
     V, alpha, beta = flow(x, inputs, errors.updraft)

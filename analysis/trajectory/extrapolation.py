@@ -29,7 +29,7 @@ def extrapolated(
 
 
 def _hold_ends(values: Array) -> Array:
-    """Values (n,) with the last one before it in place of each NaN; the first one there is at the beginning."""
+    """Replace each NaN in values (n,) by the last value before it; at the beginning, by the first value."""
     finite = ~np.isnan(values)
     if finite.all() or not finite.any():
         return values

@@ -1,21 +1,21 @@
 """Intensity, scale length and slow power of gusts, from the evidence and from the flight's own spectra.
 
 The intensity follows from the evidence of three intensities. Two things move the vertex of the parabola through the
-three away from the true intensity. The process model takes the gusts of neighboring blocks as values at their
-centers; means over blocks have smaller increments, two thirds of the variance where the gusts are much longer than a
-block, so the likelihood is greatest up to a fifth too low. The negative log likelihood is not a parabola either: it
-rises faster towards low intensities, which moves the vertex up. Both depend on the noise: where it hides the fast
-gusts, the slow ones determine the intensity. The expected likelihood of a Gaussian process by its spectra (Whittle
-1953, Ark. Mat. 2, 423) has the same vertex for the true intensity.
+three away from the true intensity. The process model treats the gusts of neighboring blocks as values at the blocks'
+centers; but means over blocks have smaller increments, with two thirds of the variance where gusts are much longer than
+a block, so the likelihood peaks at an intensity up to a fifth too low. The negative log likelihood is not a parabola
+either: it rises faster towards low intensities, which moves the vertex up. Both depend on the noise: where it hides the
+fast gusts, the slow ones determine the intensity. So the intensity is found at which the expected likelihood of a
+Gaussian process, computed from its spectra (Whittle 1953, Ark. Mat. 2, 423), has the same vertex.
 
 Scale length and slow power follow from the spectra. The intensity is found from all frequencies of gusts, most of
-which are fast. Errors of airspeed and flow angles come from the slow ones: the mean of a gust over minutes. Their
+which are fast. Errors of airspeed and flow angles come from the slow ones, whose mean over minutes is not zero. Their
 power grows with the scale length (Lenschow, Mann & Kristensen 1994, J. Atmos. Oceanic Technol. 11, 661), which
 differs from place to place, and with the shape of the spectrum. A flight of minutes has few slow gusts, but the
 corner of the spectrum, at V/L, shows the scale length too. So Dryden's spectra are fitted to the periodograms of the
-reconstructed gusts (Whittle's likelihood): one factor of length for all three axes, with the user's (`[uncertainty]
-gust_length`) as a prior, and an intensity for each axis. Where the corner contradicts the assumed length, the flight
-is reconstructed again with the length found.
+reconstructed gusts (Whittle's likelihood): one factor of length for all three axes, with the user's value
+(`[uncertainty] gust_length`) as a prior, and an intensity for each axis. Where the corner contradicts the assumed
+length, the flight is reconstructed again with the length found.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ from flightpower.flight.arrays import Array
 
 
 class ObservedGust(NamedTuple):
-    """A gust at cruise where the vertical ones have 1 m/s, and the noise of a block mean that shows it [m/s]."""
+    """A gust at cruise, for vertical gusts of 1 m/s, and the noise of the block mean that measures it [m/s]."""
 
     gust: GaussMarkov | SecondOrderGust
     noise_mps: float
@@ -50,11 +50,12 @@ def intensity_of(octaves: float, middle_mps: float, observed: Sequence[ObservedG
     octaves : vertex of minus twice the logarithm of the evidence, in octaves from the middle of three intensities
     middle_mps : intensity in the middle; the others are half and twice as large
     """
-    from scipy.optimize import brentq  # its import takes longer than all of this
+    from scipy.optimize import brentq  # importing it takes longer than this whole function
 
-    frequencies, farthest_octaves = 256, 3.0  # in the Nyquist band; of the intensity from the middle of the three
+    frequencies, farthest_octaves = 256, 3.0  # number in the Nyquist band; limit of the search either way
     theta = np.pi * (np.arange(frequencies) + 0.5) / frequencies
-    # Per measurement and frequency, at the three intensities: model's power (k, n), and means' for 1 m/s (n,).
+    # For each measurement, by frequency: power of the model at the three intensities (3, n), power of block means for
+    # 1 m/s (n,), and power of the noise.
     spectra = []
     for gust, noise_mps in observed:
         if np.isfinite(noise_mps):
@@ -87,7 +88,7 @@ def process_spectrum(gust: GaussMarkov | SecondOrderGust, theta: Array, step_s: 
 
 def block_mean_spectrum(gust: GaussMarkov | SecondOrderGust, theta: Array, step_s: float) -> Array:
     """Two-sided power per step of means over a step of the continuous gust, at theta (n,) [rad/step]."""
-    # Four multiples of the sampling frequency: means over a step and the gusts' own spectrum attenuate the others.
+    # Four multiples of the sampling frequency are enough: averaging and the gusts' own spectrum attenuate the others.
     aliases = theta + 2 * np.pi * np.arange(-4, 5)[:, None]
     power = gust.power(aliases / step_s) / step_s * np.sinc(aliases / (2 * np.pi)) ** 2
     return np.asarray(power.sum(axis=0))
@@ -104,7 +105,7 @@ class GustAxis(IntEnum):
     LONGITUDINAL, LATERAL, VERTICAL = range(3)
 
 
-# The axis whose slow gusts look like the sensor error. The others are found from fast motion, gravity and GPS.
+# The axis whose slow gusts look like the sensor error. Errors not listed are found from fast motion, gravity and GPS.
 GUST_AXIS_OF_ERROR = {
     "alpha_bias": GustAxis.VERTICAL,
     "alpha_scale": GustAxis.VERTICAL,
@@ -125,7 +126,7 @@ class AxisSpectrum(NamedTuple):
 
 
 class ScaleLength(NamedTuple):
-    """Scale length of gusts over the assumed one, and the standard deviation of its logarithm."""
+    """Ratio of the gusts' scale length to the assumed one, and the standard deviation of the ratio's logarithm."""
 
     ratio: float
     log_sigma: float
@@ -143,7 +144,7 @@ def gust_spectra(
 
     random_errors_mps : (3, k, n) drawn from their distribution. assumed: processes at the mean speed and height.
     band : lowest and highest frequency, in radians over each axis' L/V. The reconstructed gust is smoother than the
-    true one; what it lacks is on average the power of its random errors.
+    true one; on average it lacks the power of its random errors, which is added.
     """
     n = gusts_mps.shape[1]
     tapers = np.sqrt(2 / (n + 1)) * np.sin(
@@ -163,7 +164,7 @@ def gust_spectra(
 
 
 def planned_ratios(n: int, step_s: float, assumed: Sequence[Gust], prior_length: float) -> Array:
-    """`slow_power_ratios` of a flight of n steps in gusts as assumed, whose periodograms are the spectra."""
+    """Return `slow_power_ratios` for a planned flight of n steps, with the assumed spectra as its periodograms."""
     axes = []
     for process in assumed:
         _, omega = _frequencies(n, step_s, process, GUSTS.slow)
@@ -172,7 +173,7 @@ def planned_ratios(n: int, step_s: float, assumed: Sequence[Gust], prior_length:
 
 
 def _frequencies(n: int, step_s: float, assumed: Gust, band: tuple[float, float]) -> tuple[NDArray[np.bool_], Array]:
-    """Which frequencies of n steps are compared, and these [rad/s]: within the band, and resolved."""
+    """Select the frequencies of n steps that are in the band and resolved: return a mask, and the values [rad/s]."""
     omega = 2 * np.pi * np.fft.rfftfreq(max(n, 1), step_s)
     half_bandwidth = (GUSTS.tapers + 1) / 2  # in units of one over the duration
     resolved = 2 * np.pi * half_bandwidth / max(n * step_s, step_s)
@@ -182,10 +183,10 @@ def _frequencies(n: int, step_s: float, assumed: Gust, band: tuple[float, float]
 
 
 def slow_power_ratios(axes: Sequence[AxisSpectrum], prior_length: float) -> Array:
-    """Expected power of slow gusts over the assumed one (3,): means of the posterior of sigma^2 T over the assumed.
+    """Expected ratio (3,) of the power of slow gusts to the assumed power: posterior mean of the ratio of sigma^2 T.
 
-    axes : `gust_spectra` in the band of slow gusts. prior_length: scale length over the assumed one, returned for a
-    flight too short to show another. The intensity of an axis with too few frequencies is as assumed.
+    axes : `gust_spectra` in the band of slow gusts. prior_length: the user's scale length over the assumed one,
+    returned for a flight too short to show another. The intensity of an axis with too few frequencies is as assumed.
     """
     is_known = [len(axis.omega) >= GUSTS.fewest_frequencies for axis in axes]
     if not any(is_known):
@@ -201,7 +202,8 @@ def slow_power_ratios(axes: Sequence[AxisSpectrum], prior_length: float) -> Arra
 def scale_length(axes: Sequence[AxisSpectrum], prior_length: float) -> ScaleLength:
     """The scale length of gusts over the assumed one, by `gust_spectra` in the band GUSTS.around_corner.
 
-    Unknown where no axis has GUSTS.fewest_frequencies: the user's length alone rejects nothing.
+    It is unknown (log_sigma infinite) where no axis has GUSTS.fewest_frequencies: the user's length alone cannot reject
+    the assumed one.
     """
     if all(len(axis.omega) < GUSTS.fewest_frequencies for axis in axes):
         return ScaleLength(1.0, np.inf)
@@ -211,10 +213,10 @@ def scale_length(axes: Sequence[AxisSpectrum], prior_length: float) -> ScaleLeng
 
 
 def _length_posterior(axes: Sequence[AxisSpectrum], prior_length: float) -> Array:
-    """Probabilities of LENGTHS (80,), the intensity of each axis unknown.
+    """Probabilities (80,) of LENGTHS, with the intensity of each axis unknown.
 
-    For a length, sigma^2 over the assumed one has an inverse gamma distribution with m degrees and the scale A, the sum
-    of power over spectrum; it is integrated over (prior flat in its logarithm).
+    For each length, the ratio of sigma^2 to its assumed value has an inverse gamma distribution with shape m and scale
+    A, the sum of power over spectrum; the ratio is integrated out, with a prior that is flat in its logarithm.
     """
     log_posterior = -((np.log(LENGTHS / prior_length) / np.log(GUSTS.length_factor)) ** 2) / 2
     for axis in axes:
@@ -240,19 +242,21 @@ class Estimate(NamedTuple):
 
 
 def with_slow_power(estimate: Estimate, prior: Estimate, gust_mps: float, ratios: Array) -> Estimate:
-    """The estimate of SENSOR_ERRORS where the power of slow gusts is `ratios` (3,) times that assumed in it.
+    """The estimate of SENSOR_ERRORS if the power of slow gusts is `ratios` (3,) times the power assumed in `estimate`.
 
-    The variance of the mean of a gust over a time much longer than its scale is in proportion to its slow power. So the
-    errors by the data of what looks like such gusts grow with the root of the ratio. The prior then counts for more:
-    the estimate moves towards it. gust_mps : standard deviation of vertical gusts, which share the errors with noise
+    The variance of the mean of a gust over a time much longer than its scale is in proportion to its slow power. So
+    where a sensor error looks like such gusts, the standard error from the data alone grows with the root of the ratio.
+    The prior then counts for more: the estimate moves towards it.
+
+    gust_mps : standard deviation of vertical gusts; the weaker they are, the more of the standard error is noise
     """
     share = gust_mps**2 / (gust_mps**2 + GUSTS.dominate_mps**2)
     ratio = np.ones(len(SENSOR_ERRORS))
     for name, axis in GUST_AXIS_OF_ERROR.items():
         ratio[SENSOR_ERRORS.index(name)] = ratios[axis]
     factor = np.sqrt(1 + (ratio - 1) * share)
-    # The estimate by the data alone is values + offset. What they do not determine (a millionth of the prior's
-    # information keeps it finite) is as little determined afterwards.
+    # The estimate by the data alone is values + offset. What the data do not determine (a millionth of the prior's
+    # information keeps it finite) stays undetermined.
     of_prior = np.linalg.inv(prior.covariance)
     of_data = np.linalg.inv(estimate.covariance) - (1 - 1e-6) * of_prior
     offset = np.linalg.solve(of_data, of_prior @ (estimate.values - prior.values))

@@ -26,12 +26,12 @@ class InertialInputs:
     """Rates and specific force between instants.
 
     mean : (n-1, 7) means of CHANNELS and of `vibration` from each instant to the next
-    predicted : (n-1, 5) of those means that have a scale, from past data
+    predicted : (n-1, 5) the means that have a scale error, predicted from past data
     angle_sigma, velocity_sigma : (n-1, 3) process noise over a step of Euler angles [rad] and of velocity [m/s]
     """
 
     def __init__(self, table: pd.DataFrame, blocks: BlockMeans, noise: dict[str, float]):
-        """table: the one of `blocks`. noise: standard deviation of one sample of each of CHANNELS."""
+        """table: the table that `blocks` averages. noise: standard deviation of one sample of each of CHANNELS."""
         self._t_s, self._rate_Hz = blocks.t_s, blocks.rate_Hz
         between = slice(blocks.rows[0], blocks.rows[-1] + 1)
         self._sample_rows = np.arange(blocks.n) * BLOCK
@@ -57,8 +57,9 @@ class InertialInputs:
     def coning_and_sculling(self, attitude: Array, sensor_errors: Array) -> Array:
         """Corrections (n-1, 6) of the changes of Euler angles [rad] and of velocity [m/s], order of CONING_SCULLING.
 
-        Changes integrated sample by sample along the attitude (n, 3) of the current iteration, less the changes by mean
-        rates and mean force at the mean attitude. Without them turns would tilt the whole trajectory by 0.05 deg.
+        A correction is the change integrated sample by sample along the attitude (n, 3) of the current iteration, less
+        the change by mean rates and mean force at the mean attitude. Without corrections turns would tilt the whole
+        trajectory by 0.05 deg.
         """
         errors = NamedArrays(SENSOR_ERRORS, sensor_errors)
         at_samples = _derivatives(CubicSpline(self._t_s, attitude)(self._sample_t_s).T, self._samples, errors)
@@ -68,7 +69,7 @@ class InertialInputs:
 
 
 def _at_instants(means: Array) -> Array:
-    """Values (n,) in the middle of the intervals whose means (n,) the IMU gives (log-format.md), of a parabola."""
+    """Values (n,) in the middle of the intervals whose means (n,) the IMU reports (log-format.md), by a parabola."""
     values = means.copy()
     values[1:-1] -= np.diff(means, 2) / 24
     return values
@@ -78,8 +79,8 @@ def _integral(values: Array) -> Array:
     """Integral from the first sample to each, in units of the sample interval; along the first axis.
 
     Uses the trapezoidal rule and the first term of its error, a twelfth of the change of the derivative (Euler and
-    Maclaurin). By that rule from the means themselves pitch and heave of a porpoise of 0.7 Hz were 0.4 % too small, and
-    the slope of the angle of attack as much too large.
+    Maclaurin). Applied to the means themselves, that rule made pitch and heave of a 0.7 Hz porpoise 0.4 % too small,
+    and the slope of the angle of attack 0.4 % too large.
     """
     trapezoids = np.cumsum((values[1:] + values[:-1]) / 2, axis=0)
     return np.concatenate([np.zeros_like(values[:1]), trapezoids]) - np.gradient(values, axis=0) / 12

@@ -1,4 +1,4 @@
-"""The equations of the trajectory with their exact derivatives, which CasADi derives, over all instants at once."""
+"""The equations of the trajectory over all instants at once, with their exact derivatives from CasADi."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,7 +21,7 @@ from flightpower.analysis.trajectory.smoother import Linearization
 from flightpower.analysis.trajectory.sparse_jacobian import SparseJacobian
 from flightpower.flight.arrays import Array
 
-if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: NumPy functions on symbols as before
+if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on, keeps NumPy functions working on symbols
     ca.GlobalOptions.setNumpyMode(-1)
 
 
@@ -66,7 +66,7 @@ class Equations:
 
 
 def _array_function(arguments: list[Any], residual: Any, jacobian: Any) -> ArrayFunction:
-    """Function of the residuals, all elements stored in order, and of the nonzero derivatives."""
+    """Build the function that returns the residuals, all elements in order, and the nonzero derivatives."""
     return ArrayFunction(ca.Function("equations", arguments, ca.cse([ca.densify(residual), jacobian])))
 
 

@@ -46,7 +46,8 @@ class Measurements:
     """Values and weights of MEASUREMENTS.
 
     weight : (n, ny), 1/sigma, 0 where nothing was measured; GPS as if it had no gaps
-    compass_sigma_factor : factor on the standard deviation of a block of the compass, for SENSORS.independent_headings
+    compass_sigma_factor : factor on the standard deviation of a compass block, so that all blocks together count as
+        SENSORS.independent_headings
     """
 
     def __init__(
@@ -59,7 +60,7 @@ class Measurements:
         V_reference: Array,
         field: LevelField,
     ):
-        """table: the one of `blocks`. at_rest: (n,). noise: of one sample. V_reference: (n,) smoothed airspeed."""
+        """table: averaged in `blocks`. at_rest: (n,). noise: 1 sigma per sample. V_reference: (n,) smooth airspeed."""
         self._t_s = blocks.t_s
         self._gps = {name: table[f"{name}_mps"].dropna() for name in GPS_COLUMNS}
         self.has_gps = bool(table["gps_north_mps"].notna().any())
@@ -73,7 +74,7 @@ class Measurements:
             "alpha": (blocks["alpha_rad"], flying),
             "beta": (blocks["beta_rad"], flying),
             "height": (blocks["height_m"], everywhere),
-            "gps_north": (zero, everywhere),  # values: `at_gps_latency`
+            "gps_north": (zero, everywhere),  # `at_gps_latency` fills in the values
             "gps_east": (zero, everywhere),
             "gps_down": (zero, everywhere),
             "v_north": (zero, at_rest),

@@ -1,14 +1,14 @@
-"""Which sensor errors a flight determined, what it lacked for the others, and whether they fit their priors.
+"""Find which sensor errors a flight determined, what it lacked for the others, and whether they fit their priors.
 
 A flight determines a sensor error when the standard error is clearly below the prior standard deviation. What it
 lacked follows from its excitation: headings, speeds, gusts, recorded channels.
 
-Where estimated errors do not fit their priors, these are too narrow, and so are intervals. In that test all errors
-are in prior standard deviations, so that the prior's information is 1 in every direction. In a direction in which the
-data have the information j, the data alone would give x = y (1 + j)/j in place of the estimate y. If the prior is
-right, x is normal with variance 1 + 1/j. If all sensor errors are larger than their priors by the same factor s, the
-variance is s^2 + 1/j; s is estimated by maximum likelihood (empirical Bayes; Box 1980, J. R. Stat. Soc. A 143, 383,
-for the test).
+Where estimated errors do not fit their priors, the priors are too narrow, and so are the intervals. That test expresses
+all errors in prior standard deviations, so that the prior's information is 1 in every direction. In a direction in
+which the data have the information j, the data alone would give x = y (1 + j)/j in place of the estimate y. If the
+prior is right, x is normal with variance 1 + 1/j. If all sensor errors are larger than their priors by the same factor
+s, the variance is s^2 + 1/j; s is estimated by maximum likelihood (empirical Bayes; Box 1980, J. R. Stat. Soc. A 143,
+383, for the test).
 """
 
 import math
@@ -34,14 +34,14 @@ from flightpower.flight.errors import InputError
 
 
 class SensorErrorKind(NamedTuple):
-    """title: for the reader. unit: SI; empty for a ratio."""
+    """How a sensor error is named to the reader, and its SI unit; the unit of a ratio is empty."""
 
     title: str
     unit: str
 
     @property
     def display_unit(self) -> tuple[float, str]:
-        """Factor and unit in which reports give it."""
+        """Factor from SI to the unit in which reports show the error, and that unit."""
         match self.unit:
             case "":
                 return 100.0, "%"
@@ -109,7 +109,7 @@ class MissingExcitation(StrEnum):
 
 
 def undetermined_text(error: SensorError) -> str:
-    """ "This flight does not determine the scale of airspeed: …"."""
+    """Return "This flight does not determine the scale of airspeed: …"."""
     return (
         f"This flight does not determine the {error.title}: standard deviation {error.assumed_sigma:.2g} {error.unit}"
         f" before the flight, {error.standard_error:.2g} {error.unit} after it. Reason: {'; '.join(error.missing)}."
@@ -118,7 +118,7 @@ def undetermined_text(error: SensorError) -> str:
 
 
 def excitation(trajectory: Trajectory) -> FlightExcitation:
-    """What the flight contains."""
+    """Find what the flight contains that determines sensor errors."""
     blocks = trajectory.block_means
     flying = blocks.flying
     heading, V = trajectory.states["psi"].to_numpy()[flying], blocks["V_mps"][flying]
@@ -134,7 +134,7 @@ def excitation(trajectory: Trajectory) -> FlightExcitation:
 
 _AIR_DATA = frozenset({"alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag"})
 _CROSSWIND = frozenset({"V_scale", "beta_bias", "ay_bias", "r_bias"})  # a steady wind on one heading acts like these
-# Whether it is lacking, and the sensor errors that are then not determined.
+# For each: whether a flight lacks it, and the sensor errors that are then not determined.
 _MISSING_EXCITATION: dict[MissingExcitation, tuple[Callable[[FlightExcitation], bool], frozenset[str]]] = {
     MissingExcitation.GPS: (lambda flight: not flight.gps, _CROSSWIND | {"gps_latency", "heading_bias"}),
     MissingExcitation.SIDESLIP: (lambda flight: not flight.sideslip, frozenset({"beta_bias"})),
@@ -149,13 +149,13 @@ _MISSING_EXCITATION: dict[MissingExcitation, tuple[Callable[[FlightExcitation], 
 
 
 def missing(name: str, flight: FlightExcitation) -> tuple[MissingExcitation, ...]:
-    """What the flight lacks to determine a sensor error. name: of SENSOR_ERRORS."""
+    """What the flight lacks to determine a sensor error. name: one of SENSOR_ERRORS."""
     reasons = tuple(what for what, (holds, errors) in _MISSING_EXCITATION.items() if name in errors and holds(flight))
     return reasons or (MissingExcitation.DURATION,)
 
 
 def sensor_error_estimates(trajectory: Trajectory) -> list[SensorError]:
-    """Each of SENSOR_ERRORS that a flight determines, those with the largest effect on power first.
+    """Return the estimates of SENSOR_ERRORS, determined or not, those with the largest effect on power first.
 
     Excludes the zeros of the pressures, which only rest shows, the compass if none was used, and the position of the
     probe if the aircraft file has it.
@@ -210,7 +210,7 @@ def trajectory_notes(
 
 
 def gust_notes(trajectory: Trajectory, runs: int, log: str) -> list[str]:
-    """The effect of turbulence on the angle of attack.
+    """Return a note on the effect of turbulence on the angle of attack, where it is large.
 
     Raises InputError for a single run in gusts that leave the angle of attack more uncertain than allowed:
     a degree is 20 % of power near the stall.
@@ -227,7 +227,7 @@ def gust_notes(trajectory: Trajectory, runs: int, log: str) -> list[str]:
 
 
 def lost_notes(trajectory: Trajectory) -> list[str]:
-    """Where the attitude could not be followed."""
+    """Return a note on where the attitude could not be followed."""
     if not trajectory.lost_s:
         return []
     first, last = trajectory.lost_s[0], trajectory.lost_s[-1] + trajectory.block_means.step_s
@@ -238,13 +238,13 @@ def lost_notes(trajectory: Trajectory) -> list[str]:
 
 
 def sensor_error_notes(errors: list[SensorError]) -> list[str]:
-    """Sensor errors with a large effect on power that the flight did not determine."""
+    """Return notes on sensor errors with a large effect on power that the flight did not determine."""
     return [undetermined_text(error) for error in errors if error.name in MATTERS and not error.determined]
 
 
 def heading_notes(trajectory: Trajectory, *, calibrated: bool) -> list[str]:
-    """How the heading was determined, where GPS did not, and whether the compass agrees. calibrated: whether the log
-    has a calibration of the magnetometer."""
+    """Return a note on how the heading was determined without GPS, or that the compass disagrees. calibrated: whether
+    the log has a calibration of the magnetometer."""
     gps, residual = excitation(trajectory).gps, trajectory.residuals.get("compass")
     if residual is not None:
         offset = trajectory.value("heading_bias")
@@ -278,11 +278,11 @@ MISFIT = {
 
 
 class JointConflict(NamedTuple):
-    """The two sensor errors that are least probable together, or all of them where these are less probable still.
+    """The two sensor errors that are least probable together, or all of them if all together are even less probable.
 
-    errors : by sensor error, its estimate less the prior's mean in the standard deviations that it has if the prior is
-        right; empty where the probability is above EVIDENCE.false_alarms
-    probability : of any as improbable in one flight whose priors are right, at most
+    errors : by sensor error, its estimate less the prior's mean, in units of the standard deviation that this
+        difference has if the prior is right; empty where the probability is above EVIDENCE.false_alarms
+    probability : upper bound of the probability that one flight with correct priors shows errors this improbable
     """
 
     errors: dict[str, float]
@@ -290,12 +290,13 @@ class JointConflict(NamedTuple):
 
 
 class PriorConflict(NamedTuple):
-    """factor : (m,) on the prior standard deviations, order of SENSOR_ERRORS; 1 where there is no conflict
+    """Conflict of the sensor errors with their priors.
 
-    z : by sensor error, the estimate less the prior's mean in the standard deviations that it has if the prior is
-        right, where that is large
-    common_factor : factor by which all of them are larger than their priors; 1 where there is no conflict
-    jointly : what two errors, or all, say together
+    factor : (m,) factors on the prior standard deviations, order of SENSOR_ERRORS; 1 where there is no conflict
+    z : by sensor error, the estimate less the prior's mean, in units of the standard deviation that this difference has
+        if the prior is right; only the large ones
+    common_factor : factor by which all sensor errors are larger than their priors; 1 where there is no conflict
+    jointly : the conflict of two errors, or of all, taken together
     """
 
     factor: Array
@@ -333,14 +334,16 @@ def prior_conflict(trajectory: Trajectory) -> PriorConflict:
 
 
 def joint_conflict(y: Array, covariance: Array) -> JointConflict:
-    """Whether errors that each may be are too improbable together: an offset and a slope at 3.4 standard deviations.
+    """Test whether errors that are plausible one by one, such as an offset and a slope at 3.4 standard deviations, are
+    too improbable together.
 
     y, covariance : estimates (m,) in prior standard deviations, and their posterior covariance (m, m)
 
-    If the priors are right, estimates are normal with the prior's covariance less the posterior one, K. So y' K^-1 y of
-    any two is a chi square with two degrees of freedom, and that of all has as many as the data determine directions.
-    The least probable pair, times the number of pairs, and all, each times two for the two questions, bound the rate of
-    false alarms (Bonferroni): in 20,000 draws by the covariances of 24 flights it was 0.20 % where 0.3 % are allowed.
+    If the priors are right, estimates are normal with the prior's covariance less the posterior one, K. So y' K^-1 y is
+    chi-square distributed: for any two errors with two degrees of freedom, for all of them with as many as there are
+    directions that the data determine. The probability of the worst pair is multiplied by the number of pairs; this
+    and the probability of all are doubled, as there are two tests. That bounds the rate of false alarms (Bonferroni):
+    in 20,000 draws from the covariances of 24 flights it was 0.20 %, with 0.3 % allowed.
     """
     gained = np.eye(len(y)) - covariance
     variance = np.diag(gained)
@@ -367,8 +370,8 @@ def joint_conflict(y: Array, covariance: Array) -> JointConflict:
 
 
 def against_prior(trajectory: Trajectory, name: str) -> tuple[float, float]:
-    """One sensor error by itself: its estimate less zero in the standard deviations that it has if the prior is right,
-    and the standard deviation that the flight gives it, which is no less than the prior's."""
+    """Test one sensor error alone. Return its estimate in units of the standard deviation that it has if the prior,
+    with mean zero, is right; and the size that the data give it, 1 sigma, which is no less than the prior's."""
     sigma = trajectory.prior_standard_error(name)
     y, share = trajectory.value(name) / sigma, (trajectory.standard_error(name) / sigma) ** 2
     (z,), (size,) = _each_against_prior(np.array([y]), np.array([share]))
@@ -376,14 +379,15 @@ def against_prior(trajectory: Trajectory, name: str) -> tuple[float, float]:
 
 
 def _worst_first(y: Array, covariance: Array) -> tuple[Array, dict[int, float]]:
-    """Sensor errors that contradict their priors: the size that the data give each, (m,), in prior standard deviations
-    and 1 for all others; and by number of the error its estimate in the standard deviations that it has if the prior
-    is right.
+    """Find the sensor errors that contradict their priors, the worst first.
 
-    y, covariance : estimates in prior standard deviations
+    Returns the size (m,) that the data give each of them, in prior standard deviations, 1 for all other errors; and by
+    number of the error its estimate, in units of the standard deviation that it has if the prior is right.
+
+    y, covariance : estimates in prior standard deviations, and their covariance
     The worst error gets a prior of its size and the others are estimated again, so an error that only compensated for
-    the worst is not reported. The model is linear about the estimate. An error of which the data show little has to be
-    beyond what noise rarely makes of any: with a prior of its size little is known of it.
+    the worst is not reported. The model is linear about the estimate. An error about which the data say little must be
+    larger than noise rarely makes any error, because little is known about it once its prior has been widened.
     """
     size, contradicted = np.ones(len(y)), dict[int, float]()
     rare = -special.ndtri(EVIDENCE.rare_false_alarms / (2 * len(y)))
@@ -405,12 +409,12 @@ def _worst_first(y: Array, covariance: Array) -> tuple[Array, dict[int, float]]:
 
 
 def _each_against_prior(y: Array, share: Array) -> tuple[Array, Array]:
-    """For each error alone, (m,): the estimate in the standard deviations that it has if the prior is right; and the
-    size that the data give it, in prior standard deviations.
+    """For each error alone, (m,): the estimate, in units of the standard deviation that it has if the prior is right;
+    and the size that the data give it, in prior standard deviations.
 
     y : estimates in prior standard deviations     share : posterior over prior variance
-    With a narrow prior an estimate stays near zero whatever the data say, and varies by 1 - share only. Where that is
-    so little that the solver's last step shows, it is not judged.
+    With a narrow prior an estimate stays near zero whatever the data say: its variance is only 1 - share. Where that is
+    so small that the solver's last step matters, the error is not tested.
     """
     information = 1 - np.clip(share, 0.0, 1.0)
     informed = information > PRIOR_CHECK.informed[0]
@@ -420,7 +424,7 @@ def _each_against_prior(y: Array, share: Array) -> tuple[Array, Array]:
 
 
 def conflict_notes(conflict: PriorConflict, trajectory: Trajectory) -> list[str]:
-    """What conflicts, for the reader. trajectory: the one that has the conflict."""
+    """Return a note that describes the conflict. trajectory: the trajectory that has the conflict."""
     if not conflict.conflicting:
         return []
     named = [
@@ -443,14 +447,14 @@ def misfit(trajectory: Trajectory) -> dict[str, float]:
 
 
 def misfit_in_words(trajectory: Trajectory) -> str:
-    """Which residuals are larger than noise and gusts allow, in brackets after a space; empty where none are."""
+    """Name the residuals that are larger than noise and gusts allow, in parentheses after a space; empty if none."""
     misfits = misfit(trajectory)
     named = "; ".join(f"{MISFIT[name]} by {rms:.0f}" for name, rms in misfits.items())
     return f" (residuals too large: {named})" if named else ""
 
 
 def with_misfit(trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
-    """The trajectory, less certain where residuals are larger than noise and gusts allow, and a warning of it."""
+    """Return the trajectory, less certain if residuals are larger than noise and gusts allow, and a warning if so."""
     misfits = misfit(trajectory)
     if not misfits:
         return trajectory, []

@@ -1,4 +1,4 @@
-"""What is known before the trajectory: noise of the sensors at rest, priors of the sensor errors, a first trajectory.
+"""What is known before the reconstruction: sensor noise at rest, priors of the sensor errors, and a first trajectory.
 
 The first trajectory starts the iteration: attitude from angle of attack and climb, velocity from GPS or airspeed.
 """
@@ -34,9 +34,9 @@ def noise_at_rest(
 ) -> dict[str, float]:
     """Standard deviation of one sample of each channel of BENCH_SIGMA. rest: rows in which the aircraft is at rest.
 
-    A reading that does not change at rest, as of air data that begin at some airspeed, shows no noise: it is that of
-    the bench. resolution: by channel, the step of its values; one that is larger than the noise hides it, and is noise
-    itself.
+    A reading that does not change at rest, such as air data that begin at some airspeed, shows no noise, so the noise
+    on the bench is used. resolution: by channel, the step of its values; a step that is larger than the noise hides it,
+    and is added as noise.
     """
     noise = {}
     for name, bench in BENCH_SIGMA.items():
@@ -52,9 +52,10 @@ def noise_at_rest(
 
 
 def zeros_at_rest(table: pd.DataFrame, rest: list[slice], noise: dict[str, float]) -> dict[str, float]:
-    """Standard errors [Pa] of the zeros of ZEROS; empty without rest. noise: of `noise_at_rest`.
+    """Standard errors [Pa] of the zeros of ZEROS; empty without rest. noise: from `noise_at_rest`.
 
-    By the scatter of means over seconds, which noise correlated over less is in, and by white noise at least.
+    They follow from the scatter of means over seconds, which includes noise correlated over shorter times; they are no
+    smaller than white noise makes them.
     """
     samples = sum(rows.stop - rows.start for rows in rest)
     if not samples:
@@ -64,7 +65,7 @@ def zeros_at_rest(table: pd.DataFrame, rest: list[slice], noise: dict[str, float
     return {name: float(np.fmax(errors[name], noise[ZEROS[name]] / np.sqrt(samples))) for name in ZEROS}
 
 
-# Of the zero of the airspeed pressure, among what the aircraft file states; these are no sensor errors of their own.
+# Contributions to the zero of the airspeed pressure that the aircraft file states; not sensor errors themselves.
 CHANGE_OF_ZERO = "change_of_zero"  # between rest and flight; also of the angle-of-attack pressure
 POSITION_ERROR = "position_error"  # an error of airspeed in proportion to the lift coefficient
 
@@ -74,13 +75,14 @@ def stated_sigma(
 ) -> Mapping[str, float]:
     """Prior standard deviation of each sensor error, as [uncertainty] of the aircraft file states it.
 
-    motor_speed : whether that of the log turns a motor. A motor speed computed from a thrust column tells nothing about
-    vibration: an offset in proportion to thrust would act like an error of thrust, 2 % of power where 1 % of thrust is
-    stated.
+    motor_speed : whether the motor speed in the log is a motor's. A motor speed computed from a thrust column tells
+    nothing about vibration: an offset in proportion to thrust would act like an error of thrust, 2 % of power where 1 %
+    of thrust is stated.
 
-    An error k C_L of airspeed is one of 2 k C_L of dynamic pressure. C_L times dynamic pressure is the wing loading in
-    level flight: the airspeed pressure has a constant error. Hysteresis of a share h of a swing reads h/2 of it too low
-    on the way up and too high on the way down, as a lag of h/2 times the duration of the swing does: 20 s in a run.
+    A relative error k C_L of airspeed is a relative error 2 k C_L of dynamic pressure. In level flight C_L times
+    dynamic pressure is the wing loading, so the airspeed pressure has a constant error. Hysteresis of a fraction h of a
+    swing makes readings too low by h/2 of the swing on the way up and too high on the way down, like a lag of h/2 times
+    the duration of the swing, which is 20 s in a run.
     """
     swing_s = 20.0
     accelerometer = uncertainty.accelerometer_offset_mps2
@@ -109,9 +111,9 @@ UPWASH, PROBE_POSITION = "probe.upwash_per_CL", "probe.position"  # keys of the 
 
 
 def upwash_slope_sigma(aircraft: Aircraft) -> float:
-    """Standard deviation of the slope of angle of attack by an upwash that is missing in the aircraft file.
+    """Standard deviation of the slope of angle of attack due to an upwash that is missing from the aircraft file.
 
-    Upwash per CL times the lift slope of the wing. 0 where the file gives it.
+    It is the upwash per CL times the lift slope of the wing; 0 if the file gives the upwash.
     """
     if aircraft.has(UPWASH):
         return 0.0
@@ -119,22 +121,21 @@ def upwash_slope_sigma(aircraft: Aircraft) -> float:
 
 
 def probe_ahead_sigma_m(aircraft: Aircraft) -> float:
-    """Standard deviation [m] of the place of the probe ahead of the center of gravity; hardly any where the file gives
-    it."""
+    """Standard deviation [m] of the probe's distance ahead of the center of gravity; negligible if in the file."""
     return PRIOR_SIGMA["probe_ahead"] if aircraft.has(PROBE_POSITION) else PRIORS.probe_ahead_m
 
 
 class SensorPriors(NamedTuple):
-    """What is known of the sensor errors before a flight.
+    """What is known about the sensor errors before a flight.
 
-    alpha_scale_sigma : of the slope of the probe's calibration, in addition to the stated one
-    file_sigma : standard deviations of `stated_sigma`
-    calibrated : standard errors by the calibration of the transducers, by name of PRIORS.calibrated; in place of
-        the stated ones. An error of the reference's scale acts on both; they are taken as independent.
-    factor : on all standard deviations, a number or (m,)
-    height_noise : noise of the height in flight over that at rest
+    alpha_scale_sigma : standard deviation of the slope of the probe's calibration, in addition to the stated one
+    file_sigma : standard deviations from `stated_sigma`
+    calibrated : standard errors from the calibration of the transducers, by name of PRIORS.calibrated; they replace
+        the stated ones. An error of the reference's scale acts on both; they are treated as independent.
+    factor : factor on all standard deviations, a number or (m,)
+    height_noise : noise of the height in flight over its noise at rest
     resolution : steps of the values as recorded, by channel
-    probe_ahead_m : of the probe's place
+    probe_ahead_m : standard deviation of the probe's distance ahead of the center of gravity
     """
 
     alpha_scale_sigma: float = 0.0
@@ -208,15 +209,16 @@ def initial_states(blocks: BlockMeans, bank: Array, V_reference: Array, field: L
 
 
 def mean_wind(velocity: Array, V: Array, sigma_mps: Array) -> Array:
-    """The mean wind (2,), north and east [m/s], which the ground speed shows; zero on one heading.
+    """The mean wind (2,), north and east [m/s], from ground speed and airspeed; zero on one heading.
 
-    velocity : (n, 2) over the ground [m/s]        V : (n,) airspeed [m/s]        sigma_mps : (2,) of its prior
+    velocity : (n, 2) over the ground [m/s]        V : (n,) airspeed [m/s]        sigma_mps : (2,) prior of the wind
 
     V^2 = |v - w|^2 is linear in the wind w and in a constant: 2 v.w - c = |v|^2 - V^2, c = |w|^2. The constant is left
-    free, which takes up errors of the airspeed. The prior pulls the wind to zero if only the scatter of the residuals
-    shows it.
+    free, which takes up errors of the airspeed. The prior pulls the wind to zero where it is lost in the scatter of the
+    residuals.
 
-    Iterations that begin without a wind nearly as fast as the aircraft end where a gust stops it over the ground.
+    If the wind is nearly as fast as the aircraft, iterations that begin without it end at a gust that stops the
+    aircraft over the ground.
     """
     if not len(V):
         return np.zeros(2)
@@ -245,7 +247,8 @@ def initial_sensor_errors(prior_mean: Array, blocks: BlockMeans, x: Array, field
 
 
 def _with_track(heading: Array, north: Array, east: Array, least_mps: float) -> Array:
-    """The track through the air where faster than `least_mps`; else the integrated heading, with its mean offset."""
+    """The track through the air, interpolated where slower than `least_mps`; with too few fast values, the integrated
+    heading, shifted by its mean offset from the track."""
     fast = np.hypot(north, east) > least_mps
     if fast.sum() > STATISTICS.fewest_values:
         track = np.unwrap(np.arctan2(east, north)[fast])

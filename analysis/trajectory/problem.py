@@ -44,7 +44,7 @@ class TrajectoryProblem:
 
     blocks, equations, measurements, regressors, conditions : see their classes
     height_noise : as in `SensorPriors`
-    lost : (n-1,) steps over which the attitude could not be followed, and is not
+    lost : (n-1,) whether the attitude over a step cannot be followed, so that the gyros are ignored there
     error_mean, error_sigma : (m,) prior of the sensor errors
     initial_states (n, nx), initial_errors (m,) : first estimate
     """
@@ -57,7 +57,7 @@ class TrajectoryProblem:
         compass: Compass | None = None,
     ):
         self.blocks = blocks = BlockMeans(table)
-        # Here: CasADi (280 MB) then is neither loaded nor needed for a flight without a trajectory.
+        # Imported here so that a flight without a trajectory neither loads nor needs CasADi (280 MB).
         from flightpower.analysis.trajectory.linearized_equations import Equations
 
         self.equations = Equations(blocks.n)
@@ -79,7 +79,7 @@ class TrajectoryProblem:
             _noise(self.measurements.weight[:, MEASUREMENTS.index(name)]) for name in ("V", "alpha", "beta")
         )
         cruise_mps = self.conditions.cruise_mps
-        # Of a block mean, as speeds, in the order of the gusts' axes.
+        # Noise of block means as speeds, in the order of the gusts' axes.
         self._noise_mps = noise_mps = V_noise_mps, beta_noise_rad * cruise_mps, alpha_noise_rad * cruise_mps
         self.regressors = Regressors(blocks, V_predicted, noise_mps, self.conditions, field)
         self._begins_at_rest = begins_at_rest(at_rest)
@@ -97,17 +97,18 @@ class TrajectoryProblem:
         """The process model at states x (n, nx) for vertical gusts of this standard deviation."""
         without_gusts_mps = airspeed_without_gusts(NamedArrays(STATES, x.T))
         process = ProcessModel(self._inertial, self.blocks, self.conditions, sigma_w_mps, without_gusts_mps)
-        # Of unknown attitude, and of a specific force, with gravity, of unknown direction.
+        # Over lost steps attitude is unknown, and so is the direction of the specific force, which adds to gravity.
         for columns, sigma in ((slice(0, 3), np.pi), (slice(3, 6), 2 * GRAVITY_MPS2 * self.blocks.step_s)):
             weight = process.weight[:, columns]
             weight[self.lost] = np.minimum(weight[self.lost], 1 / sigma)
         return process
 
     def leave_out_lost_steps(self, angle_residual_rad: Array) -> None:
-        """Follow the attitude no longer over steps that no gyro shows, of these residuals (n-1, 3) of Euler angles.
+        """Stop following the attitude over steps whose residuals of Euler angles (n-1, 3) no gyro noise explains.
 
-        An aircraft that pitches through the vertical turns its bank and heading around at once, and iterations that
-        have to follow end nowhere. If it is more than a small fraction of the flight, the data contradict each other.
+        When an aircraft pitches through the vertical, its bank and heading reverse at once, and iterations that have to
+        follow do not converge. If more than a small fraction of the flight were lost, the data contradict each other,
+        and no more steps are left out.
         """
         largest_rad = SENSORS.missing[0] * self.blocks.step_s
         too_large = (np.abs(angle_residual_rad) > largest_rad).any(axis=1)
@@ -122,7 +123,7 @@ class TrajectoryProblem:
         actual, predicted = self.regressors.measurement_inputs(x, sensor_errors, sigma_w_mps)
         measured, weight = self.measurements.at_gps_latency(float(sensor_errors[GPS_LATENCY]))
         between = np.append(False, self.lost) & np.append(self.lost, False)
-        weight[np.ix_(between, FLOW_ANGLES)] = 0.0  # of an unknown attitude
+        weight[np.ix_(between, FLOW_ANGLES)] = 0.0  # the attitude is unknown
         return EquationInputs(
             process_inputs=process.with_corrections(corrections),
             process_weight=process.weight,
@@ -134,14 +135,14 @@ class TrajectoryProblem:
         )
 
     def gust_intensity(self, octaves: float, middle_mps: float) -> float:
-        """The intensity of vertical gusts [m/s] for the vertex of the evidence, as `intensity_of`."""
+        """The intensity of vertical gusts [m/s] for this vertex of the evidence, from `intensity_of`."""
         gusts = self.conditions.in_cruise(1.0)
         observed = [ObservedGust(gust, noise_mps) for gust, noise_mps in zip(gusts, self._noise_mps, strict=True)]
         return intensity_of(octaves, middle_mps, observed, self.blocks.step_s)
 
     def remaining_errors(self, sensor_errors: Array, sigma_w_mps: float) -> tuple[Array, TrajectoryPrior]:
-        """Sensor errors (m,) in the linearized equations, and their prior: GPS has already been shifted by the latency
-        of the current iteration, so this latency is subtracted from both."""
+        """Sensor errors (m,) in the linearized equations, and the prior. GPS has already been shifted by the latency of
+        the current iteration, so this latency is subtracted from both."""
         applied = np.zeros(len(SENSOR_ERRORS))
         applied[GPS_LATENCY] = sensor_errors[GPS_LATENCY]
         heading_measured = self.measurements.has_gps or self.measurements.has_compass

@@ -20,7 +20,7 @@ def airspeed_without_gusts(state: NamedArrays) -> Array:
 
 
 class GustConditions:
-    """Heights at which gusts are met; on the ground, where gusts have no effect, height and speed are those of cruise.
+    """Heights and speeds at which the aircraft meets gusts; on the ground, where gusts have no effect, those of cruise.
 
     height_m : (n-1,) of each step                cruise_height_m, cruise_mps : medians in flight
     length : scale length of the gusts over the standard's, 1 unless the flight's spectra contradict it
@@ -46,7 +46,7 @@ class GustConditions:
         return np.where(self._flying, V, self.cruise_mps)
 
     def passed(self, sigma_w_mps: float, without_gusts_mps: Array) -> tuple[float, Array, Array]:
-        """Arguments of Dryden's processes for each step. Gusts of twice the length take the time of half the speed."""
+        """Arguments of Dryden's processes for each step. Gusts twice as long act like half the speed."""
         return sigma_w_mps, self.height_m, self.speed_mps(without_gusts_mps) / self.length
 
     def vertical_steps(self, sigma_w_mps: float, without_gusts_mps: Array) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ class ProcessModel:
         self.inputs, self.weight = inputs, 1 / sigma
 
     def with_corrections(self, coning_and_sculling: Array) -> Array:
-        """PROCESS_INPUTS with these corrections (n-1, 6)."""
+        """Return PROCESS_INPUTS with these corrections (n-1, 6) inserted."""
         inputs = self.inputs.copy()
         first = PROCESS_INPUTS.index(CONING_SCULLING[0])
         inputs[:, first : first + len(CONING_SCULLING)] = coning_and_sculling

@@ -45,17 +45,17 @@ class Trajectory:
     states : by name, index t_s
     sensor_errors, covariance : estimates (m,) and their covariance (m, m), order of SENSOR_ERRORS
     prior_sigma : (m,) prior standard deviations of the sensor errors
-    state_sensitivity : (n, nx, m) derivative of the most probable states by the sensor errors
+    state_sensitivity : (n, nx, m) derivative of the most probable states with respect to the sensor errors
     states_given_errors : the distribution of the states given the sensor errors
-    draws : (SOLVER.draws, n, nx) random errors by it
+    draws : (SOLVER.draws, n, nx) random errors drawn from this distribution
     predicted_flow : (n, ·) columns PREDICTED_FLOW, for `flow`
     gust_mps : standard deviation of vertical gusts [m/s]        gust_length : their scale length over the standard's
     residuals : rms of each measurement's residuals, in units of its standard deviation
     block_means : the measurements at the same instants
-    as_measured : it explains nothing, but repeats the measurements (`as_measured.path_as_measured`)
+    as_measured : whether it only repeats the measurements (`as_measured.path_as_measured`)
     lost_s : instants after which the attitude could not be followed for a step
-    eddies_mps : 1 sigma of the mean over the runs of updrafts that differ from run to run; the estimated updraft is
-        that of the whole flight
+    eddies_mps : updrafts differ from run to run; 1 sigma of their mean over the runs. The estimated updraft is the mean
+        of the whole flight.
     height_noise : as in `SensorPriors`
     """
 
@@ -78,7 +78,7 @@ class Trajectory:
     height_noise: float = 1.0
 
     def with_prior(self, name: str, sigma: float) -> "Trajectory":
-        """The trajectory by another prior standard deviation of a sensor error whose prior has the mean zero.
+        """The trajectory for another prior standard deviation of a sensor error whose prior has the mean zero.
 
         Posterior and prior are normal, so one prior's information can be subtracted and another's added.
         """
@@ -130,8 +130,8 @@ def reconstruct(
     """The most probable trajectory of a whole flight.
 
     table: as `air_data` returns it. rest: rows in which the aircraft is at rest. compass: the earth's field, sample by
-    sample, from a calibrated magnetometer. gust_length: scale length of vertical gusts over the height, as far as the
-    flight does not show it.
+    sample, from a calibrated magnetometer. gust_length: ratio of the scale length of vertical gusts to the height; it
+    counts as far as the flight does not show its own.
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
@@ -172,7 +172,7 @@ class _Solution:
 
 
 class _Candidate(NamedTuple):
-    """A solution for comparison, from which others start."""
+    """A solution to compare with others, and to start others from."""
 
     x: Array
     sensor_errors: Array
@@ -189,7 +189,7 @@ def _candidate(solution: _Solution) -> _Candidate:
 def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
     start, middle_mps = (problem.initial_states, problem.initial_errors), GUST_GRID_MPS[len(GUST_GRID_MPS) // 2]
     first_solution = _solve(problem, *start, middle_mps, tolerance=SOLVER.converged[0])
-    if not first_solution.converged:  # nor would it in other gusts, each after as many iterations
+    if not first_solution.converged:  # other gusts would not converge either, after as many iterations
         return _trajectory(problem, first_solution, _draws(first_solution), gust_length)
     first = _candidate(first_solution)
     del first_solution
@@ -205,13 +205,13 @@ def _reconstruct(problem: TrajectoryProblem, gust_length: float) -> Trajectory:
 
 
 def _in_most_probable_gusts(problem: TrajectoryProblem, first: _Candidate) -> _Solution:
-    """The solution for the gust intensity of greatest evidence, found from a first solution on GUST_GRID_MPS."""
+    """The solution for the gust intensity of greatest evidence; the search starts from a solution on GUST_GRID_MPS."""
     gust, nearest = _most_probable_gust(problem, first)
     return _solve(problem, nearest.x, nearest.sensor_errors, gust)
 
 
 def _near_grid(problem: TrajectoryProblem, solution: _Solution) -> _Candidate:
-    """A first solution for the intensity of GUST_GRID_MPS next to that of a solution for other gusts."""
+    """Return a first solution on GUST_GRID_MPS, at the intensity nearest to a solution for another scale length."""
     nearest = min(GUST_GRID_MPS, key=lambda gust: abs(np.log(gust / solution.gust_mps)))
     return _candidate(_solve(problem, solution.x, solution.sensor_errors, nearest, tolerance=SOLVER.converged[0]))
 
@@ -219,8 +219,9 @@ def _near_grid(problem: TrajectoryProblem, solution: _Solution) -> _Candidate:
 def _most_probable_gust(problem: TrajectoryProblem, first: _Candidate) -> tuple[float, _Candidate]:
     """The gust intensity of greatest evidence [m/s], and the solution nearest to it on the grid.
 
-    A search along GUST_GRID_MPS from the first solution until evidence falls, then a parabola through the best three.
-    At least SOLVER.least_gust_mps: below it the evidence is of noise, and differs between two analyses of one log.
+    It searches along GUST_GRID_MPS from the first solution until evidence falls, then fits a parabola to the best
+    three. The intensity is at least SOLVER.least_gust_mps: below it the evidence is only noise, and differs between two
+    analyses of one log.
     """
     start = GUST_GRID_MPS.index(first.gust_mps)
     solutions = {start: first}
@@ -251,7 +252,7 @@ def _solve(
     iterations: int = SOLVER.most_iterations,
     tolerance: float = SOLVER.converged[1],
 ) -> _Solution:
-    """Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or for so many."""
+    """Run Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or none are left."""
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
     linearization: Any
     step: Any
@@ -259,7 +260,7 @@ def _solve(
         inputs = problem.equation_inputs(x, sensor_errors, gust_mps)
         remaining, prior = problem.remaining_errors(sensor_errors, gust_mps)
         point = _LinearizationPoint(x, remaining, inputs)
-        linearization = step = None  # frees 30 MB before as many are taken again
+        linearization = step = None  # frees 30 MB before allocating as much again
         linearization = problem.equations.linearize(*point)
         if iteration > 2:  # the first ones come from a rough first estimate
             problem.leave_out_lost_steps(linearization.process_residual[:, :3] / inputs.process_weight[:, :3])
@@ -281,10 +282,10 @@ def _solve(
 
 
 def _damping(damping: float, move: Array, last_move: Array) -> float:
-    """The fraction of a step (m,) to apply, from the previous step, of which the fraction `damping` was applied.
+    """The fraction of the step `move` (m,) to apply; of `last_move` the fraction `damping` was applied.
 
-    Without a measured heading steps may oscillate between two points. Where the full step is l times too long, a step
-    is 1 - l damping times the one before it, and the share 1/l makes the next one vanish (Aitken's acceleration).
+    Without a measured heading steps may oscillate between two points. Where the full step is l times too long, each
+    step is 1 - l damping times the step before, and applying 1/l makes the next step vanish (Aitken's acceleration).
     """
     before = float(last_move @ last_move)
     ratio = float(move @ last_move) / before if before else 0.0
@@ -292,15 +293,15 @@ def _damping(damping: float, move: Array, last_move: Array) -> float:
         return damping
     if damping == 1.0:  # the early steps of a rough first estimate: their ratio says little
         return 0.5
-    return max(damping / (1 - max(ratio, -3.0)), 0.05)  # one pair of steps justifies no less than a quarter of it
+    return max(damping / (1 - max(ratio, -3.0)), 0.05)  # one pair of steps justifies a cut to a quarter at most
 
 
 def _state_sensitivity(problem: TrajectoryProblem, solution: _Solution) -> Array:
-    """Derivative of the states by the sensor errors, (n, nx, m).
+    """Derivative of the states with respect to the sensor errors, (n, nx, m).
 
     The derivatives of the equations are taken at the actual flow: a sensor error acts in proportion to it. (Steps and
-    covariance use the predicted flow.) They are taken where the last step began: elsewhere the heading, where it is
-    hardly measured, would change with every error.
+    covariance use the predicted flow.) They are taken where the last step began: anywhere else, a heading that is
+    hardly measured would change with every error.
     """
     x, sensor_errors, inputs = solution.linearized_at
     actual = replace(inputs, predicted_inputs=inputs.measurement_inputs)
@@ -351,9 +352,9 @@ def _spectra(
 
 
 def gusts_and_wind(states: Array, along: Array | None = None) -> Array:
-    """Gusts (3, ..., n) of states (..., n, nx), with what the wind changes at one height: slow gusts look like it.
+    """Gusts (3, ..., n) of states (..., n, nx) plus changes of the wind at one height, which look like slow gusts.
 
-    along : states (n, nx) whose heading and height are taken where `states` are errors
+    along : states (n, nx) that supply heading and height if `states` are errors
     """
     path = states if along is None else along
     psi, profile = path[:, STATES.index("psi")], mean_wind_profile(path[:, STATES.index("height")])

@@ -46,12 +46,13 @@ def projected_on_past(
 ) -> Array:
     """Least-squares prediction of `current` (n, m) from functions `past` (n, k) of past data; 0 on the ground.
 
-    decay : (n-1,) decay factors of a gust over each step. increment_over_noise : (n-1,) standard deviation of its
-    increment over that of white noise, in the measurement that the prediction is for
-    Least squares after the filter that makes gust and noise together white, as a smoother weights them: increments over
-    the decaying gust where there is no noise, the values themselves where there is no gust. So instrument z and
-    regressor x have z'x = z'z, and the covariance that the smoother computes is the true one (estimators.md).
-    Without the noise z'x was -0.3 z'z in calm air for the lag of the angle of attack.
+    decay : (n-1,) decay factors of a gust over each step. increment_over_noise : (n-1,) standard deviation of the
+    gust's increment over that of white noise, in the measurement that the prediction is for
+
+    A filter that makes the sum of gust and noise white precedes least squares, which then weights values as a smoother
+    does: only their increments beyond the decay where there is no noise, the values themselves where there is no gust.
+    So instrument z and regressor x have z'x = z'z, and the covariance that the smoother computes is the true one
+    (estimators.md). With noise ignored, z'x was -0.3 z'z in calm air for the lag of the angle of attack.
     """
     two_in_flight = flying[1:] & flying[:-1]
     returned = _moving_average(decay, increment_over_noise)
@@ -62,17 +63,17 @@ def projected_on_past(
 
 
 def _moving_average(decay: Array, increment_over_noise: Array | float) -> Array:
-    """The moving-average coefficient (n-1,) of white noise on a first-order gust, as ARMA(1, 1) of its own innovations.
+    """The moving-average coefficient (n-1,) of a first-order gust plus white noise, written as an ARMA(1, 1) process.
 
-    The increments over the decay have variance a^2 + 1 + decay^2 and covariance -decay, in units of the noise; a is
-    the size of the gust's increment.
+    The increments beyond the decay have variance a^2 + 1 + decay^2 and covariance -decay, in units of the noise
+    variance; a is `increment_over_noise`.
     """
     ratio = (increment_over_noise**2 + 1 + decay**2) / np.maximum(decay, np.finfo(float).tiny)
     return np.asarray(2 / (ratio + np.sqrt(ratio**2 - 4)))
 
 
 def _whitened(values: Array, decay: Array, returned: Array, two_in_flight: BoolArray) -> Array:
-    """Innovations (n, k): w_i = v_i - decay v_i-1 + returned w_i-1 where both fly, 0 elsewhere."""
+    """Innovations (n, k): w_i = v_i - decay v_i-1 + returned w_i-1 where both instants are in flight, 0 elsewhere."""
     increments = np.zeros_like(values)
     increments[1:][two_in_flight] = values[1:][two_in_flight] - decay[two_in_flight, None] * values[:-1][two_in_flight]
     band = np.ones((2, len(values)))
@@ -81,7 +82,7 @@ def _whitened(values: Array, decay: Array, returned: Array, two_in_flight: BoolA
 
 
 def lagged(values: Array, flying: BoolArray) -> Array:
-    """`values` of LAGS blocks before, (n, len(LAGS)), newest first; 0 on the ground, and constant before a flight.
+    """`values` LAGS blocks earlier, (n, len(LAGS)), newest first; 0 on the ground, and constant before a flight.
 
     Lag 1 is left out (PREDICTION.newest).
     """
@@ -93,7 +94,7 @@ def lagged(values: Array, flying: BoolArray) -> Array:
 
 
 def has_past(flying: BoolArray) -> BoolArray:
-    """Which instants (n,) have flight at all LAGS before them."""
+    """Whether the aircraft was in flight at all LAGS before each instant, (n,)."""
     settled = np.zeros(len(flying), dtype=bool)
     for rows in stretches(flying):
         settled[rows.start + LAGS[-1] : rows.stop] = True
@@ -111,7 +112,7 @@ def derivative(values: Array, flying: BoolArray, step_s: float) -> Array:
 
 
 class _LiftHistory(NamedTuple):
-    """Lift coefficient (n,), up to a common factor: predicted from past data, its derivative, by the accelerometer.
+    """Lift coefficient (n,), up to a common factor: prediction from past data, its derivative, and measured value.
 
     turning : (n,) [1/m] pitch rate over airspeed of the steady level turn that past data predict
     """
@@ -133,11 +134,11 @@ class Regressors:
         conditions: GustConditions,
         field: LevelField,
     ):
-        """measured_V_predicted: (n,) measured airspeed, predicted from past data. noise_mps: of a block mean of
+        """measured_V_predicted: (n,) measured airspeed, predicted from past data. noise_mps: noise of block means of
         airspeed, sideslip and angle of attack, angles times the cruise speed."""
         self._V_noise_mps, _, self._alpha_noise_mps = noise_mps
         self._blocks, self._flying, self._step_s = blocks, blocks.flying, blocks.step_s
-        # Gaps are bridged: after each missing block a prediction would restart from the current value, with its gust.
+        # Bridges short gaps: otherwise predictions would restart from the current gust after each missing block.
         self._in_flight = blocks.in_flight
         self._measured_V_predicted, self._conditions, self._field = measured_V_predicted, conditions, field
         self._slowest_mps = PROCESS.slowest_mps * blocks.speed_scale
@@ -160,7 +161,7 @@ class Regressors:
         V_regressors = np.column_stack([inertial_V, derivative(inertial_V, self._in_flight, self._step_s)])
         V_instruments = self._airspeed_instruments(inertial_V, V_regressors, sigma_w_mps)
         measured_V = np.maximum(self._measured_V_predicted / (1 + errors.V_scale), self._slowest_mps)
-        cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -1.2, 1.2))  # a steeper prediction is none
+        cos_bank = np.cos(np.clip(self._extrapolated(state.phi)[0], -1.2, 1.2))  # a steeper prediction is useless
         lift = 1 / (measured_V**2 * cos_bank)  # lift coefficient up to a factor
         az = np.nan_to_num(blocks["az_mps2"], nan=-9.8)
         regressors, predicted_regressors, alpha_predicted = self._alpha(
@@ -208,8 +209,8 @@ class Regressors:
     def _airspeed_instruments(self, inertial_V: Array, regressors: Array, sigma_w_mps: float) -> Array:
         """Instruments (n, 2): a constant airspeed, and its derivative predicted from past inertial speed.
 
-        A pilot who holds airspeed changes the inertial speed by the gusts of the last 10 s, and these last: past speed
-        knows more of the current gust than noisy air data do (docs/understand/estimators.md).
+        A pilot who holds airspeed changes inertial speed with the gusts of the last 10 s, and gusts persist: past
+        speed shows more of the current gust than noisy air data do (docs/understand/estimators.md).
         """
         V, _ = self._extrapolated(inertial_V, newest=PREDICTION.newest)
         _, V_rate = self._extrapolated(inertial_V, PREDICTION.rate_s, PREDICTION.newest)
@@ -247,13 +248,14 @@ class Regressors:
 
         The change of the angle due to its slope [rad] follows from the probe's calibration for a relative change of
         dp_alpha. The prediction uses predicted lift and its derivative, and the measured lift some blocks before. So
-        stick movements are predicted, and the current gust is not. Earlier reconstructed angles instead contain errors
-        of the states that last for seconds: an aircraft that flies at 7 m/s in gusts had a slope 4 % low (16 flights).
+        stick movements are predicted, and the current gust is not. Earlier reconstructed angles would contain
+        errors of the states that last for seconds: with them the slope was 4 % low for an aircraft that flies at 7 m/s
+        in gusts (16 flights).
         """
         flying = self._flying
         at_probe = self._blocks["alpha_rad"] + self._by_upwash + self._by_rotation
         slope = errors.alpha_scale - 2 * errors.V_scale
-        # Of the angle without the offset, so that the offset keeps its meaning: what is measured at zero angle.
+        # The angle is used without its offset, so that the offset keeps its meaning: the reading at zero angle.
         by_slope = (self._blocks["dalpha_dlndp_alpha_rad"] - errors.alpha_bias) / (1 + slope)
         measured = at_probe - errors.alpha_bias - slope * by_slope
         steady = state.v_north - state.wind_north, state.v_east - state.wind_east, state.v_down

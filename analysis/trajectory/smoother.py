@@ -19,9 +19,9 @@ class Linearization(NamedTuple):
     """Residuals in units of their standard deviations, and their derivatives; m sensor errors.
 
     process_residual : (n-1, nx) between instants k and k+1
-    process_jacobian : at n-1 instants, by x_k, x_k+1, sensor errors
+    process_jacobian : at n-1 instants, with respect to x_k, x_k+1 and sensor errors
     measurement_residual : (n, ny) at instant k
-    measurement_jacobian : at n instants, by x_k, sensor errors
+    measurement_jacobian : at n instants, with respect to x_k and sensor errors
     """
 
     process_residual: Array
@@ -46,9 +46,9 @@ class StatesGivenErrors(NamedTuple):
     factor: Array
 
     def state_sensitivity(self, linearization: Linearization) -> Array:
-        """Derivative of the conditional mean of the states by the sensor errors, (n, nx, m).
+        """Derivative of the conditional mean of the states with respect to the sensor errors, (n, nx, m).
 
-        linearization : its derivatives by the sensor errors may differ from those used by `gauss_newton_step`
+        linearization : its derivatives for the sensor errors may differ from those used by `gauss_newton_step`
         """
         n, nx = len(linearization.measurement_residual), linearization.process_residual.shape[1]
         m = linearization.measurement_jacobian.width - nx
@@ -59,7 +59,7 @@ class StatesGivenErrors(NamedTuple):
         return -_triangular_solution(self.factor, half, transposed=True).reshape(n, nx, m)
 
     def covariance_of(self, gradient: Array) -> Array:
-        """Covariance (k, k) of k linear functions of the states; gradient: (n, nx, k) of these."""
+        """Covariance (k, k) of k linear functions of the states; gradient: their derivatives (n, nx, k)."""
         half = _triangular_solution(self.factor, np.asfortranarray(gradient.reshape(-1, gradient.shape[2])))
         return np.asarray(half.T @ half)
 

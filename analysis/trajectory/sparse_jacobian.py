@@ -1,4 +1,4 @@
-"""Derivatives of the same equations at many instants, without those that are always zero, and their products."""
+"""Derivatives of the same equations at many instants, stored without those that are always zero, and their products."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from flightpower.flight.arrays import Array
 
 @dataclass(frozen=True)
 class SparseJacobian:
-    """Derivatives of residuals by variables, at n instants.
+    """Derivatives of residuals with respect to variables, at n instants.
 
-    values : (k, n) the derivatives that are not always zero        places : k times residual and variable
+    values : (k, n) the derivatives that are not always zero        places : numbers of residual and variable of each
     width : number of variables
     """
 
@@ -24,7 +24,7 @@ class SparseJacobian:
 
     @classmethod
     def of(cls, dense: Array) -> "SparseJacobian":
-        """Builds it from all derivatives, (n, residuals, variables)."""
+        """Build a Jacobian from all derivatives, (n, residuals, variables)."""
         _, residuals, width = dense.shape
         places = [(i, j) for i in range(residuals) for j in range(width)]
         return cls(np.ascontiguousarray(dense.reshape(len(dense), -1).T), places, width)
@@ -37,7 +37,7 @@ class SparseJacobian:
         return result
 
     def add_state_products(self, band: Array, n_states: int) -> None:
-        """Add the lower triangle of J_x^T J_x: J_x the derivatives by the first `n_states` variables.
+        """Add the lower triangle of J_x^T J_x; J_x: derivatives with respect to the first `n_states` variables.
 
         band : (n, columns, ·), the rows of each column from the diagonal on; `columns` is the number of states of an
         instant, and later columns are those of the next instant
@@ -51,7 +51,7 @@ class SparseJacobian:
         self._add(targets.values())
 
     def add_border(self, border: Array, n_states: int) -> None:
-        """Add J_x^T J_c, J_c the derivatives by the variables after the first `n_states`. border: (m, n, nx)."""
+        """Add J_x^T J_c; J_c: derivatives with respect to variables after the first `n_states`. border: (m, n, nx)."""
         targets = {}
         for (state, variable), pairs in self._pairs(n_states, self.width).items():
             if variable >= n_states:
@@ -83,7 +83,7 @@ class SparseJacobian:
         return result
 
     def _pairs(self, below_first: int, below_second: int) -> dict[tuple[int, int], list[tuple[int, int]]]:
-        """Pairs of derivatives of residuals that depend on both of two variables below these numbers."""
+        """Pair the derivatives of each residual that depends on two variables below these numbers, by these two."""
         of_residual: dict[int, list[tuple[int, int]]] = {}
         for k, (i, j) in enumerate(self.places):
             of_residual.setdefault(i, []).append((k, j))

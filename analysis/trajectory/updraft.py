@@ -3,10 +3,10 @@
 It is an error of the trajectory (`equations.SENSOR_ERRORS`): it acts on the angle of attack as 1/V, and a flight at
 several speeds shows it within 0.035 m/s in four minutes, 0.014 m/s in twenty. The prior has three parts.
 Wind over sloping ground rises with the slope, at any hour. Air that lies in layers before sunrise moves up and down in
-waves: a long flight meets several. And the sun heats the ground: from the heat flux follows the convective velocity
-scale w* (Deardorff 1970, J. Atmos. Sci. 27, 1211), and from it how much the air rises and sinks in eddies as deep as
-the mixed layer. A flight meets several, so that their mean is smaller: it is derived from the places and times of the
-runs, in the air, which carries the eddies along.
+waves: a long flight meets several. And the sun heats the ground: the heat flux gives the convective velocity scale w*
+(Deardorff 1970, J. Atmos. Sci. 27, 1211), which gives how fast the air rises and sinks in eddies as deep as the mixed
+layer. A flight meets several eddies, so their mean is smaller: it is derived from the places and times of the runs,
+relative to the air, which carries the eddies along.
 
 Turbulence by wind, and the smaller updrafts of convection, are vertical gusts: the trajectory finds their intensity,
 and their mean over the flight is in the standard error of angle of attack.
@@ -33,8 +33,8 @@ STILL_MPS = Uncertainty().updraft_mps  # before sunrise, in up to 5 m/s of wind
 
 
 class Updraft(NamedTuple):
-    """Standard deviation of the mean over the runs [m/s], and the sun above the horizon [rad]; None where the log
-    lacks time or place, in which case it is that of the hour before sunrise.
+    """Standard deviation of the mean updraft over the runs [m/s], and the elevation of the sun [rad], None if the log
+    lacks time or place; the standard deviation is then that of the hour before sunrise.
 
     lasting_mps : the part that is the same in all runs     eddies_mps : the part that differs from run to run
     """
@@ -65,7 +65,7 @@ def sun_elevation(utc_s: float, latitude_rad: float, longitude_rad: float) -> fl
 
 
 def sun_over(fix: Fix) -> float | None:
-    """Highest elevation of the sun [rad] at both ends of a flight; None without place or date by satellites."""
+    """The higher elevation of the sun [rad] at either end of a flight; None without place or date from satellites."""
     if fix.unix_at_zero_s is None or not fix.by_satellites or not fix.ends:
         return None
     ends = [(fix.unix_at_zero_s + t_s, math.radians(lat), math.radians(lon)) for t_s, lat, lon in fix.ends]
@@ -97,8 +97,8 @@ def by_waves(duration_s: float) -> float:
 
     Air that lies in layers swings about its level with the buoyancy frequency N at most. Where temperature rises by
     0.2 K over 100 m, N^2 = g/T (dT/dz + g/c_p) (Stull 1988, sec. 12.2) gives 0.02 rad/s, a period of 310 s; on a mast
-    periods were 200 to 300 s at night (Byzova et al. 1998, Izv. Atmos. Ocean. Phys. 34, 799). The mean updraft is how
-    much higher the air is at the end than at the beginning, over the time. Heights that far apart in time are normal
+    periods were 200 to 300 s at night (Byzova et al. 1998, Izv. Atmos. Ocean. Phys. 34, 799). The mean updraft is the
+    height that the air gains from beginning to end, divided by the time. Heights that far apart in time are normal
     with the correlation exp(-(N t)^2 / 2).
     """
     buoyancy_radps = 0.02
@@ -107,7 +107,7 @@ def by_waves(duration_s: float) -> float:
 
 
 def mean_updraft(trajectory: Trajectory, runs_s: list[tuple[float, float]], sun_rad: float | None) -> Updraft:
-    """The mean over runs with these beginnings and ends, in the time of the trajectory's states."""
+    """The mean updraft over runs with these beginnings and ends, in the time of the trajectory's states."""
     states = trajectory.states
     t_s = states.index.to_numpy()
     in_run = rows_within(t_s, runs_s)
@@ -132,9 +132,9 @@ def mean_updraft(trajectory: Trajectory, runs_s: list[tuple[float, float]], sun_
 class UpdraftByDay(NamedTuple):
     """Tests the mean updraft of a whole flight against what is usual at its time of day.
 
-    z : the estimate, in the standard deviations that it has if the prior by the hour is right
-    sigma_mps : standard deviation of the prior that the trajectory is given: the hour's, or one of the size that the
-        flight shows where that is larger
+    z : the estimate, in units of the standard deviation that it has if the prior for the hour is right
+    sigma_mps : standard deviation of the prior that the trajectory is given: the hour's, or the size that the flight
+        shows if that is larger
     note : for the reader; empty where the flight does not contradict the hour
     """
 
@@ -153,7 +153,7 @@ def updraft_by_day(trajectory: Trajectory, sun_rad: float | None) -> UpdraftByDa
 
     With the prior for lasting updrafts, 0.02 m/s, sinking air is mistaken for an offset of the angle of attack (1 m/s
     of sink: 40 to 80 % of power, up to five half widths). So the prior is that of the eddies. Their size is known for
-    fair weather only: the prior is as wide as is most probable by the flight itself, and never narrower than the hour's
+    fair weather only: the prior is as wide as the flight itself makes most probable, and never narrower than the hour's
     (empirical Bayes, as in `observability`). In gusts a flight shows the updraft so poorly that an estimate of 1.5
     standard deviations, no contradiction, may be air that sinks at ten times the prior.
     """
@@ -180,7 +180,7 @@ def convective_mean(path_m: Array, t_s: Array, height_m: float, sun_rad: float) 
     """Standard deviation [m/s] of the mean of deep updrafts and sinks over instants t_s (n,) at places path_m (n, 2).
 
     path_m : horizontal, in the frame that moves with the mean wind
-    Eddies that span a mixed layer of depth z_i have a standard deviation of 0.65 w* in its middle (of
+    Eddies that span a mixed layer of depth z_i have a standard deviation of 0.65 w* in its middle (from
     1.8 w*^2 (z/z_i)^(2/3) (1 - 0.8 z/z_i)^2, Lenschow & Stephens 1980, Boundary-Layer Meteorol. 19, 509), and vanish
     at its bottom and top: as the sine of pi z/z_i. Their integral length is 0.28 z_i (Lenschow & Stankov 1986, J.
     Atmos. Sci. 43, 1198), and they change within the turnover time z_i / w*. The variance of the mean is the mean of
@@ -200,7 +200,7 @@ def convective_mean(path_m: Array, t_s: Array, height_m: float, sun_rad: float) 
 
 
 def updraft_notes(updraft: Updraft) -> list[str]:
-    """What the reader has to know: an interval that is wider by the hour, or an hour that is not known."""
+    """Return a note that the hour is unknown, or that the hour or too short a time for the runs widens the interval."""
     if updraft.sun_rad is None:
         return [
             "This log has no date, time or place from satellites: the mean updraft is assumed to be that of a calm"
