@@ -11,8 +11,8 @@
 
 Vocabulary
     Segment     one record (a maneuver): time t_s (n,), uniform; inputs u and measured outputs z, each a mapping of name
-                to (n,); NaN where an output was not measured. Units are the user's, consistently; time is in seconds.
-    Model       xdot = dynamics(x, u, p), y = output_function(x, u, p), z = y + noise. Both functions are of NumPy and
+                to (n,); NaN where an output was not measured. Units are the user's, if consistent; time is in seconds.
+    Model       xdot = dynamics(x, u, p), y = output_function(x, u, p), z = y + noise. Both functions use NumPy and
                 get states, inputs and parameters by name: x.alpha, u.elevator, p.CLa. Frames and signs are the model's.
     Parameter   free or fixed, with starting value, bounds and a normal prior.
     theta       the m unknowns: free parameters, then the free initial states of each segment, then noise parameters.
@@ -21,11 +21,12 @@ Vocabulary
     R           covariance (outputs, outputs) of the measurement noise, estimated unless given (`MeasurementNoise`).
     ProcessNoise  white noise that drives a state, with an intensity in the state's unit per square root of a second.
 
-Estimators: `fit_output_error` (measurement noise), `fit_filter_error` (and process noise, such as turbulence),
+Estimators: `fit_output_error` (measurement noise), `fit_filter_error` (also process noise, such as turbulence),
 `fit_equation_error` (regression on measured states, for starting values); `best_of_starts` fits from several starts.
 Modules: `uncertainty` of the estimates, `validation` on other records, `term_selection` for a model's terms.
 
-Only `flight.errors` and `flight.settings` of this project are imported. Errors of the user raise `InputError`.
+The package imports only `flight.arrays`, `flight.errors` and `flight.settings` from the rest of this project. Mistakes
+of the user raise `InputError`.
 Equation numbers, such as (3.32), are those of L. Soltmann's dissertation; methods follow R. V. Jategaonkar, Flight
 Vehicle System Identification, 2nd ed., and V. Klein & E. A. Morelli, Aircraft System Identification, 2006.
 """

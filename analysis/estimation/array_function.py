@@ -1,6 +1,6 @@
-"""CasADi functions of a model: checked, and evaluated for many samples at once, an instruction as one NumPy operation.
+"""CasADi functions of a model: checked, and evaluated for many samples at once, one NumPy operation per instruction.
 
-CasADi's own interpreter takes 4 to 6 ns for an instruction and a sample, NumPy's operations on arrays 1 ns.
+CasADi's own interpreter takes 4 to 6 ns per instruction and sample, NumPy's operations on arrays take 1 ns.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from flightpower.flight.errors import InputError
 
 
 def _as_number(comparison: Callable[..., Any]) -> Callable[..., Any]:
-    """1.0 for true and 0.0 for false, which can be added and multiplied."""
+    """Make a comparison return 1.0 for true and 0.0 for false, which can be added and multiplied."""
     return lambda *operands: np.multiply(comparison(*operands), 1.0)
 
 
@@ -41,7 +41,7 @@ class _Kind(Enum):
 
 
 class _Instruction(NamedTuple):
-    """One operation between places of CasADi's working memory; what `a`, `b` and `to` are depends on the kind."""
+    """One operation between places of CasADi's working memory; the kind determines what `a`, `b` and `to` are."""
 
     kind: _Kind
     operation: Any
@@ -65,9 +65,9 @@ class ArrayFunction:
         self._instructions = [_instruction(function, k) for k in range(function.n_instructions())]
 
     def __call__(self, n: int, *arguments: Sequence[Any] | Array) -> list[Array]:
-        """The results of n samples, each (n, rows, columns).
+        """The results for n samples, each (n, rows, columns).
 
-        arguments : the elements of each, floats or arrays (n,)
+        arguments : the elements of each argument, floats or arrays (n,)
         """
         results = [np.zeros((n, *shape)) for shape in self._shapes]
         elements = [
@@ -78,7 +78,7 @@ class ArrayFunction:
         return results
 
     def nonzeros(self, n: int, *arguments: Sequence[Any] | Array) -> list[Array]:
-        """The nonzero elements of the results of n samples, each (number of nonzeros, n), in the order of `places`."""
+        """The nonzero elements of the results for n samples, each (number of nonzeros, n), in the order of `places`."""
         results = [np.empty((len(places), n)) for places in self.places]
         self._write(n, arguments, results)
         return results
@@ -119,7 +119,7 @@ def _instruction(function: ca.Function, k: int) -> _Instruction:
 
 
 def check_symbols(model: str, function: ca.Function) -> None:
-    """Raises InputError if the model applied a function to a symbol that made a number of it: math.sin gives NaN."""
+    """Raise InputError if the model applied a function that turned a symbol into a number: math.sin gives NaN."""
     for k in range(function.n_instructions()):
         if function.instruction_id(k) == ca.OP_CONST and np.isnan(function.instruction_constant(k)):
             raise InputError(

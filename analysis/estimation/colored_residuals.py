@@ -62,7 +62,7 @@ class Autoregression(NamedTuple):
     Q: Array  # (outputs, outputs)
 
     def spectrum(self, size: int) -> Spectrum:
-        """(size // 2 + 1, outputs, outputs)."""
+        """Spectrum (size // 2 + 1, outputs, outputs)."""
         w = 2 * np.pi * np.arange(size // 2 + 1) / size
         H = np.repeat(np.eye(len(self.Q), dtype=complex)[None], len(w), axis=0)
         for lag, A in enumerate(self.A, start=1):
@@ -73,10 +73,10 @@ class Autoregression(NamedTuple):
 
     @classmethod
     def fitted(cls, gamma: Array, samples: int) -> "Autoregression":
-        """Solution of the Yule-Walker equations, of the order up to len(gamma) - 1 with the smallest AIC (Akaike).
+        """Solve the Yule-Walker equations for the order, up to len(gamma) - 1, with the smallest AIC (Akaike).
 
-        One factor of the largest Toeplitz matrix has the determinants of Q of all orders along its diagonal. Orders end
-        where the matrix is no covariance.
+        The diagonal of one Cholesky factor, that of the largest Toeplitz matrix, gives det Q for all orders. Orders for
+        which the matrix is not positive definite are left out.
         """
         outputs = gamma.shape[1]
         G = np.concatenate([gamma, gamma[:0:-1].transpose(0, 2, 1)])  # G[-k] is the transpose of G[k]
@@ -102,7 +102,7 @@ def transformed_sensitivities(fit: Fit, size: int) -> list[Spectrum]:
 def score_covariance(fit: Fit, spectrum: Spectrum, size: int, transformed: list[Spectrum] | None = None) -> Array:
     """Covariance (m, m) of the likelihood's gradient: sum_i sum_j S_i' Gamma(i-j) S_j, of whitened sensitivities.
 
-    By Parseval's theorem. transformed : from `transformed_sensitivities`, where the caller has them already
+    Parseval's theorem gives the sum. transformed : from `transformed_sensitivities`, if the caller has them already
     """
     transformed = transformed or transformed_sensitivities(fit, size)
     occurs = np.full((len(spectrum), 1, 1), 2 / size)  # positive and negative frequency
@@ -121,11 +121,11 @@ def score_covariance(fit: Fit, spectrum: Spectrum, size: int, transformed: list[
 def absorbed_autocorrelation(
     fit: Fit, spectrum: Spectrum, size: int, lags: int, transformed: list[Spectrum] | None = None
 ) -> Array:
-    """The noise's autocorrelation minus that of the residuals, at the first lags: (lags, outputs, outputs).
+    """Autocorrelation of the noise minus autocorrelation of the residuals, at the first lags: (lags, outputs, outputs).
 
-    The residuals are (1 - H) times the noise, with H = S D S'. Their covariance is that of the noise, O, minus
-    H O + O H - H O H. The sums over its diagonals use the factors (n, outputs, unknowns), not the (n, n) matrices.
-    transformed : from `transformed_sensitivities`, where the caller has them already
+    The residuals are (1 - H) times the noise, with H = S D S'. Their covariance is the noise's covariance O minus
+    H O + O H - H O H. The sums over diagonals use the factors (n, outputs, unknowns), not the (n, n) matrices.
+    transformed : from `transformed_sensitivities`, if the caller has them already
     """
     transformed = transformed or transformed_sensitivities(fit, size)
     D, samples = fit.covariance, _samples(fit)
@@ -157,7 +157,7 @@ def noise_spectrum(fit: Fit, size: int) -> Spectrum:
     samples, lags = _samples(fit), spectrum_order(fit)
     gamma, transformed = residual_autocorrelation(fit, lags), transformed_sensitivities(fit, size)
     spectrum = Autoregression.fitted(gamma, samples).spectrum(size)
-    # The correction needs a finite covariance; a third one would change standard errors by less than 1 %.
+    # A correction needs a finite covariance. A third correction would change standard errors by less than 1 %.
     for _ in range(2 if np.isfinite(fit.covariance).all() else 0):
         absorbed = absorbed_autocorrelation(fit, spectrum, size, lags, transformed)
         spectrum = Autoregression.fitted(gamma + absorbed, samples).spectrum(size)
@@ -165,7 +165,7 @@ def noise_spectrum(fit: Fit, size: int) -> Spectrum:
 
 
 def spectrum_order(fit: Fit) -> int:
-    """Lags of the autoregression: the usual limit of the order, 10 log10 N, divided by the number of outputs, and 0."""
+    """Number of lags, with lag 0, for an autoregression of an order up to 10 log10 N over the number of outputs."""
     samples = _samples(fit)
     return min(samples, 1 + max(1, int(10 * np.log10(samples) / len(fit.model.outputs))))
 

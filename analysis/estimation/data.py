@@ -123,7 +123,7 @@ def frequencies_of(band_Hz: Band, samples: int, step_s: float) -> Array:
     """(k,) frequencies [Hz] of the discrete Fourier transform within the band, without zero.
 
     They are multiples of 1/duration, and the transforms of white noise at them are independent. Raises InputError for
-    a band with fewer than two of them or above half the sampling rate.
+    a band with fewer than two such frequencies, or one that reaches half the sampling rate.
     """
     low, high = band_Hz
     duration_s = samples * step_s

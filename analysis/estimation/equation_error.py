@@ -27,13 +27,13 @@ def fit_equation_error(
 ) -> Fit:
     """Fit xdot = dynamics(x, u, p), and the outputs that are not states, at every sample of the filtered signals.
 
-    Every state must be an output of the same name. The fit is that of `regression_of(model)`. Its standard errors
-    assume white noise, which filtered noise is not, and are too small.
+    Every state must be an output of the same name. The model of the fit is `regression_of(model)`. Its standard errors
+    assume white noise; filtered noise is not white, so they are too small.
 
     smoothing_s : standard deviation of the Gaussian low-pass kernel [s]; its cut-off (-3 dB), 0.13/smoothing_s Hz,
     should be just above the frequencies of the motion
-    inputs : between samples, see `simulation.build_simulator`. One that is "held" jumps at the samples: the mean of its
-    values before and after a sample goes with the derivative there, and the value after it with the other outputs
+    inputs : between samples, see `simulation.build_simulator`. A "held" input jumps at the samples: the derivative at a
+    sample is paired with the mean of the input's values before and after it, other outputs with the value after it
 
     Raises InputError for a state that is not measured, or a segment shorter than the filter.
     """
@@ -111,7 +111,7 @@ def derivative_name(model: Model, state: str) -> str:
 
 
 def _acting(model: Model, inputs: InputRule) -> tuple[str, ...]:
-    """Names of the inputs of the regression that go with the derivatives. Late inputs are interpolated."""
+    """Names of the inputs that the regression pairs with the derivatives. Delayed inputs are interpolated, not held."""
     return tuple(map(_mean_name, model.inputs)) if inputs == "held" and not model.delays else model.inputs
 
 

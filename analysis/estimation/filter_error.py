@@ -63,9 +63,10 @@ def fit_filter_error(
 
     start : starting values as for `fit_output_error`, or the method that gives them: "equation error", for which
     every state must be measured, and which starts the noises from the errors of predictions over one step (except
-    intensities with a prior), or "output error". If the fit from given values does not end at an optimum, or at one
-    where process noise explains everything or innovations are not white, both methods are tried with intensities 100
-    times smaller, unless `options.second_start` is false. The best fit is returned.
+    intensities with a prior), or "output error". If the fit from given values does not end at an optimum, if process
+    noise explains everything there, or if innovations are not white (unless `options.second_start` is false), the two
+    methods are tried in turn, with intensities 100 times smaller, until a fit has none of these faults. The best fit is
+    returned.
     noise_sigma : known standard deviations of measurement noise by output; the others are estimated
     test_significance : test each free intensity against zero, at the cost of one more fit each
 
@@ -174,7 +175,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
         if not without.cost <= point.cost + FILTER_ERROR.zero_cost:
             zero = fixed
             smaller, without = _holding(likelihood, fixed, point)
-        # The filter may need the least noise of one state. Only a step shows which one makes the data likeliest.
+        # The filter may need a minimum of noise in one state. Only a step shows for which state the data are likeliest.
         without_noise = {
             key: value for key, value in (negligible | zero).items() if key.kind is UnknownKind.PROCESS_NOISE
         }
@@ -188,7 +189,7 @@ def _optimum(likelihood: InnovationsLikelihood, theta: Array, max_iterations: in
             zero, smaller, without = min(ends, key=lambda end: end[2].cost)
             iterations += 1
         likelihood, point, negligible = smaller, without, negligible | zero
-        tried = {}  # a noise that the data do not show next to another may show once the other is gone
+        tried = {}  # a noise hidden by another one may show once the other is gone
 
 
 def _after_a_step(likelihood: InnovationsLikelihood, point: Evaluation) -> Evaluation:
@@ -198,7 +199,7 @@ def _after_a_step(likelihood: InnovationsLikelihood, point: Evaluation) -> Evalu
 def _holding(
     likelihood: InnovationsLikelihood, values: Mapping[UnknownKey, float], point: Evaluation
 ) -> tuple[InnovationsLikelihood, Evaluation]:
-    """The likelihood with these ln w and ln v fixed, and the point of it with the other unknowns unchanged."""
+    """The likelihood with these ln w and ln v fixed, evaluated with the other unknowns unchanged."""
     smaller, theta = likelihood.holding(values, point.theta)
     return smaller, smaller.evaluate(theta)._replace(costs=point.costs, steps=point.steps)
 
@@ -206,7 +207,7 @@ def _holding(
 def _with_the_least(likelihood: InnovationsLikelihood, point: Evaluation, noise: UnknownKey) -> Evaluation | None:
     """The point with this noise at its lower bound, after one step of parameters and initial states.
 
-    None if the likelihood there is not higher than what is expected with the noise.
+    None if the likelihood there is not higher than a step with the noise is expected to reach.
     """
     keys, theta = likelihood.problem.keys, point.theta.copy()
     theta[likelihood.index(noise)] = likelihood.problem.lower[likelihood.index(noise)]
@@ -228,9 +229,9 @@ def _best(
     *,
     second_start: bool,
 ) -> _Optimum:
-    """The fit from given values; if that is not convincing, the best of it and those from other methods.
+    """The fit from given values; if it is not convincing, the best of it and of fits started by other methods.
 
-    small : starting values of ln w for those, by name
+    small : by name, starting values of ln w for fits started by other methods
     """
 
     def colored(optimum: _Optimum) -> bool:
@@ -252,7 +253,7 @@ def _best(
 
 
 def _verdict(fit: Fit, intensities: dict[str, Intensity], negligible: Mapping[UnknownKey, float]) -> Verdict:
-    """The verdict of the fit, with noise that could be left out."""
+    """The verdict of the fit, with remarks on noise that could be left out."""
     if fit.verdict.status is FitStatus.NOT_CONVERGED:
         return fit.verdict
     quiet = [key.name for key in negligible if key.kind is UnknownKind.MEASUREMENT_NOISE]

@@ -36,7 +36,7 @@ class SummaryRow(msgspec.Struct, frozen=True):
 class FitSummary(msgspec.Struct, frozen=True):
     """The numbers of a fit.
 
-    rows : of the m unknowns     fixed : parameters that were not estimated, by name
+    rows : one for each of m unknowns     fixed : parameters that were not estimated, by name
     correlation : (m, m)     noise : standard deviations of the residuals by output
     """
 
@@ -104,7 +104,7 @@ class FitStatus(enum.StrEnum):
 
 
 class Finding(enum.Enum):
-    """What a verdict says, for a program."""
+    """The statements that a verdict can make, for programs."""
 
     OPTIMUM = enum.auto()
     AT_BOUND = enum.auto()
@@ -136,8 +136,8 @@ class Remark(NamedTuple):
 class Verdict(NamedTuple):
     """Whether a fit can be used.
 
-    remarks : the first gives the status in words, the others what the user should know hints : what the residuals
-    suggest is wrong with model or data
+    remarks : the first gives the status in words, the others what the user should know
+    hints : faults of model or data that the residuals suggest
     """
 
     status: FitStatus
@@ -194,8 +194,8 @@ class Convergence(NamedTuple):
     """The course of an estimation.
 
     costs : negative log-likelihood at the start and after each iteration
-    steps : length of the step of each iteration in the metric of the information matrix: of all combinations of the
-    unknowns, the change of the one that changes most, in its standard errors
+    steps : length of the step of each iteration in the metric of the information matrix: the change, in standard
+    errors, of that combination of unknowns which changes most
     """
 
     costs: tuple[float, ...]
@@ -284,7 +284,7 @@ class Fit:
 
     @property
     def correlation(self) -> Array:
-        """(m, m) of the estimates; NaN for unknowns that are not identifiable."""
+        """Correlation (m, m) of the estimates; NaN for unknowns that are not identifiable."""
         return correlation_of(self.covariance)
 
     def summary(self, corrected: Array | None = None) -> FitSummary:
@@ -319,7 +319,7 @@ class Fit:
 
 
 def correlation_of(covariance: Array) -> Array:
-    """(m, m); NaN where the covariance is not finite."""
+    """Correlation (m, m); NaN where the covariance is not finite."""
     errors = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore"):
         matrix: Array = covariance / np.outer(errors, errors)

@@ -1,4 +1,4 @@
-"""What the verdict on a fit should add: residuals that are not white, outliers, instability, collinear unknowns.
+"""Hints for the verdict on a fit: residuals that are not white, outliers, instability, collinear unknowns.
 
 Collinear unknowns are determined by the data only together (Belsley, Kuh & Welsch, Regression Diagnostics, 1980, ch. 3;
 Klein & Morelli, Aircraft System Identification, 2006, ch. 5). Both diagnostics are applied to the information matrix,
@@ -18,8 +18,8 @@ from flightpower.flight.arrays import Array
 class Collinearity(NamedTuple):
     """One combination of unknowns that is poorly determined.
 
-    condition_index : square root of the largest eigenvalue divided by that of this combination
-    names, proportions : unknowns of whose variance more than half comes from this combination, and which part
+    condition_index : square root of the ratio of the largest eigenvalue to the eigenvalue of this combination
+    names, proportions : unknowns that owe more than half of their variance to this combination, and the part they owe
     """
 
     condition_index: float
@@ -65,7 +65,7 @@ INNOVATIONS_NOT_WHITE = (
 
 
 def hints_of(fit: Fit) -> tuple[Remark, ...]:
-    """One sentence for each finding. Stability is examined if the fit is not convincing otherwise."""
+    """One sentence for each finding. Stability is examined only if the fit has other faults."""
     hints = _colored(fit) + _outliers(fit)
     if hints or fit.verdict.status is not FitStatus.CONVERGED:
         hints += _unstable(fit)
@@ -121,7 +121,7 @@ def _unstable(fit: Fit) -> list[Remark]:
 
 
 def unstable_growth(fit: Fit, segment_fit: SegmentFit) -> tuple[float, float, str]:
-    """ln of an error's growth over a segment, mean real part of the largest eigenvalue [1/s], name of the segment.
+    """ln of an error's growth over a segment, mean of the largest real part of an eigenvalue [1/s], segment name.
 
     The eigenvalues are those of the model linearized about the response.
     """

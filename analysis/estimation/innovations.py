@@ -41,9 +41,10 @@ class InnovationsLikelihood:
         return replace(self, problem=self.problem.without(keep), fixed=self.fixed | dict(values)), theta[keep]
 
     def negligible(self, point: Evaluation) -> list[UnknownKey]:
-        """Noises that hardly change the variances of the innovations, and at which the likelihood falls.
+        """Noises without a prior that are at their lower bound, or that hardly change the variances of the innovations
+        and lower the likelihood as they grow.
 
-        A noise that the data determine to a factor of exp(10) only has no effect on them.
+        A noise that the data determine only to a factor of exp(10) has no effect on the innovations.
         """
         problem, information = self.problem, np.diag(point.information)
         return [
@@ -58,15 +59,16 @@ class InnovationsLikelihood:
         ]
 
     def expected_gain(self, point: Evaluation) -> float:
-        """Decrease of the cost in a step with the information matrix."""
+        """Expected decrease of the cost in a step with the information matrix."""
         H = point.information + self.problem.prior_matrix
         return float(point.gradient @ np.linalg.lstsq(H, point.gradient, rcond=None)[0]) / 2
 
     def doubtful(self, point: Evaluation, tried: Mapping[UnknownKey, float]) -> list[UnknownKey]:
         """Intensities near the optimum that are not significant, the least certain first.
 
-        tried : those with the information about ln w when they were tried; they are tried again when it has fallen
-        The intensity squared is its standard error times half the root of the information about ln w.
+        tried : intensities tried before, with the information about ln w at that time; they are tried again when it has
+        fallen
+        The intensity squared, divided by its standard error, is half the root of the information about ln w.
         """
         problem, information = self.problem, np.diag(point.information)
         insignificant = [
@@ -82,7 +84,7 @@ class InnovationsLikelihood:
         return [problem.keys[i] for i in sorted(insignificant, key=lambda i: information[i])]
 
     def filtered(self, theta: Array, i: int) -> tuple[Innovations, Array]:
-        """Segment i's innovations, with derivatives to the unknowns of this segment only; and ln v (outputs,)."""
+        """Segment i's innovations, with derivatives for the unknowns of this segment only; and ln v (outputs,)."""
         problem = self.problem
         p, x0, free_noise = problem.unpack(theta, i)
         keys = [intensity_key(noise.state) for noise in self.noises]

@@ -1,4 +1,4 @@
-"""Rules by which a model's state is integrated over a step, for numbers and CasADi symbols, and the response."""
+"""Rules that integrate a model's state over a step, for numbers and CasADi symbols; records and responses."""
 
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple

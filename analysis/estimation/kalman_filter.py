@@ -1,6 +1,6 @@
 """An extended Kalman filter over a record: innovations, their variances, and the exact derivatives of both.
 
-CasADi derives one filter cycle symbolically, once per model: the measurement update, then one integration step of state
+CasADi builds one filter cycle symbolically, once per model: the measurement update, then one integration step of state
 and covariance. The derivatives include those of the gain and the covariance. The noises of the outputs are independent,
 so the update processes one output after the other; this is equivalent to a joint update, needs no matrix inverse, and
 skips missing samples.
@@ -33,9 +33,9 @@ class Innovations(NamedTuple):
 
     x : (n, states) after the measurement update
     y : (n, outputs) predicted from the samples before
-    e : (n, outputs) innovations: z minus its prediction from the samples before and the outputs updated before it
+    e : (n, outputs) innovations: z minus its prediction from earlier samples and from outputs already updated
     ln_s : (n, outputs) logarithms of the variances of e
-    d_e, d_ln_s : (n, outputs, unknowns) derivatives to free parameters, ln w, ln v, initial states
+    d_e, d_ln_s : (n, outputs, unknowns) derivatives with respect to free parameters, ln w, ln v, initial states
     """
 
     x: Array
@@ -129,8 +129,8 @@ class KalmanFilter:
     def _chain_rule(self, nonzeros: Array) -> tuple[Array, Array]:
         """Derivatives of the next state and covariance, and of e and ln_s, for each sample.
 
-        They are taken to the state and covariance before the cycle and to the constants (free parameters, ln w, ln v):
-        (n, states + packed covariance, width) and (n, 2 outputs, width).
+        They are derivatives with respect to the state and covariance before the cycle and to the constants (free
+        parameters, ln w, ln v): (n, states + packed covariance, width) and (n, 2 outputs, width).
         """
         nx, ny, nw, nf = len(self.model.states), len(self.model.outputs), len(self.driven), len(self.free)
         na = nx + nx * (nx + 1) // 2
@@ -148,7 +148,7 @@ class KalmanFilter:
             return total
 
         def direct(block: Array, columns: slice) -> Array:
-            """A block's Jacobian to arguments that are constants."""
+            """A block's Jacobian with respect to arguments that are constants."""
             total = np.zeros((n, block.shape[1], width))
             total[:, :, columns] = block
             return total
@@ -212,10 +212,11 @@ def build_filter(
     driven: tuple[str, ...],
     options: FitOptions = FitOptions(),
 ) -> KalmanFilter:
-    """Compile a model's filter cycle, with derivatives to the parameters named in `free` and to ln w and ln v.
+    """Compile a model's filter cycle, with derivatives for the parameters named in `free` and for ln w and ln v.
 
-    The mean is integrated by `integrator`. The covariance uses the transition matrix of the model linearized at the
-    middle of the step, a Taylor series of exp(A h) up to h^4. The process noise is integrated by the trapezoidal rule.
+    The mean is integrated by `options.integrator`. The covariance uses the transition matrix of the model linearized at
+    the middle of the step, a Taylor series of exp(A h) up to h^4. The process noise is integrated by the trapezoidal
+    rule.
 
     Raises InputError as `simulation.build_simulator` does, and for a model without states.
     """
@@ -240,7 +241,7 @@ def build_filter(
     patterns, nonzeros = [], []
 
     def call(value: Any, over: list[Any], arguments: list[Any], position: list[Any]) -> Any:
-        """The value of a block at actual arguments. Keeps the nonzeros of its Jacobian to the arguments `over`."""
+        """Return a block's value at actual arguments; keep the nonzeros of its Jacobian with respect to `over`."""
         J = ca.jacobian(value, ca.vertcat(*over))
         result, J_result = ca.Function("block", arguments, [value, J], {"cse": True})(*position)
         patterns.append(J.sparsity())

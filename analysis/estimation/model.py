@@ -48,7 +48,7 @@ class UnknownKind(enum.Enum):
 
 
 class UnknownKey(NamedTuple):
-    """Which unknown: of a parameter, a state or an output; `segment` if it has a value of its own in each of them.
+    """Identifies an unknown by kind and by name of a parameter, state or output; by segment if each has its own value.
 
     As text it is the name in tables: "CLa", "b[run]", "V(0)[run]", "ln w(V)", "ln v(ax)".
     """
@@ -75,7 +75,7 @@ ModelFunction = Callable[[NamedValues, NamedValues, NamedValues], Sequence[Any]]
 
 
 class _Equations(NamedTuple):
-    """A function of the model, what it is, and the names of its values."""
+    """A function of the model, what it computes, and the names of its values."""
 
     what: str
     function: ModelFunction
@@ -125,8 +125,8 @@ class Parameter:
 class PriorMeasurement:
     """A linear combination of shared parameters that was measured before: sum of coefficient times parameter.
 
-    Its error is normal with standard deviation `sigma`. With the priors of the parameters themselves it makes a prior
-    that is correlated. coefficients : (parameter, coefficient), or by parameter name
+    Its error is normal with standard deviation `sigma`. Together with the parameters' own priors it forms a correlated
+    prior. coefficients : pairs (parameter, coefficient), or a mapping by parameter name
 
     Raises InputError when there is no coefficient, a number is not finite, or `sigma` is not positive.
     """
@@ -145,12 +145,12 @@ class PriorMeasurement:
             raise InputError(f"prior measurement {self.name}: sigma must be greater than zero, is {self.sigma}")
 
     def row(self, names: Iterable[str]) -> NDArray[np.float64]:
-        """Coefficients (m,) of parameters of these names in units of `sigma`; 0 where one is not measured."""
+        """Coefficients (m,) of parameters of these names in units of `sigma`; 0 for a parameter without one."""
         by_name = dict(self.coefficients)
         return np.array([by_name.get(name, 0.0) for name in names]) / self.sigma
 
     def deviation(self, values: Mapping[str, float]) -> float:
-        """Standard deviations by which parameters of these values differ from what was measured."""
+        """Difference between parameters of these values and the measurement, in standard deviations."""
         return (sum(c * values[name] for name, c in self.coefficients) - self.value) / self.sigma
 
 
@@ -161,8 +161,8 @@ class Model:
     A model without states is an ordinary regression and needs no `dynamics`. `initial_state` computes a starting value
     of the state at a segment's first sample from the segment's data; `Segment.x0` takes precedence over it. `delays`
     names inputs that act late, each with the parameter that is its delay [s]: (("elevator", "tau"),). Output error and
-    equation error estimate it; inputs are interpolated between samples. `prior_measurements` add to the priors of the
-    parameters.
+    equation error estimate delays; inputs are interpolated between samples. `prior_measurements` add to the priors of
+    the parameters.
 
     Raises InputError when a name occurs twice, there are no outputs, states have no dynamics, or a delay's input or
     parameter, or a prior measurement's parameter, does not exist.

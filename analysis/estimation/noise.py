@@ -37,7 +37,7 @@ class Whitened:
 def noise_covariance_of(residuals: Array, scale: Array, structure: NoiseKind, tail_dof: float | None) -> Array:
     """R (outputs, outputs) of the residuals (n, outputs), NaN where missing (3.33).
 
-    scale : (outputs,) rms of the measured outputs, for the smallest variance that is returned
+    scale : (outputs,) rms of the measured outputs; it sets the smallest variance that is returned
     The full R uses only samples with all outputs present.
 
     Raises InputError when a full R has too few complete samples.
@@ -55,7 +55,7 @@ def noise_covariance_of(residuals: Array, scale: Array, structure: NoiseKind, ta
         return R
     variance = np.nanmean(residuals**2, axis=0)
     if tail_dof is not None:
-        for _ in range(30):  # a digit each; maximum-likelihood condition: mean of weight e^2 = 1
+        for _ in range(30):  # each gains a digit; maximum-likelihood condition: mean of weight e^2 = 1
             variance = np.maximum(variance, floor)
             weight = (tail_dof + 1) / (tail_dof + residuals**2 / variance)
             variance = np.nanmean(weight * residuals**2, axis=0)

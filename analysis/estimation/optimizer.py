@@ -22,7 +22,7 @@ from flightpower.flight.arrays import Array
 class Stop(Enum):
     """Why a maximization ended."""
 
-    OPTIMUM = auto()  # or where `stop` was true
+    OPTIMUM = auto()  # or `stop` returned true
     NO_BETTER_STEP = auto()
     TOO_FEW_ITERATIONS = auto()
 
@@ -42,10 +42,10 @@ class Evaluation(NamedTuple):
     information: Array  # (m, m) of the data
     variance_information: Array | float = 0.0  # part of `information` from the variances of the residuals
     ln_det_R: float = 0.0  # 0 if R is not re-estimated at every point
-    costs: tuple[float, ...] = ()  # of the points before in the maximization
+    costs: tuple[float, ...] = ()  # at the earlier points of the maximization
     steps: tuple[float, ...] = ()  # from each of these points to the next, in standard errors
-    products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if those are not kept
-    observed: Array | None = None  # (m, m) curvature of the cost, where it costs nothing besides the information
+    products: Array | None = None  # (outputs, m) sums of white residuals times sensitivities, if these are not kept
+    observed: Array | None = None  # (m, m) curvature of the cost, if it comes free with the information
 
 
 def nowhere(theta: Array) -> Evaluation:
@@ -150,7 +150,7 @@ def maximize(
 def _secant(correction: Array, step: Array, change: Array, curvature: Array, information: Array) -> Array:
     """The symmetric rank-one update after which (curvature + correction) step = change of the gradient.
 
-    If the sum has too small an eigenvalue, the steps before are forgotten. Reference: Nocedal & Wright, Numerical
+    If the sum has too small an eigenvalue, earlier steps are forgotten. Reference: Nocedal & Wright, Numerical
     Optimization, 2nd ed., sec. 6.2.
     """
     zero = np.zeros_like(correction)
@@ -167,7 +167,7 @@ def _secant(correction: Array, step: Array, change: Array, curvature: Array, inf
 
 
 def _convex(curvature: Array, information: Array) -> _EigenSystem | None:
-    """The eigensystem of the curvature, if its smallest eigenvalue is large enough against that of the information."""
+    """The eigensystem of the curvature, if its smallest eigenvalue is not much below the information's."""
     if (np.diag(curvature) > 0).all():
         of_curvature, scale = _EigenSystem.of(curvature), _scale(information)
         smallest = np.linalg.eigvalsh(information / np.outer(scale, scale))[0]  # a third of the time of `eigh`
@@ -187,7 +187,7 @@ def _step_matrix(
     return convex or _EigenSystem.of(information)
 
 
-LARGEST_DAMPING = 1e8  # of the information: a step is then rounding error
+LARGEST_DAMPING = 1e8  # relative to the information: steps are then rounding errors
 
 
 def _improve(
@@ -196,7 +196,7 @@ def _improve(
     """A point whose cost is not larger, and the damping for the next step. None if no step improves it."""
     problem = likelihood.problem
     largest = problem.largest_step[moving]
-    first = 1e-3  # of the information: hardly shortens a step
+    first = 1e-3  # relative to the information: hardly shortens a step
     while damping <= LARGEST_DAMPING:
         step = eigen.step(point.gradient[moving], damping)
         for halving in range(4):
@@ -214,7 +214,7 @@ def _improve(
 def _limited(step: Array, largest: Array) -> Array:
     """The step, with changes of ln sigma (those with a largest step) corrected for the shape of the likelihood.
 
-    Of a standard deviation alone, Gauss-Newton's step of ln sigma is (r - 1)/2, where r is the mean square of the
+    For a standard deviation alone, Gauss-Newton's step of ln sigma is (r - 1)/2, where r is the mean square of the
     residuals relative to sigma^2. The optimum is (ln r)/2 away.
     """
     logarithmic = np.isfinite(largest)

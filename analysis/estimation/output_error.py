@@ -4,7 +4,7 @@ The noise covariance R is re-estimated from the residuals at every point. The li
 parameters alone (the concentrated likelihood), and its gradient is the gradient with R held constant. Each step must
 increase this likelihood, so that the usual oscillation between R and the parameters cannot occur.
 
-Of long records, information and gradient are summed block by block without keeping sensitivities. With a diagonal R
+For long records, information and gradient are summed block by block without keeping sensitivities. With a diagonal R
 both are sums over the outputs, each divided by the output's variance: one pass over the record gives the sums, and R
 follows from the residuals afterwards.
 """
@@ -72,10 +72,7 @@ def responses_in_blocks(simulator: "Simulator", records: Iterable[Record]) -> It
 
 
 def summed(blocks: Iterable[Response], Z: Array, columns: NDArray[np.intp]) -> Sums | None:
-    """The sums over a record; None if the response is not finite.
-
-    columns : of the unknowns of the fit among those of the simulator
-    """
+    """The sums over a record; None if the response is not finite. columns : unknowns among the simulator's."""
     y, residuals = np.empty_like(Z), np.empty_like(Z)
     gram, product = np.zeros((Z.shape[1], len(columns), len(columns))), np.zeros((Z.shape[1], len(columns)))
     first = 0
@@ -97,13 +94,13 @@ def summed(blocks: Iterable[Response], Z: Array, columns: NDArray[np.intp]) -> S
 
 @dataclass(frozen=True, kw_only=True)
 class MeasurementNoise:
-    """What is known of the noise of the outputs.
+    """What is known about the noise of the outputs.
 
-    structure : of R (outputs, outputs) where it is estimated, "diagonal" or "full"
+    structure : structure of R (outputs, outputs) if R is estimated, "diagonal" or "full"
     covariance : known R (outputs, outputs), or known variances (outputs,); default: R is estimated
     tail_dof : degrees of freedom of t noise (about 4) for data with outliers; for an estimated diagonal R only
 
-    Raises InputError for tails with another R.
+    Raises InputError for a `tail_dof` with another R, or not greater than zero.
     """
 
     structure: NoiseKind = "diagonal"
@@ -136,9 +133,9 @@ def fit_output_error(
     functions of `uncertainty`, those for colored residuals do not apply.
 
     The verdict says whether the optimum was reached, is at a bound, or leaves unknowns undetermined; its hints name
-    residuals that are not white and unstable motion. Where it is not convincing, a second start is made from the fit
-    of the records cut in pieces, over which the response cannot slip a cycle or diverge (multiple shooting), and the
-    better optimum is taken; a remark says so. Raises InputError for data or options that cannot be used, and
+    residuals that are not white and unstable motion. If the fit is not convincing, a second one starts from a fit of
+    the records cut in pieces, over which the response cannot slip a cycle or diverge (multiple shooting). If its
+    optimum is better, it is returned with a remark. Raises InputError for data or options that cannot be used, and
     when the response to the starting values is not finite.
     """
     segments = as_segments(segments)
@@ -146,7 +143,7 @@ def fit_output_error(
     if band_Hz is not None or (first.verdict.ok and not first.verdict.hints):
         return first
     if {hint.finding for hint in first.verdict.hints} == {Finding.NOT_WHITE} and first.verdict.ok:
-        # Most often the model lacks something, and the optimum is the same: no more iterations than the first took.
+        # Most often the model lacks something and the optimum is the same: no more iterations than the first fit took.
         options = replace(options, max_iterations=first.iterations)
     again = _second_start(model, segments, start or {}, noise, options)
     if again is None or not again.verdict.ok:
@@ -198,7 +195,7 @@ def _fit_from(
     options: FitOptions,
 ) -> Fit:
     """The fit from one start. Arguments and errors as for `fit_output_error`."""
-    from flightpower.analysis.estimation.simulation import build_simulator  # and CasADi, which only a fit needs
+    from flightpower.analysis.estimation.simulation import build_simulator  # imports CasADi, which only a fit needs
 
     simulator = build_simulator(model, free_names(model), options.integrator, options.inputs)
     problem = Problem.assemble(model, segments, options.initial_states, start)
@@ -250,7 +247,7 @@ def _known_covariance(covariance: ArrayLike, model: Model) -> Array:
 class OutputErrorLikelihood:
     """Likelihood of the residuals z - y. known_R : (outputs, outputs), or None to estimate R.
 
-    transforms : per segment a matrix (k, n) that residuals and sensitivities are multiplied by; None: used as they are
+    transforms : per segment a matrix (k, n) that multiplies residuals and sensitivities; None leaves them as they are
     """
 
     problem: Problem
@@ -279,7 +276,7 @@ class OutputErrorLikelihood:
 
     @property
     def is_long(self) -> bool:
-        """Whether iterations should not keep the sensitivities; they need them with a diagonal R only."""
+        """Whether iterations do not keep the sensitivities. They can do without only if a diagonal R is estimated."""
         elements = sum(Z.size * len(own) for Z, own in zip(self.problem.Z, self.problem.columns, strict=True))
         plain = self.noise == "diagonal" and self.known_R is None and self.tail_dof is None
         return plain and self.transforms is None and elements > self.LARGEST_KEPT
@@ -383,7 +380,7 @@ class OutputErrorLikelihood:
 
     @cached_property
     def _output_rms(self) -> Array:
-        """(outputs,) of the measurements, 1 for an output that is zero. Raises InputError for one without samples."""
+        """Rms (outputs,) of the measurements, 1 for an output of zeros. Raises InputError for one without samples."""
         measurements = np.concatenate(self.problem.Z)
         for name, measured in zip(self.problem.model.outputs, measurements.T, strict=True):
             if not np.isfinite(measured).any():

@@ -19,13 +19,13 @@ from flightpower.flight.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class FitOptions:
-    """How a fit integrates the model and searches the optimum.
+    """How a fit integrates the model and searches for the optimum.
 
     integrator, inputs : integration method, and the inputs between samples; see `simulation.build_simulator`
     initial_states : "free" estimates the state at the start of each segment; "given" takes it from `Segment.x0`, else
     from `Model.initial_state`, else from the first sample of the output of that name; a tuple names the free states
-    max_iterations : after which the fit ends without convergence
-    second_start : of a fit that is not convincing, from the record cut in pieces; it takes two fits more
+    max_iterations : number of iterations after which the fit ends without convergence
+    second_start : whether a fit that is not convincing is repeated from the record cut in pieces, which takes two fits
     """
 
     integrator: Integrator = "rk4"
@@ -149,7 +149,7 @@ class Problem:
         )  # fmt: skip
 
     def without(self, keep: NDArray[np.bool_]) -> "Problem":
-        """The problem with the unknowns where `keep` (m,) is true only."""
+        """The problem with only those unknowns for which `keep` (m,) is true."""
         new_index = np.cumsum(keep) - 1
         return replace(
             self,
@@ -215,7 +215,7 @@ class Problem:
 
 
 def _prior_measurements(model: Model, index: Mapping[str, int]) -> tuple[Array, Array]:
-    """`measured_rows` and `measured_values`; parameters that are fixed are known. index: of theta, by name."""
+    """`measured_rows` and `measured_values`; fixed parameters count as known. index: position in theta by name."""
     start = {q.name: q.start for q in model.parameters}
     rows = np.zeros((len(model.prior_measurements), len(index)))
     values = np.zeros(len(rows))

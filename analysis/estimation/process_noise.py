@@ -1,4 +1,4 @@
-"""Process and measurement noise of filter error: as the user gives them, as unknowns, and their starting values."""
+"""Process and measurement noise of filter error: what the user gives, the unknowns, and their starting values."""
 
 import math
 from collections import Counter
@@ -23,14 +23,14 @@ class ProcessNoise:
     """White noise that drives one state.
 
     start : starting value of the intensity [unit of the state per sqrt(s)]; in one second the noise adds intensity^2 to
-    the variance of the state. Fixed unless `free`; a fixed intensity may be zero. The starting value may be 1000 times
-    too small. If it is so large that process noise explains everything, the fit is repeated with a hundredth of it.
+    the variance of the state. It is fixed unless `free`; a fixed intensity may be zero. The starting value may be 1000
+    times too small. If it is so large that process noise explains everything, the fit is repeated with 1 % of it.
     active_before_s : time for which the noise has acted before a segment begins. If positive, the initial state is not
     estimated and has the variance intensity^2 active_before_s. For a stationary first-order state with time constant T
     this is T/2.
     prior_sigma : standard deviation of a normal prior of ln intensity with mean ln start
 
-    Raises InputError for a start that is negative or zero, a negative `active_before_s`, or a `prior_sigma` <= 0.
+    Raises InputError for a negative start, a free start of zero, a negative `active_before_s`, or `prior_sigma` <= 0.
     """
 
     state: str
@@ -77,12 +77,12 @@ def logarithm(value: float) -> float:
 
 
 def intensity_key(state: str) -> UnknownKey:
-    """ln w of this state."""
+    """Key of ln w for this state."""
     return UnknownKey(UnknownKind.PROCESS_NOISE, state)
 
 
 def noise_key(output: str) -> UnknownKey:
-    """ln v of this output."""
+    """Key of ln v for this output."""
     return UnknownKey(UnknownKind.MEASUREMENT_NOISE, output)
 
 
@@ -101,7 +101,7 @@ def noise_unknowns(model: Model, segments: tuple[Segment, ...], noises: tuple[Pr
         scale = math.sqrt(np.nanmean(np.square(np.concatenate(signals)))) if _any_finite(signals) else 0.0
         least, largest = FILTER_ERROR.noise_range
         lowest = least * (scale or 1.0)
-        # A sample minus the mean of its neighbors has 3/2 of the variance of white noise.
+        # In white noise, a sample minus the mean of its neighbors has 3/2 of the variance of a sample.
         differences = np.concatenate([z[1:-1] - (z[:-2] + z[2:]) / 2 for z in signals] or [np.array([])])
         differences = differences[np.isfinite(differences)]
         sigma = math.sqrt(np.mean(differences**2) / 1.5) if len(differences) else 0.01 * scale
@@ -141,10 +141,10 @@ def noise_from_predictions(
     """Starting values of ln w and ln v; every state must be measured. values : parameters by name.
 
     From sample k the model predicts sample k + 1. The error d of this prediction has the covariance
-    V + Phi V Phi' + Q h, and that of two in succession is -V Phi', where V is the covariance of measurement noise of
-    the states, Phi the transition matrix and Q h that of process noise over the step. From both together follow V and
-    Q. An output that is no state has the measurement noise that the noise of the states does not explain. Variances
-    smaller than their own standard errors start at those standard errors.
+    V + Phi V Phi' + Q h, and two successive errors have the covariance -V Phi', where V is the covariance of the
+    states' measurement noise, Phi the transition matrix and Q h the covariance of process noise over the step. Together
+    they give V and Q. An output that is not a state gets the noise that the noise of the states does not explain.
+    Variances smaller than their own standard errors start at those standard errors.
     """
     p = [values.get(q.name, q.start) for q in model.parameters]
     positions = [model.outputs.index(state) for state in model.states]

@@ -1,4 +1,4 @@
-"""Thresholds of the estimators: of data, search, filter error, verdict, and computation."""
+"""Thresholds of the estimators for tests, search, filter error, verdict, and computation."""
 
 from dataclasses import dataclass
 
@@ -73,7 +73,7 @@ class FilterError(Settings):
 
 @dataclass(frozen=True)
 class VerdictLimits(Settings):
-    """Sizes from which a verdict mentions something."""
+    """Limits above which a verdict mentions a finding."""
 
     large_correlation: float = setting(
         0.9, "1", "two unknowns are determined only together (Klein & Morelli 2006, ch. 5)"
@@ -97,7 +97,7 @@ class VerdictLimits(Settings):
 
 @dataclass(frozen=True)
 class Computation(Settings):
-    """Time steps, starting values and the choice of terms."""
+    """Uniformity of time steps."""
 
     uniformity: float = setting(0.01, "1", "of a time step; the error of RK4 over a step is far larger than its effect")
 

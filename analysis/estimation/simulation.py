@@ -1,8 +1,8 @@
 """Simulation of a model over records, with exact sensitivities to the free parameters and the initial state.
 
-CasADi derives one integration step, the outputs and their derivatives symbolically, once per model (15 to 60 ms). Only
-the states have to be integrated in order, 3 us a step with 4 states. The derivatives follow from them for all samples
-at once as array operations, and the sensitivities from the derivatives by a linear recursion.
+CasADi builds one integration step, the outputs and their derivatives symbolically, once per model (15 to 60 ms). Only
+the states have to be integrated in order, in 3 us per step with 4 states. The derivatives follow from them for all
+samples at once as array operations, and the sensitivities from the derivatives by a linear recursion.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -43,7 +43,7 @@ if hasattr(ca.GlobalOptions, "setNumpyMode"):  # from 3.8 on: keep NumPy functio
 def trapezoidal(f: Derivative, x: Any, u: InputAt, h: Any) -> Any:
     """The implicit trapezoidal rule, second order; stable for any step, for models with fast modes.
 
-    x + h/2 (f(x, u) + f(x_next, u_next)) = x_next is solved by Newton's method; one step is exact for a linear model.
+    x + h/2 (f(x, u) + f(x_next, u_next)) = x_next is solved by Newton's method, for a linear model in one iteration.
     """
     now, y = f(x, u(0)), ca.SX.sym("y", x.shape[0])
     rate = f(y, u(1))
@@ -62,8 +62,9 @@ INTEGRATORS: dict[str, Callable[..., Any]] = {"rk4": rk4, "euler": euler, "heun"
 class Simulator:
     """A compiled model; `build_simulator` makes one.
 
-    next_state : of state, inputs at both ends of the step, parameters, step
-    derivatives : of the same; outputs, and the Jacobians of next state and outputs by state and by free parameters
+    next_state : function of state, inputs at both ends of the step, parameters, step
+    derivatives : function of the same; gives outputs, and next state's and outputs' Jacobians for state and free
+    parameters
     has_branches : whether values or derivatives depend on comparisons, as with np.where, np.sign, or np.maximum
     """
 
@@ -95,7 +96,7 @@ class Simulator:
             yield Response(*(part[:length] for part in response))
 
     def _initial_sensitivity(self) -> Array:
-        """Derivative (states, unknowns) of the initial state by the free parameters and by itself."""
+        """Derivative (states, unknowns) of the initial state with respect to the free parameters and to itself."""
         states = len(self.model.states)
         return np.hstack([np.zeros((states, len(self.free))), np.eye(states)])
 
@@ -137,12 +138,12 @@ class Simulator:
         return x
 
     def _at_both_ends(self, record: Record) -> Array:
-        """Inputs at both ends of every step, each with the slopes of those that act late, and the delays."""
+        """Inputs at both ends of every step, with the slopes of the delayed inputs, and the delays."""
         U, delays_s = self._with_delays(record.U, record.p, record.step_s)
         return np.hstack([U, np.vstack([U[1:], U[-1:]]), np.tile(delays_s, (len(U), 1))])
 
     def _with_delays(self, U: Array, p: Array, step_s: float) -> tuple[Array, Array]:
-        """Inputs with those that act late shifted, followed by the slopes of these; and the delays (k,) [s]."""
+        """Inputs, with delayed ones shifted, followed by the slopes of the delayed ones; and the delays (k,) [s]."""
         model = self.model
         if not model.delays:
             return U, np.zeros(0)
@@ -157,7 +158,7 @@ class Simulator:
 
 
 def _of_samples(records: Sequence[Record]) -> tuple[list[Any], list[Any]]:
-    """The elements of the parameters and the step, each as a number if all records have the same, else (samples,)."""
+    """The elements of the parameters and the step, as numbers if all records share them, else as arrays (samples,)."""
     rows = np.array([[*record.p, record.step_s] for record in records])
     if (rows == rows[0]).all():
         elements = rows[0].tolist()
@@ -167,13 +168,13 @@ def _of_samples(records: Sequence[Record]) -> tuple[list[Any], list[Any]]:
 
 
 def linear_recursion(A: Array, B: Array, initial: Array, lengths: list[int], *, block: int = 32) -> Array:
-    """S (n, s, m) of S_(k+1) = A_k S_k + B_k in records of these lengths, one after another.
+    """Solve S_(k+1) = A_k S_k + B_k for S (n, s, m) in consecutive records of these lengths.
 
     The last step of each record is not used.
 
     A : (n, s, s)     B : (n, s, m)     initial : (records, s, m), S at each record's first sample
-    The solution of a block of samples is linear in its first S: it is computed for all blocks together, then from block
-    to block.
+    Within a block of samples, S is linear in the block's first S. This function is computed for all blocks together,
+    then the first S from block to block.
     """
     n, s, m = B.shape
     firsts, first_of_record, ends = [], [], []
@@ -206,7 +207,7 @@ def linear_recursion(A: Array, B: Array, initial: Array, lengths: list[int], *, 
 def build_simulator(
     model: Model, free: tuple[str, ...], integrator: Integrator = "rk4", inputs: InputRule = "linear"
 ) -> Simulator:
-    """Compile a model's step and outputs, with derivatives to the parameters named in `free` and the initial state.
+    """Compile a model's step and outputs, with derivatives for the parameters named in `free` and the initial state.
 
     inputs : between samples, "linear" interpolates, "mean" uses the mean of both samples for the whole step, "held"
     uses the sample at the start of the step
@@ -228,7 +229,7 @@ def build_simulator(
     p_free = ca.vertcat(*(p[names.index(name)] for name in free))
 
     def at_delay(rows: Any) -> Any:
-        """The inputs, whose derivatives to the delays are the slopes. In value, p of a delay equals `delays_s`."""
+        """The inputs, whose derivatives with respect to delays are minus the slopes; p has the values `delays_s`."""
         u = rows[: len(model.inputs)]
         for k, (input_name, parameter) in enumerate(model.delays):
             slope = rows[len(model.inputs) + k]

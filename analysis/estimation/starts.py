@@ -25,7 +25,7 @@ def starting_values_by_equation_error(
 ) -> dict[str, float]:
     """Starting values of the shared free parameters, by equation error. See `fit_equation_error` for errors.
 
-    smoothing_s : of its low-pass filter; default: 1.5 samples, which is enough where the noise is light
+    smoothing_s : width of its low-pass filter; default: 1.5 samples, which is enough where the noise is light
     """
     segments = as_segments(segments)
     if smoothing_s is None:
@@ -57,8 +57,8 @@ def best_of_starts(
     """The best of several fits of a model from different starting values.
 
     fit : makes a fit from starting values: `lambda start: fit_output_error(model, run, start=start)`
-    starts : the first is that of the model's values; in the others each free parameter is multiplied by `factor` to a
-    random power between -1 and 1, within its bounds. A value that starts at zero stays there. more_starts : further
+    starts : the first has the model's values; in the others each free parameter is multiplied by `factor` to a random
+    power between -1 and 1, within its bounds. A value that starts at zero stays there. more_starts : further
     starting points, such as from `starting_values_by_equation_error`
 
     The verdict says from how many starts the best fit was reached. Raises the InputError of `fit` if no start gives a

@@ -1,4 +1,4 @@
-"""Which terms a model needs: stepwise regression, and multivariate orthogonal functions with predicted square error.
+"""Choice of a model's terms: stepwise regression, and multivariate orthogonal functions with predicted square error.
 
 Both choose from candidate regressors, such as alpha, alpha^2 and elevator, those that the measured output needs.
 
@@ -16,15 +16,15 @@ from scipy import special
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 
-DEPENDENT = 1e-10  # share of a candidate's square that the chosen terms leave: smaller is rounding
+DEPENDENT = 1e-10  # of a candidate's square: if the chosen terms leave less of it, that is rounding error
 
 
 class Selection(NamedTuple):
     """The chosen terms of z = constant + sum of coefficient times term.
 
-    names : (k,) in the order in which they were taken; the constant is always in the model
+    names : (k,) in the order in which they were chosen; the constant is always in the model
     coefficients, standard_errors : (k,), for white residuals
-    constant, constant_error : the same of the constant
+    constant, constant_error : the constant and its standard error
     R2 : share of the variance of z that the terms explain
     predicted_square_error : mean square of the error expected on other data, in the square of z's unit
     """
@@ -50,7 +50,8 @@ def stepwise(candidates: Mapping[str, ArrayLike], z: ArrayLike, *, level: float 
     """Terms enter in the order of their partial correlation with z, and leave again when others replace them.
 
     candidates : name to (n,)     z : (n,)
-    level : of the F test for entering, divided by the number of candidates (Bonferroni); terms leave at twice that
+    level : level of the F test for a term to enter, divided by the number of candidates (Bonferroni); to leave, twice
+    that
 
     Raises InputError for arrays of different lengths, values that are not finite, or fewer samples than candidates.
     """
@@ -142,7 +143,7 @@ def _partial_F(X: Array, z: Array, chosen: list[int]) -> Array:
 
 
 def _fitted(names: tuple[str, ...], X: Array, z: Array, chosen: list[int], penalty: float | None = None) -> Selection:
-    """penalty : of one term in the predicted square error; default: from the variance of the residuals."""
+    """Fit the chosen terms. penalty : predicted square error per term; default: from the variance of the residuals."""
     n, k = len(z), len(chosen)
     A = np.column_stack([np.ones(n), X[:, chosen]])
     solution: Array = np.asarray(np.linalg.lstsq(A, z, rcond=None)[0])

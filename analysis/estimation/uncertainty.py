@@ -53,10 +53,10 @@ def cramer_rao(fit: Fit) -> Uncertainty:
 def morelli_klein(fit: Fit, autocorrelation: Literal["autoregressive", "raw"] = "autoregressive") -> Uncertainty:
     """Covariance for colored residuals (Morelli & Klein 1997, J. Aircraft 34(5), 671).
 
-    D [sum_i sum_j S_i' R^-1 Rnu(i-j) R^-1 S_j] D, with cross terms between outputs, autocorrelation pooled over the
-    segments, and independent segments. "raw" uses the biased estimate of Rnu from the residuals: on 16 s of a colored
-    record, 95 % intervals cover 90 %. "autoregressive" fits a model to Rnu and corrects it for the part of the noise
-    that the fit has absorbed (`colored_residuals`): they cover 93 to 94 %.
+    It is D [sum_i sum_j S_i' R^-1 Rnu(i-j) R^-1 S_j] D, with cross terms between outputs, autocorrelation pooled over
+    the segments, and independent segments. "raw" uses the biased estimate of Rnu from the residuals: on 16 s of a
+    colored record, 95 % intervals cover 90 %. "autoregressive" fits a model to Rnu and corrects it for the part of the
+    noise that the fit has absorbed (`colored_residuals`): intervals then cover 93 to 94 %.
     """
     longest = max(len(segment_fit.segment) for segment_fit in fit.segment_fits)
     # At four times the longest record the circular convolution wraps only lags at which the autocorrelation is zero.
@@ -89,7 +89,7 @@ def block_bootstrap(fit: Fit, *, block_s: float, draws: int = 500, seed: int = 0
 
 
 def _sandwich(fit: Fit, method: str, M: Array) -> Uncertainty:
-    """D M D + D P D: the covariance of the estimate if M is that of the data's score and P the priors' information."""
+    """Covariance D M D + D P D of the estimate. M: covariance of the data's score. P: information of the priors."""
     D = fit.covariance
     with np.errstate(invalid="ignore", divide="ignore"):  # inf and NaN of unidentifiable unknowns propagate
         prior = D @ fit.prior_information @ D
@@ -156,7 +156,7 @@ class Whiteness(NamedTuple):
 
 
 def whiteness(fit: Fit, lags: int = 20) -> dict[str, Whiteness]:
-    """Per output, whether the residuals are white, from the first `lags` lags (Ljung & Box 1978, Biometrika 65, 297).
+    """Test for each output whether residuals are white over `lags` lags (Ljung & Box 1978, Biometrika 65, 297).
 
     The mean of the residuals is not removed.
     """

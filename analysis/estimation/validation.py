@@ -26,8 +26,8 @@ class Agreement(NamedTuple):
     R2 : 1 - (sum of squared differences)/(sum of squared deviations of the measurement from its mean); below zero the
     mean is the better prediction
     theil : Theil's inequality coefficient, 0 (equal) to 1; below 0.3 the agreement is usually called good
-    bias, variance, covariance : the parts of the mean squared difference, 1 together: from different means, from
-    different standard deviations, and the rest. A good model leaves the most to the rest.
+    bias, variance, covariance : fractions of the mean squared difference, 1 in total: due to different means, due to
+    different standard deviations, and the rest. For a good model the rest is largest.
     """
 
     rms: float
@@ -52,8 +52,8 @@ def predict(fit: Fit, segment: Segment) -> Prediction:
     """The response of the fitted model to the segment's inputs, compared with its outputs.
 
     The parameters are held. The initial state is `Segment.x0` if it names all states, otherwise it is estimated from
-    the segment: a wrong initial state would be taken for an error of the model. The response of a fit with process
-    noise is that without the noise.
+    the segment: a wrong initial state would be taken for an error of the model. Process noise in the fit does not
+    enter the response.
 
     Raises InputError for a parameter with `shared=False`, which has no value in another segment, and like
     `fit_output_error` for data that cannot be used.
