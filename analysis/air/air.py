@@ -21,8 +21,8 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 
 def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFrame:
-    """The table with the specific force at the IMU replaced by that at the center of gravity, without the offsets and
-    scales of the accelerometers that the aircraft file states, and what vibration adds."""
+    """Replace the specific force at the IMU in the table by that at the center of gravity, corrected for the offsets,
+    scales and vibration effects of the accelerometers that the aircraft file states."""
     extra = _force_by_rotation(table, aircraft.imu_position_m)
     square = np.nan_to_num(table["n_revps"].to_numpy(dtype=float) / VIBRATION_REVPS) ** 2  # 0 where the motor stands
     mounted = aircraft.installation
@@ -40,7 +40,7 @@ def specific_force_at_cg(table: pd.DataFrame, aircraft: Aircraft) -> pd.DataFram
 
 
 def _force_by_rotation(table: pd.DataFrame, position_m: tuple[float, float, float]) -> tuple[Array, ...]:
-    """Specific force (3 of (n,)) by rotation at a position from the center of gravity, beyond that at the center."""
+    """Specific force, three arrays (n,), that rotation adds at a position relative to the center of gravity."""
     p, q, r = (table[f"{axis}_radps"].to_numpy() for axis in "pqr")
     step_s = float(table.index[1] - table.index[0])
     zero = np.zeros_like(p)
@@ -49,8 +49,8 @@ def _force_by_rotation(table: pd.DataFrame, position_m: tuple[float, float, floa
 
 
 def with_sensors_elsewhere(air: pd.DataFrame, aircraft: Aircraft, other: Aircraft) -> pd.DataFrame:
-    """Air data (`air_data`) of `aircraft` as the same readings give them with the probe's place and upwash, and the
-    place of the IMU, of another aircraft file."""
+    """Convert air data (`air_data`) of `aircraft` to what the same readings give with another aircraft file's positions
+    of probe and IMU, and its upwash."""
     ahead_m = other.probe.position_m[0] - aircraft.probe.position_m[0]
     moved_m = np.subtract(other.imu_position_m, aircraft.imu_position_m)
     by_rotation = _force_by_rotation(air, (float(moved_m[0]), float(moved_m[1]), float(moved_m[2])))
@@ -94,7 +94,7 @@ def bank_angle(table: pd.DataFrame) -> Array:
 
 
 def _complementary(slow: Array, rate: Array, step_s: float) -> Array:
-    """Low-passed `slow` plus high-passed integral of `rate`. Run forward and backward and averaged: no lag."""
+    """Low-passed `slow` plus high-passed integral of `rate`, averaged over passes forward and backward: no lag."""
     keep = np.exp(-step_s / LEVEL_RUN.bank_time_constant_s)
 
     def one_way(angle: Array, rate: Array) -> Array:
@@ -120,10 +120,10 @@ def air_data(
 ) -> AirData:
     """The table with speed, angles, density, height, thrust, bank and `flying` added.
 
-    table: the zeros at rest subtracted, specific forces at the center of gravity. speed_scale: of the aircraft, at
+    table: with zeros at rest subtracted, and specific forces at the center of gravity. speed_scale: of the aircraft, at
     most 1.
-    Angles are those at the center of gravity: corrected for upwash, for the velocity of the probe by rotation, and for
-    the bending of its boom.
+    Angles hold at the center of gravity: they are corrected for upwash, for the probe's velocity due to rotation, and
+    for the bending of its boom.
     """
     notes: list[str] = []
     out = table.copy()
@@ -148,10 +148,10 @@ def air_data(
     rho = density(out["static_Pa"], out["temperature_K"])
 
     dp_beta = np.nan_to_num(sideslip)  # the maps take missing sideslip as zero
-    # The mean of a quotient by a noisy number is biased, and so is that of a root: near the stall by 0.5 % of angle and
-    # 0.07 % of speed. So quotients use the mean of q_c, and speed is linear in the deviation of q_c from its mean. The
-    # bias is as the variance of noise over dynamic pressure, which is as the fourth power of one over speed: means of
-    # pressure differences of slower aircraft are over so many more samples.
+    # Division by a noisy number biases the mean, and so does a root: near the stall by 0.5 % of angle and 0.07 % of
+    # speed. So quotients use the mean of q_c, and speed is linear in the deviation of q_c from its mean. The bias is in
+    # proportion to the variance of noise over dynamic pressure, so to one over the fourth power of speed: for slower
+    # aircraft, pressure differences are averaged over that many more samples.
     step_s = table.index[1] - table.index[0]
     window = max(1, round(CHANNELS.smoothing_s / speed_scale**2 / step_s))
     mean_q_c = out["q_c_Pa"].rolling(window, center=True, min_periods=1).mean().to_numpy()
@@ -214,7 +214,7 @@ def _where_it_began(table: pd.DataFrame) -> tuple[float, float]:
 
     Electronics warm the tray by ten degrees within minutes, which would be three percent of density. At power-on they
     have the temperature of the air. So the transducer's first reading gives the air temperature there; the standard
-    lapse rate gives that at height.
+    lapse rate gives the temperature at height.
     """
     start = table[["static_Pa", "static_temperature_K"]].dropna()
     first = start.loc[: start.index[0] + AIR.cold_s]
@@ -225,8 +225,8 @@ def _height_of_start(above_start_m: pd.Series, q_c_Pa: pd.Series, least_Pa: floa
     """Height [m] above the ground where the log began, and a note; 0 where it began on the ground.
 
     An aircraft that has its airspeed from the first second on is in the air, as in a segment that was cut out of a
-    flight. If there is no airspeed at the end, the aircraft has landed. Otherwise the ground is below the lowest point
-    by twice the least height of runs, which is far above it for an aircraft that flies maneuvers.
+    flight. If there is no airspeed at the end, the aircraft has landed. Otherwise the ground is assumed below the
+    lowest point by twice the least height of runs: an aircraft that flies maneuvers is far above the ground.
     """
     pressure = q_c_Pa.dropna()
     if pressure.empty or pressure.loc[: pressure.index[0] + AIR.cold_s].min() <= least_Pa:
@@ -244,9 +244,9 @@ def _height_of_start(above_start_m: pd.Series, q_c_Pa: pd.Series, least_Pa: floa
 
 
 def _add_thrust(table: pd.DataFrame, propeller: Propeller) -> None:
-    """Adds thrust, shaft power, advance ratio and whether the propeller table covers them, in place.
+    """Add thrust, shaft power, advance ratio and whether the propeller table covers them, in place (3.48).
 
-    (3.48); the advance ratio uses the whole airspeed.
+    The advance ratio uses the whole airspeed.
     """
     n = table["n_revps"].to_numpy()
     turning = n > STANDING.motor_revps

@@ -1,4 +1,4 @@
-"""Scale of the airspeed, as `calibrate airspeed` determines it in one flight and an analysis of others applies it."""
+"""Scale of the airspeed: `calibrate airspeed` determines it in one flight, and analyses of other flights apply it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,7 @@ FORMAT = "flightpower-airspeed-1"
 class AirspeedScale(msgspec.Struct, frozen=True, kw_only=True):
     """The content of the file that `calibrate airspeed` writes; its wind belongs to that flight and is not used.
 
-    aircraft, installation : their names in that flight's log; earlier files have none, nor those of autopilots' logs
+    aircraft, installation : names in that flight's log; older files and files from autopilots' logs have none
     """
 
     format: str = FORMAT
@@ -36,7 +36,7 @@ class AirspeedScale(msgspec.Struct, frozen=True, kw_only=True):
         return (1 + self.scale) ** -2
 
     def corrected(self, table: pd.DataFrame) -> pd.DataFrame:
-        """The table with the true dynamic pressure in column q_c_Pa, whose zero is subtracted."""
+        """The table with column q_c_Pa, from which the zero has been subtracted, corrected for the scale."""
         return table.assign(q_c_Pa=self.pressure_factor * table["q_c_Pa"])
 
     def corrected_recording(self, recording: FlightRecording) -> FlightRecording:
@@ -56,7 +56,7 @@ class AirspeedScale(msgspec.Struct, frozen=True, kw_only=True):
             )
 
     def notes_on_aircraft(self, aircraft: Aircraft, where: str) -> list[str]:
-        """A note if the scale was determined with another installation than that of this flight.
+        """A note if the scale was determined with another installation than this flight has.
 
         Raises InputError naming `where` if it was determined with another aircraft. An installation without a name is
         not compared.

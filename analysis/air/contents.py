@@ -33,7 +33,7 @@ class LogContents(NamedTuple):
     """What an analysis uses from a log in addition to the measurements.
 
     zero : by channel, the reading in still air that `daq zero` took; None if the log has none
-    notes : damage of the log, in sentences
+    notes : damage to the log, in sentences
     """
 
     aircraft: Aircraft
@@ -55,7 +55,7 @@ class Replacements(NamedTuple):
     """Replacements for contents of the log; None where the log's own are used.
 
     weight_N : of the aircraft     zero : by channel
-    files : where these were read from, or the name of a shipped propeller, by the attachment that each replaces
+    files : by the attachment that is replaced, the file that was read, or the name of a shipped propeller
     """
 
     aircraft: Aircraft | None = None
@@ -73,7 +73,7 @@ class Replacements(NamedTuple):
 def contents(log: Log, replacements: Replacements = Replacements()) -> LogContents:
     """The contents of a log; `replacements` are used instead of its own.
 
-    Raises InputError if attachments are missing and no argument replaces them, naming all of them, or one is malformed.
+    Raises InputError if attachments are missing and not replaced, naming all of them, or if one is malformed.
     """
     recorded = _recorded_aircraft(log, needed=replacements.aircraft is None)
     aircraft = replacements.aircraft or recorded
@@ -139,10 +139,10 @@ def _recorded_aircraft(log: Log, *, needed: bool) -> Aircraft | None:
 
 
 def propeller_of(log: Log, aircraft: Aircraft) -> Propeller:
-    """The propeller named in the aircraft file, otherwise that of the log.
+    """The propeller named in the aircraft file, otherwise the log's propeller.
 
-    The log's table is that of the propeller its own aircraft file names. Raises InputError when there is none, or it is
-    malformed.
+    The table in the log belongs to the propeller that the log's own aircraft file names. Raises InputError when there
+    is no table, or it is malformed.
     """
     return _propeller(log, aircraft, _recorded_aircraft(log, needed=False))
 
@@ -178,7 +178,7 @@ def with_installation_of(log: Log, aircraft: Aircraft) -> Aircraft:
 
 
 def _of_another_table(aircraft: Aircraft, propeller: Propeller) -> str:
-    """A sentence if the aircraft file has thrust on a stand, but against another propeller's table; else empty."""
+    """A sentence if the aircraft file's static thrust ratio belongs to another propeller's table; else empty."""
     named = aircraft.propulsion.propeller
     if aircraft.propulsion.static_thrust_ratio is None or named is None:
         return ""
@@ -191,7 +191,7 @@ def _of_another_table(aircraft: Aircraft, propeller: Propeller) -> str:
 
 
 def damage(log: Log) -> list[str]:
-    """Parts of the log that are torn or cannot be decoded, in sentences."""
+    """Sentences on parts of the log that are truncated or cannot be decoded."""
     notes = [f"The log is {log.incomplete}."] if log.torn else []
     for topic, undecodable in sorted(log.undecodable_of.items()):
         left_out = "1 message is" if undecodable.count == 1 else f"{undecodable.count} messages are"
@@ -200,7 +200,7 @@ def damage(log: Log) -> list[str]:
 
 
 def _what_is_missing(log: Log, replacements: Replacements, aircraft: list[Aircraft]) -> list[str]:
-    """The attachments that are needed, but neither in the log nor replaced. aircraft: that used, and the log's own."""
+    """Attachments that are needed, but neither in the log nor replaced. aircraft: the one used, and the log's own."""
     propeller_named = any(aircraft_file.propulsion.propeller for aircraft_file in aircraft)
     present = {
         "aircraft.toml": bool(aircraft),
@@ -221,5 +221,5 @@ def _not_in_log(log: Log, names: list[str]) -> InputError:
 
 
 def _other_case(log: Log, name: str) -> str | None:
-    """The attachment of that name in other capitals, or with a path."""
+    """The attachment of that name in any case, also behind a path."""
     return next((attachment for attachment in log.attachments if PurePath(attachment).name.lower() == name), None)

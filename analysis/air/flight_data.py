@@ -33,10 +33,10 @@ LOST_WITHOUT = {
 class FlightData(NamedTuple):
     """The measurements of one flight.
 
-    table : of `air_data`, index t_s        rest : rows in which the aircraft stood still
+    table : from `air_data`, index t_s        rest : rows in which the aircraft stood still
     zeroed : whether zeros at rest were subtracted        compass : None where no calibrated magnetometer can be used
     notes : what was lost, assumed or corrected, in sentences
-    calibrated : standard errors of the air data by calibrations of transducers and airspeed, by sensor error
+    calibrated : by sensor error, its standard error from the calibrations of transducers and airspeed
     resolution : steps of the values as recorded, by column
     """
 
@@ -65,7 +65,7 @@ class Calibrations(NamedTuple):
 def flight_data(log: Log, aircraft: Aircraft, propeller: Propeller, calibrations: Calibrations) -> FlightData:
     """All measurements of a log on one time base, in SI units, at the center of gravity.
 
-    log: accepted by `analysis.sources`.
+    log: a log that `analysis.sources` accepts.
     """
     probe, magnetometer_calibration, zero, transducers, airspeed = calibrations
     lines = line_responses(log, aircraft)
@@ -96,7 +96,7 @@ def flight_data(log: Log, aircraft: Aircraft, propeller: Propeller, calibrations
 
 
 def silent_topics(table: pd.DataFrame, recorded: Collection[str]) -> list[str]:
-    """A note for each topic none of whose values was measured for more than a share of the flight that is mentioned.
+    """A note for each topic that the log lacks, or that carried no value for a notable share of the flight.
 
     recorded: the topics in the log
     """

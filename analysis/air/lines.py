@@ -34,7 +34,7 @@ class LineResponse(NamedTuple):
     """The response of one line in the air of a flight.
 
     topic, column : of its transducer     lag_s : for slow changes
-    remainder : response without that lag, of frequency [Hz]
+    remainder : response without that lag, as a function of frequency [Hz]
     """
 
     topic: str
@@ -65,7 +65,7 @@ def line_responses(log: Log, aircraft: Aircraft) -> list[LineResponse]:
 def without_remainder(table: pd.DataFrame, lines: Sequence[LineResponse]) -> tuple[pd.DataFrame, list[str]]:
     """The table with the remainder of each long and narrow line divided out, and notes on it.
 
-    table: of `synchronize` with the lags of the lines, so that delays are taken out already. Gaps stay gaps.
+    table: from `synchronize` with the lags of the lines, so delays have been removed. Gaps stay gaps.
     """
     rate_Hz = 1 / float(table.index[1] - table.index[0])
     out, notes = table, []
@@ -84,8 +84,9 @@ def without_remainder(table: pd.DataFrame, lines: Sequence[LineResponse]) -> tup
 def inverted(values: Array, rate_Hz: float, response_of: Callable[[Array], ComplexArray], largest_gain: float) -> Array:
     """The input of a linear system, (n,), from its output `values` (n,) and its frequency response; NaN stays NaN.
 
-    response_of: by frequency [Hz]. Divides by the response where that is above 1/largest_gain and attenuates below: no
-    frequency is amplified by more than `largest_gain`, and steady values are unchanged. Each stretch between gaps is
+    response_of: function of frequency [Hz]. `values` are divided by the response where its magnitude is above
+    1/largest_gain; where it is smaller, the gain falls with it. No frequency is amplified by more than `largest_gain`,
+    and steady values are unchanged. Each stretch between gaps is
     treated separately and extended beyond its ends by odd reflection.
     """
     out = values.copy()

@@ -1,11 +1,11 @@
 """Hard and soft iron of a magnetometer from measurements in many directions, and the compass in flight.
 
 The strength of the earth's field does not depend on the aircraft's attitude. Magnets aboard add a constant vector b
-(hard iron), steel and current loops distort the field (soft iron): the measured vectors m lie on an ellipsoid, and
+(hard iron), and steel and current loops distort the field (soft iron): the measured vectors m lie on an ellipsoid, and
 |A (m - b)| = F. Lengths do not determine a rotation in A, so A is symmetric; its mean diagonal is one, so that F is in
 tesla.
 
-In flight the corrected field shows the heading (`compass`). The variation of its strength gives its error.
+In flight the corrected field shows the heading (`compass`). The variation of the field's strength gives its error.
 """
 
 from typing import NamedTuple
@@ -35,7 +35,7 @@ class MagnetometerCalibration(msgspec.Struct, frozen=True, kw_only=True):
     soft_iron_error: float  # largest 1 sigma among its elements
     field_T: float
     residual_before_T: float  # rms of the field's strength about its mean, as measured
-    residual_T: float  # and corrected
+    residual_T: float  # the same after correction
     directions: float  # smallest spread of the measured directions along any axis; 0.58 is uniform, 0 a plane
 
     @property
@@ -73,7 +73,7 @@ class Compass(NamedTuple):
 
 
 def compass(table: pd.DataFrame, calibration: MagnetometerCalibration) -> tuple[Compass | None, list[str]]:
-    """The earth's field in flight, or None if it is not reliable; and notes with the reason. table: of `air_data`.
+    """The earth's field in flight, or None if it is not reliable; and notes with the reason. table: from `air_data`.
 
     The variation of the field strength shows its error: an error across the field changes the strength in proportion to
     the horizontal share of the field. Samples on the ground, near cars and reinforced concrete, are not used.

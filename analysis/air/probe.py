@@ -4,7 +4,7 @@ C_alpha = dp_alpha/q_c and C_beta = dp_beta/q_c, with q_c = p_center - p_static,
 the two gives (qbar/q_c)^2; polynomials in dp_alpha/qbar and dp_beta/qbar give the angles. The reason: the pressure that
 the center port loses at an angle appears at the pairs of side ports, so qbar^2 is nearly a sum of squares of the three
 pressures. That needs a polynomial of second order; q_c/qbar itself would need eighth order. The coefficients and
-all deviations come from the tunnel: weighted least squares, the order chosen by cross-validation.
+all deviations come from the tunnel by weighted least squares; cross-validation chooses the order.
 """
 
 from typing import NamedTuple
@@ -24,9 +24,9 @@ Powers = list[tuple[int, int]]
 
 
 class FittedMap(PolynomialMap, frozen=True, kw_only=True):
-    """A polynomial map with what is known of its fit, evaluated for arrays."""
+    """A polynomial map that evaluates arrays, with the quality of its fit."""
 
-    residual_rms: float  # cross-validated, points weighted by their noise; of q_c/qbar as a fraction of it
+    residual_rms: float  # cross-validated, points weighted by their noise; for q_c/qbar a fraction of its value
     order: int
     tried_rms: list[float] = msgspec.field(default_factory=list)  # cross-validated, of orders 1, 2, …
 
@@ -61,7 +61,7 @@ def fit_map(x: Array, y: Array, target: Array, qbar_Pa: Array, exponent: float =
     unit = _error_unit(sums, exponent)
     first, _ = _best_order(x, y, sums, _normalized(qbar_Pa) / unit)
     smooth = structs.replace(first, exponent=1.0)(x, y)
-    # Take the unit from fitted values: by measured ones, points that happen to be small would get more weight.
+    # Take the unit from fitted values: with measured ones, points that happen to be small would get more weight.
     unit = _error_unit(smooth, exponent)
     weight = _normalized(1 / _noise((sums - smooth) / unit, qbar_Pa)) / unit
     best, covariance = _best_order(x, y, sums, weight)
@@ -88,7 +88,7 @@ def _powers(order: int) -> Powers:
 
 
 def _error_unit(sums: Array, exponent: float) -> Array:
-    """Change of the sum for an error of one: of the target, or of a fraction of it if the map has an exponent."""
+    """Change of the sum per error of the target; if the map has an exponent, per relative error of the target."""
     return np.ones_like(sums) if exponent == 1 else np.abs(sums / exponent)
 
 
@@ -118,7 +118,7 @@ def _best_order(x: Array, y: Array, target: Array, weight: Array) -> tuple[Fitte
     best, best_rms, tried = 0, np.inf, []
     for order in range(1, 10):
         X = terms(x, y, _powers(order)) * weight[:, None]
-        if X.shape[1] > len(target) / 2:  # two points a coefficient at least
+        if X.shape[1] > len(target) / 2:  # at least two points per coefficient
             break
         rms = _left_out_rms(X, target * weight, fold)
         tried.append(rms)
@@ -152,9 +152,9 @@ class ProbeCalibration(msgspec.Struct, frozen=True, kw_only=True):
     alpha_rad: FittedMap  # over (dp_alpha, dp_beta)/qbar
     beta_rad: FittedMap
     q_ratio: FittedMap  # q_c/qbar, over (C_alpha, C_beta)
-    alpha_scale_sigma: float  # relative standard error of alpha's slope over +-10 deg, the tunnel's own angles included
+    alpha_scale_sigma: float  # relative standard error of alpha's slope over +-10 deg, with errors of tunnel angles
     hull: list[tuple[float, float]]  # corners of the calibrated region in (C_alpha, C_beta)
-    # The hull is convex, the measured region is not. So the angles themselves are limited, too.
+    # The hull is convex, the measured region is not. So the angles themselves are also limited.
     alpha_limits_rad: tuple[float, float] | None = None
     beta_limits_rad: tuple[float, float] | None = None
 
@@ -176,8 +176,8 @@ class ProbeFlow(NamedTuple):
     alpha_rad: Array
     beta_rad: Array
     inside: NDArray[np.bool_]  # the calibration covers this point
-    dalpha_dlndp_alpha_rad: Array  # an error of dp_alpha changes the angle of attack,
-    dlnV_dlndp_alpha: Array  # and q_c/qbar, and so the airspeed
+    dalpha_dlndp_alpha_rad: Array  # change of the angle of attack per relative change of dp_alpha
+    dlnV_dlndp_alpha: Array  # relative change of airspeed, through q_c/qbar, per relative change of dp_alpha
 
 
 def flow_at_probe(
@@ -204,7 +204,7 @@ def flow_at_probe(
     for angle, limits in ((alpha, probe.alpha_limits_rad), (beta, probe.beta_limits_rad)):
         if limits is not None:
             inside &= (angle > limits[0] - MAP.angle_margin_rad) & (angle < limits[1] + MAP.angle_margin_rad)
-    h = 0.01  # relative, of a central difference; its error is a sixth of its square times the third derivative
+    h = 0.01  # relative step of a central difference; error: a sixth of its square times the third derivative
     less, more = (probe.maps(C_alpha * factor, C_beta) for factor in (1 - h, 1 + h))
     dalpha, _, dratio = ((b - a) / (2 * h) for a, b in zip(less, more, strict=True))
     return ProbeFlow(q_c / ratio, alpha, beta, inside, dalpha, -dratio / (2 * ratio))

@@ -21,7 +21,7 @@ class AirSettings(Settings):
 
 @dataclass(frozen=True)
 class LineLagSettings(Settings):
-    """Lags of pneumatic lines by steps of pressure, and their correction in flight."""
+    """Lags of pneumatic lines, measured with steps of pressure, and their correction in flight."""
 
     step_s: float = setting(
         0.5, "s", "a longer change is not a burst; as long before and after it is quiet, which shows levels and noise"
@@ -46,7 +46,7 @@ class LineLagSettings(Settings):
 
     @property
     def tried_s(self) -> tuple[float, float]:
-        """Shortest and longest lag that is tried: from far below a tick to half of what is seen of a step."""
+        """Shortest and longest lag that is tried: from far below a tick to half of the longest step."""
         return self.step_s / 2500, self.step_s / 2
 
 
@@ -145,7 +145,7 @@ class GroundCalibrationSettings(Settings):
 
     @property
     def reference_s(self) -> float:
-        """Time at the start of a held stretch that sets its reference, the median: twice the settling time."""
+        """Time at the start of a held stretch whose median is the stretch's reference: twice the settling time."""
         return 2 * self.settling_s
 
     @property
@@ -164,7 +164,7 @@ GROUND = GroundCalibrationSettings()
 
 @dataclass(frozen=True)
 class ThrustStandSettings(Settings):
-    """Thrust at rest, on a stand, against the propeller's table."""
+    """Thrust at rest, on a stand, compared with the propeller's table."""
 
     fewest_speeds: int = setting(3, "speeds", "for the change of the ratio with motor speed")
     same_speed: float = setting(0.02, "1", "readings at speeds nearer than this are repetitions")
@@ -174,7 +174,7 @@ class ThrustStandSettings(Settings):
 
     @property
     def largest_error(self) -> float:
-        """1 sigma of the ratio: a worse stand shows no more than the table, whose error at rest is scale - slope/2."""
+        """Largest 1 sigma of the ratio. A worse stand adds nothing to the table, whose own error is scale - slope/2."""
         default = Uncertainty()
         return STATISTICS.determined_share * math.hypot(default.thrust_scale_fraction, default.thrust_slope / 2)
 

@@ -1,4 +1,4 @@
-"""Thrust of a propeller at rest against its table, as `calibrate thrust` writes it and an analysis applies it."""
+"""Thrust of a propeller at rest over its table's: `calibrate thrust` measures the ratio, and an analysis applies it."""
 
 from dataclasses import replace
 
@@ -24,9 +24,9 @@ class ThrustStand(msgspec.Struct, frozen=True, kw_only=True):
     diameter_m: float
     readings: int
     revps: list[float]  # the speeds measured, ascending
-    table_cT: list[float]  # of the table at these speeds and J = 0
-    ratio: float  # thrust over that of the table
-    ratio_error: float  # 1 sigma, of the following three
+    table_cT: list[float]  # thrust coefficients of the table at these speeds and J = 0
+    ratio: float  # measured thrust over the table's
+    ratio_error: float  # 1 sigma, the following three combined
     scatter_error: float
     scale_error: float  # of the stand, as given, as a fraction of thrust
     speed_error: float  # 0 where the ratio does not change with speed

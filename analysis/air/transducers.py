@@ -39,7 +39,7 @@ class Plateau(NamedTuple):
 
 
 def readings(log: Log) -> pd.DataFrame:
-    """Readings of CHANNELS [Pa] at the times of the airspeed's, index t_s; NaN where one failed or was out of range.
+    """Readings of CHANNELS [Pa] at the airspeed's times, index t_s; NaN where a reading failed or was out of range.
 
     Raises InputError naming a transducer that the log lacks.
     """
@@ -67,7 +67,7 @@ def readings(log: Log) -> pd.DataFrame:
 
 
 def plateaus(table: pd.DataFrame, source: str) -> list[Plateau]:
-    """Pressures that are held, in order of time; the first one has open tubes. table: of `readings`.
+    """Pressures that are held, in order of time; the first one has open tubes. table: from `readings`.
 
     Raises InputError for a plateau beyond the range of a transducer.
     """
@@ -119,7 +119,7 @@ def steady_stretches(values: Array, allowed: float, reference: int) -> list[tupl
 
 
 def in_words(plateaus: Sequence[Plateau]) -> str:
-    """The plateaus with their times, to be matched with the pressures written down; those at zero without a number."""
+    """The plateaus and their times, to match with the pressures written down; plateaus at zero have no number."""
     words, number = [], 0
     for plateau in plateaus:
         start_text = f"at {plateau.start_s:.0f} s"
@@ -163,12 +163,12 @@ class TransducerCalibration(msgspec.Struct, frozen=True, kw_only=True):
         return {"alpha": self.alpha, "beta": self.beta, "airspeed": self.airspeed}[name]
 
     def corrected(self, table: pd.DataFrame) -> pd.DataFrame:
-        """The table with the pressures of its columns dp_alpha_Pa, dp_beta_Pa and q_c_Pa as the reference's."""
+        """The table with dp_alpha_Pa, dp_beta_Pa and q_c_Pa corrected to the pressures that the reference measures."""
         columns = {column: self.pressure_Pa(column, table[column]) for column in COLUMN_OF.values()}
         return table.assign(**columns)
 
     def corrected_zero(self, zero: Mapping[str, float]) -> dict[str, float]:
-        """The zeros read in still air as the reference would read them, by column."""
+        """Correct zeros read in still air, by column, in the same way; other columns stay."""
         named = COLUMN_OF.values()
         return {name: self.pressure_Pa(name, value) if name in named else value for name, value in zero.items()}
 
@@ -198,7 +198,7 @@ TRANSDUCERS_FILE = JsonFormat(TransducerCalibration, (FORMAT,), "a transducer ca
 
 
 class AirDataErrors(NamedTuple):
-    """Standard errors of what the transducers' slopes act on, as fractions."""
+    """Standard errors, as fractions, of the air data that the transducers' slopes affect."""
 
     V_scale: float
     alpha_scale: float
@@ -213,10 +213,10 @@ AIR_DATA_CHANNELS = ("q_c_Pa", "dp_alpha_Pa")
 
 
 def with_hysteresis(air: pd.DataFrame, channel: str, fraction: float) -> pd.DataFrame:
-    """Air data (`air_data`) with hysteresis of one of CHANNELS, to first order.
+    """Air data (`air_data`) with hysteresis of one of AIR_DATA_CHANNELS, to first order.
 
-    fraction : width over the range of the flight. Pressure lags by half the width in the direction it came from
-    (play operator).
+    fraction : width of the hysteresis over the range of the pressure in flight. The reading lags half the width behind
+    the pressure (play operator).
     """
     smooth = _smooth(air[channel].interpolate(limit_direction="both"), air)
     width = fraction * float(np.ptp(smooth[air["V_mps"].notna()]))
@@ -224,15 +224,15 @@ def with_hysteresis(air: pd.DataFrame, channel: str, fraction: float) -> pd.Data
 
 
 def with_zero_step(air: pd.DataFrame, channel: str, step_Pa: float) -> pd.DataFrame:
-    """Air data (`air_data`) with a step of the zero of one of CHANNELS [Pa] in the middle of the flight, to first
-    order: half of it too low before, half of it too high after."""
+    """Air data (`air_data`) with a step [Pa] of the zero of one of AIR_DATA_CHANNELS in the middle of the flight, to
+    first order: readings are too low by half of it before, and too high by half of it after."""
     flying = air.index[air["V_mps"].notna()]
     later = air.index.to_numpy() > (flying[0] + flying[-1]) / 2
     return _with_change(air, channel, np.where(later, step_Pa / 2, -step_Pa / 2))
 
 
 def _smooth(pressure: pd.Series, air: pd.DataFrame) -> pd.Series:
-    # Over a second: noise of the electronics does not move the membrane.
+    # Averages over a second, because noise of the electronics does not move the membrane.
     window = max(1, round(1.0 / float(air.index[1] - air.index[0])))
     return pressure.rolling(window, center=True, min_periods=1).mean()
 
@@ -252,7 +252,7 @@ def _with_change(air: pd.DataFrame, channel: str, change_Pa: Array) -> pd.DataFr
 
 
 def play(x: Array, width: float) -> Array:
-    """The play operator over x (n,): its output follows half the width behind."""
+    """The play operator over x (n,): the output stays within half the width of x."""
     y, position = np.empty_like(x), float(x[0])
     for i, value in enumerate(x.tolist()):
         position = min(max(position, value - width / 2), value + width / 2)

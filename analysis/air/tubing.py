@@ -3,7 +3,7 @@
 H. Bergh and H. Tijdeman, Theoretical and Experimental Results for the Dynamic Response of Pressure Measuring Systems,
 NLR-TR F.238, 1965. Assumptions: laminar flow, small disturbances, tube radius small against the wavelength, walls at a
 constant temperature. Their recursion is written here for the admittance Y = U/p (volume flow over pressure), from the
-last tube to the first. The numbers are the same, and it also holds for a tube without a volume at its end.
+last tube to the first. The results are the same, and this form also holds for a tube without a volume at its end.
 """
 
 import math
@@ -40,7 +40,7 @@ def air(static_Pa: float, temperature_K: float) -> Gas:
 def response(
     tubes: Sequence[PneumaticLine], frequency_Hz: Array, gas: Gas, *, polytropic: float = 1.0, stretch: float = 0.0
 ) -> ComplexArray:
-    """Pressure in the last cavity over that at the first tube's mouth, as a complex number at each frequency.
+    """Pressure in the last cavity over pressure at the first tube's mouth, as a complex number at each frequency.
 
     tubes: from the mouth on. Each ends in its cavity (volume 0 for none), where the next one begins.
     frequency_Hz: (n,), zero or more.

@@ -1,4 +1,4 @@
-"""Finds the maneuvers of every kind in a flight; the steady level ones here, the others in the modules it calls."""
+"""Finds the maneuvers of every kind in a flight: steady points here, other kinds in the modules that it calls."""
 
 import numpy as np
 import pandas as pd
@@ -30,7 +30,7 @@ from flightpower.flight.runs import LEVEL_RUN, Rejection, RunRejected
 
 
 def find_steady(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:
-    """Steady points and rejected stretches, each in order of time. table: of `air_data`."""
+    """Steady points and rejected stretches, each in order of time. table: from `air_data`."""
     motion, n = smooth(table, STEADY_POINT.smoothing_s), load_factor(table, LOADS.load_smoothing_s)
     # Bank is not smoothed: a turn can be shorter than the smoothing window.
     steady = np.isfinite(motion.V) & table["flying"].to_numpy() & (np.abs(motion.Vdot) < STEADY_POINT.largest_mps2)
@@ -69,7 +69,7 @@ def _rejection(data: pd.DataFrame, V: Array, load: Array) -> Rejection | None:
 
 
 def find(table: pd.DataFrame, rest: list[slice]) -> Maneuvers:
-    """Maneuvers of all kinds in a flight. table: of `air_data`; rest: rows in which the aircraft stood still."""
+    """Maneuvers of all kinds in a flight. table: from `air_data`; rest: rows in which the aircraft stood still."""
     steps, no_steps = find_3211(table)
     maneuvers, rejected = [*steps, *_standing_and_flying(table, rest)], [*no_steps]
     loads = find_loads(table)
@@ -87,7 +87,7 @@ def _standing_and_flying(table: pd.DataFrame, rest: list[slice]) -> list[Maneuve
     step_s = float(table.index[1] - table.index[0])
     V = table["V_mps"].to_numpy()
     high = table["flying"] & (table["height_m"] > least_height_m(table))
-    # Half a second outside the probe's calibrated range does not end a flight.
+    # A gap shorter than bridged_s, such as one outside the probe's calibrated range, does not end a flight.
     aloft = high.rolling(round(FLIGHT.bridged_s / step_s), center=True, min_periods=1).max().to_numpy() > 0
     flights = [rows for rows in stretches(aloft) if rows.stop - rows.start > FLIGHT.shortest_s / step_s]
     return [maneuver_in(STANDING, rows, table, np.zeros(len(table))) for rows in rest] + [
@@ -96,9 +96,9 @@ def _standing_and_flying(table: pd.DataFrame, rest: list[slice]) -> list[Maneuve
 
 
 def _porpoised(table: pd.DataFrame, loads: list[Maneuver]) -> NDArray[np.bool_]:
-    """Rows (n,) of the table within a porpoise, and the second of smoothing on either side of it.
+    """Whether each row (n,) of the table lies within a porpoise, or within the smoothing time on either side of one.
 
-    Neither a run nor steady flight is part of one: lift varies, and drag with its square.
+    Such rows are no part of a run or of steady flight: lift varies, and drag varies with its square.
     """
     within = np.zeros(len(table), dtype=bool)
     margin = round(LOADS.smoothing_s / float(table.index[1] - table.index[0]))

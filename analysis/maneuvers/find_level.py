@@ -1,5 +1,5 @@
-"""Finds level accelerations and decelerations (runs) by the criteria of `flight.runs`, and says why others are
-rejected."""
+"""Finds level accelerations and decelerations (runs) by the criteria of `flight.runs`, and says why other
+stretches are rejected."""
 
 from itertools import pairwise
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from flightpower.flight.runs import LEVEL_RUN, Rejection, RunMeasures, changing_
 def find_runs(table: pd.DataFrame, noise_mps: float | None = None) -> tuple[list[Maneuver], list[RejectedManeuver]]:
     """Runs and rejected stretches, each in order of time.
 
-    table: of `air_data`. noise_mps: standard deviation of a speed sample, if other than the table's, as in a plan.
+    table: from `air_data`. noise_mps: standard deviation of a speed sample, if not that of the table, as in a plan.
     """
     motion, scale = smooth(table, LEVEL_RUN.smoothing_s), speed_ratio_of(table)
     flying = table["flying"].to_numpy() & np.isfinite(motion.V)
@@ -56,7 +56,7 @@ class _Judged(NamedTuple):
 def _judged(
     stretch: list[slice], table: pd.DataFrame, motion: SmoothedMotion, sign: int, noise: float
 ) -> list[_Judged]:
-    """The verdict on each stretch that deserves one. sign: of the acceleration. noise: `noise_share`."""
+    """Judge each stretch that is not negligible. sign: sign of the acceleration. noise: `noise_share`."""
     scale, runs = speed_ratio_of(table), []
     for rows in stretch:
         measures = _measures(table.iloc[rows], motion, rows, sign)._replace(noise_share=noise)
@@ -66,7 +66,7 @@ def _judged(
 
 
 def _noise_mps(V: Array, smooth_V: Array) -> float:
-    """Standard deviation of speeds (n,) about the smoothed ones; of noise and quick gusts, not of outliers."""
+    """Standard deviation of speeds (n,) about the smoothed ones; includes noise and quick gusts, not outliers."""
     if not len(V):
         return np.inf
     lower, upper = np.percentile(V - smooth_V, 100 * special.ndtr([-1.0, 1.0]))
@@ -74,7 +74,7 @@ def _noise_mps(V: Array, smooth_V: Array) -> float:
 
 
 def _pieces(rows: slice, step_s: float, scale: float) -> list[slice]:
-    """A leg in as few equal parts as a run may be long: where speed is held for a while, the parts still are level."""
+    """Cut a leg into the fewest equal parts no longer than a run may be: they may be level although the leg is not."""
     count = -(-(rows.stop - rows.start) // max(1, int(LEVEL_RUN.longest_s * larger(scale) / step_s)))
     edges = np.linspace(rows.start, rows.stop, count + 1).round().astype(int).tolist()
     return [slice(a, b) for a, b in pairwise(edges)]
@@ -87,7 +87,7 @@ def _between_gaps(table: pd.DataFrame, rows: slice) -> list[slice]:
 
 
 def _changing_rows(motion: SmoothedMotion, start: int, leg: runs.Leg, changing_mps2: float) -> slice:
-    """The rows of the table of the changing part of a leg. start: row at which the leg's indices begin."""
+    """The rows of the table in which the speed of a leg changes. start: row at which the leg's indices begin."""
     begin = start + leg.first
     rows = slice(begin, start + leg.last + 1)
     changing = leg.sign * motion.Vdot[rows] > changing_mps2

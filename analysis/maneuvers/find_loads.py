@@ -23,7 +23,7 @@ from flightpower.flight.runs import LEVEL_RUN, Rejection, RunRejected
 
 
 def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:
-    """The maneuvers of all three kinds, and the rejected stretches. table: of `air_data`."""
+    """The maneuvers of all three kinds, and the rejected stretches. table: from `air_data`."""
     motion, n = smooth(table, LOADS.smoothing_s), load_factor(table, LOADS.load_smoothing_s)
     flying = table["flying"].to_numpy() & np.isfinite(motion.V)
     search = Search(table, motion.V)
@@ -54,7 +54,7 @@ def find_loads(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuv
 def _gentle_porpoises(
     table: pd.DataFrame, n: Array, level: NDArray[np.bool_], maneuvers: list[Maneuver]
 ) -> list[RejectedManeuver]:
-    """Porpoises in which the load factor stays between pushed and pulled. level: in flight with wings level."""
+    """Regular porpoises too gentle to count as maneuvers. level: (n,) whether in flight with wings level."""
     t = table.index.to_numpy()
     rejected = []
     gentle, (_, fewest_swings) = LOADS.deviation.gentle, LOADS.swings
@@ -82,7 +82,7 @@ def _pulled_and_pushed(n: Array) -> bool:
 
 
 def _swings(n: Array) -> int:
-    """How often the load factor went from pushed to pulled or back."""
+    """How often the load factor went from below LOADS.pushed to above LOADS.pulled or back."""
     side = np.where(n > LOADS.pulled, 1, np.where(n < LOADS.pushed, -1, 0))
     return int(np.count_nonzero(np.diff(side[side != 0])))
 
@@ -134,7 +134,7 @@ def _with_short_gaps_closed(flag: NDArray[np.bool_], longest: int) -> NDArray[np
 
 
 def find_3211(table: pd.DataFrame) -> tuple[list[Maneuver], list[RejectedManeuver]]:
-    """The 3-2-1-1 inputs, each with the response to it, and rejected sequences of steps. table: of `air_data`."""
+    """The 3-2-1-1 inputs, each with the response to it, and rejected sequences of steps. table: from `air_data`."""
     if "elevator_rad" not in table or not table["elevator_rad"].notna().any():
         return [], []
     motion = smooth(table, LOADS.smoothing_s)

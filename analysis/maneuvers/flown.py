@@ -1,6 +1,6 @@
-"""What was flown: weight and density of a flight, and its lift coefficients, over which a polar holds.
+"""Conditions flown: weight, air density, and the lift coefficients over which a polar holds.
 
-How much of the flight the propeller table covers.
+Also finds how much of the flight the propeller table covers.
 """
 
 from collections.abc import Set
@@ -23,15 +23,16 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 
 def flown_condition(rows_flown: pd.DataFrame, aircraft: Aircraft) -> Condition:
-    """Weight of the aircraft and mean density of the air. rows_flown: of `air_data`."""
+    """Weight of the aircraft and mean density of the air. rows_flown: from `air_data`."""
     return Condition(aircraft.mass.weight_N, float(rows_flown["rho"].mean()), aircraft.geometry.wing_area_m2)
 
 
 def flown_lift(rows_flown: pd.DataFrame, aircraft: Aircraft, carried: float = np.inf) -> tuple[float, float]:
-    """Range of the lift coefficients of level flight at the speeds flown. rows_flown: of `air_data`.
+    """Range of the lift coefficients of level flight at the speeds flown. rows_flown: from `air_data`.
 
-    Of slow aircraft, whose speed is noisy, means are taken: noise would make the slowest speed lower than was flown.
-    carried : of `largest_lift`; a gust takes airspeed for a moment, down to speeds at which no wing carries the weight
+    For slow aircraft, whose speed is noisy, speeds are averaged: noise would make the slowest speed lower than flown.
+    carried : from `largest_lift`; limits the range, as a gust may briefly lower airspeed to where no wing carries the
+    weight
     """
     V = rows_flown["V_mps"].rolling(round(speed_scale_of(rows_flown) ** -4), center=True, min_periods=1).mean()
     CL = 2 * aircraft.mass.weight_N / (rows_flown["rho"] * V**2 * aircraft.geometry.wing_area_m2)
@@ -40,7 +41,7 @@ def flown_lift(rows_flown: pd.DataFrame, aircraft: Aircraft, carried: float = np
 
 
 def check_lift(flown_CL: tuple[float, float], condition: Condition, log: str) -> None:
-    """Raises InputError if no wing could carry the weight at the speeds flown. flown_CL: of `flown_lift`."""
+    """Raise InputError if no wing could carry the weight at the speeds flown. flown_CL: from `flown_lift`."""
     largest = flown_CL[1]
     if not FLOWN.possible_CL[0] < largest < FLOWN.possible_CL[1]:
         raise InputError(
@@ -53,7 +54,8 @@ def check_lift(flown_CL: tuple[float, float], condition: Condition, log: str) ->
 def largest_lift(table: pd.DataFrame, condition: Condition) -> float:
     """The largest lift coefficient of a flight, by the vertical accelerometer; infinite where it is not known.
 
-    table: of `air_data`. Held for half a second, and exceeded in a thousandth of the flight: neither noise nor a bump.
+    table: from `air_data`. The value is a mean over half a second that is exceeded in a thousandth of the flight, so
+    neither noise nor a bump sets it.
     """
     aloft = table["flying"] & (table["height_m"] > least_height_m(table))
     step_s = float(table.index[1] - table.index[0])
@@ -74,9 +76,9 @@ class TableLimit(StrEnum):
 
 
 def limits_left(rows_flown: pd.DataFrame, propeller: Propeller, V: Array) -> list[TableLimit]:
-    """The limits of the propeller table that were left in flight near speeds V (k,), at more than a few samples.
+    """The limits of the propeller table that the flight exceeded near speeds V (k,), in more than a few samples.
 
-    rows_flown : of the runs, columns V_mps, n_revps and propeller_covered
+    rows_flown : rows of the runs, columns V_mps, n_revps and propeller_covered
     """
     near = (np.abs(rows_flown["V_mps"].to_numpy() / np.asarray(V)[:, None] - 1) < FLOWN.nearby).any(axis=0)
     outside = ~rows_flown["propeller_covered"].to_numpy(dtype=bool)[near]
@@ -87,10 +89,10 @@ def limits_left(rows_flown: pd.DataFrame, propeller: Propeller, V: Array) -> lis
 
 
 def thrust_known(rows_flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:
-    """Speeds V (k,) near which the propeller table covers at least FLOWN.least_covered of the samples flown.
+    """Whether the propeller table covers at least FLOWN.least_covered of the samples flown near each speed V (k,).
 
-    rows_flown : of the runs, columns V_mps and propeller_covered. A speed without samples nearby counts as known; it is
-    an extrapolation for another reason.
+    rows_flown : rows of the runs, columns V_mps and propeller_covered. A speed without samples nearby counts as known;
+    it is an extrapolation for another reason.
     """
     speed, covered = rows_flown["V_mps"].to_numpy(), rows_flown["propeller_covered"].to_numpy(dtype=float)
     near = np.abs(speed / V[:, None] - 1) < FLOWN.nearby
@@ -100,11 +102,11 @@ def thrust_known(rows_flown: pd.DataFrame, V: Array) -> NDArray[np.bool_]:
 def thrust_coverage(
     rows_flown: pd.DataFrame, propeller: Propeller, kinds: Set[str] = frozenset(), runs_file: str = ""
 ) -> list[str]:
-    """A warning where some of the runs lie outside the propeller table.
+    """A warning if some of the runs lie outside the propeller table.
 
-    rows_flown : of the runs, columns J, n_revps and propeller_covered.     kinds : of the runs
-    runs_file : the file that selected the runs, for messages; empty where they were found in the data
-    Raises InputError where most of them do.
+    rows_flown : rows of the runs, columns J, n_revps and propeller_covered     kinds : kinds of the runs
+    runs_file : the file that selected the runs, for messages; empty if they were found in the data
+    Raises InputError if too much of the runs lies outside.
     """
     outside = 1 - float(rows_flown["propeller_covered"].mean())
     if outside <= STATISTICS.unmentioned_share:

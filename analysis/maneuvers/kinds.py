@@ -43,7 +43,7 @@ class Maneuver:
 
 
 class Unsuitable(StrEnum):
-    """Why a stretch is no maneuver, besides the reasons against level runs (`flight.runs.RunRejected`)."""
+    """Reasons why a stretch is not a maneuver, besides those for level runs (`flight.runs.RunRejected`)."""
 
     SPEED_DRIFTED = "speed drifted"
     SPEED_CHANGED = "speed changed"
@@ -119,7 +119,7 @@ class Maneuvers:
 
     @property
     def for_drag(self) -> list[Maneuver]:
-        """The accelerations and decelerations; without any, the other maneuvers that give drag."""
+        """The accelerations and decelerations; if there are none, the other maneuvers that give drag."""
         return self.level_runs or self.of(*FOR_DRAG)
 
 
@@ -154,7 +154,7 @@ class Search:
     rejected: list[RejectedManeuver] = field(default_factory=list)
 
     def judged(self, kind: str, rows: slice, rejection: Rejection | None, notes: tuple[str, ...] = ()) -> None:
-        """Records a stretch as a maneuver, or the reason why it is not one."""
+        """Record a stretch as a maneuver, or the reason why it is not one."""
         if rejection:
             start_s, end_s = (float(self.table.index[row]) for row in (rows.start, rows.stop - 1))
             self.rejected.append(RejectedManeuver(kind, start_s, end_s, rejection))

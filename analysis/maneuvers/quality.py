@@ -30,14 +30,14 @@ def without_data(data: pd.DataFrame) -> Rejection | None:
 
 
 def missing_share(data: pd.DataFrame) -> tuple[str, float]:
-    """The first needed quantity that is missing for longer than allowed, or else the first, and its share of time."""
+    """The first needed quantity missing for longer than allowed, or else the first of all, and its missing fraction."""
     missing = data[list(NEEDED_COLUMNS)].isna().to_numpy().mean(axis=0).tolist()
     shares = [(quantity(name), share) for name, share in zip(NEEDED_COLUMNS, missing, strict=True)]
     return next((share for share in shares if missing_data(*share)), shares[0])
 
 
 def notes(data: pd.DataFrame, bank: Array) -> tuple[str, ...]:
-    """What a reader should know of a maneuver that is used, a few words each. bank: (n,) [rad]."""
+    """Remarks of a few words for the reader on a maneuver that is used. bank: (n,) [rad]."""
     remarks = []
     uncovered = 1 - float(data["propeller_covered"].mean())
     if uncovered > STATISTICS.unmentioned_share:
@@ -89,7 +89,7 @@ def quantity(column: str) -> str:
 
 
 class SmoothedMotion(NamedTuple):
-    """Each (n,), one value per row of the table. Where nothing was measured V and climb are NaN, and Vdot is zero."""
+    """Arrays (n,), one value per row of the table. Where nothing was measured, V and climb are NaN and Vdot is zero."""
 
     V: Array  # [m/s]
     Vdot: Array  # [m/s^2]
@@ -99,7 +99,7 @@ class SmoothedMotion(NamedTuple):
 
 
 def smooth(table: pd.DataFrame, over_s: float) -> SmoothedMotion:
-    """Speed and height fitted by a local quadratic over `over_s` seconds. table: of `air_data`."""
+    """Speed and height fitted by a local quadratic over `over_s` seconds. table: from `air_data`."""
     step_s = float(table.index[1] - table.index[0])
     window = 2 * round(over_s / step_s / 2) + 1
     V = np.full(len(table), np.nan)

@@ -45,8 +45,8 @@ LEFT_OUT = Rejection(Unsuitable.LEFT_OUT)
 
 
 class NoCurve(InputError):
-    """No maneuver of a log gives a curve. maneuvers: those found, and the candidates with their reasons; tried: the
-    methods that were applied to them, the best first.
+    """Raised if no maneuver of a log gives a curve. maneuvers: those found, and rejected stretches with reasons; tried:
+    the methods that were applied to the maneuvers, the best first.
     """
 
     def __init__(self, text: str, maneuvers: Maneuvers, tried: Sequence[MethodTried] = ()):
@@ -72,7 +72,7 @@ class Block(NamedTuple):
 
 
 def blocks(maneuvers: Maneuvers, left_out: Collection[str] = ()) -> list[Block]:
-    """The maneuvers of a flight and the rejected stretches in order of time. left_out: names of those not to keep."""
+    """The maneuvers of a flight and the rejected stretches in order of time. left_out: maneuvers not to keep."""
     everything: list[Maneuver | RejectedManeuver] = sorted([*maneuvers.maneuvers, *maneuvers.rejected], key=_start)
     return [_block(stretch, left_out) for stretch in everything]
 
@@ -146,8 +146,8 @@ def load(path: Path) -> list[ManeuverEntry]:
 def apply(entries: list[ManeuverEntry], table: pd.DataFrame, rejected: list[RejectedManeuver], where: str) -> Maneuvers:
     """The maneuvers that a file keeps, and the reasons why the others are left out.
 
-    table: of `air_data`. rejected: the stretches rejected in this log; their reasons are kept. where: names the file in
-    errors.
+    table: from `air_data`. rejected: the stretches rejected in this log; their reasons are kept. where: names the file
+    in errors.
     Raises InputError for a maneuver outside the log, one without the data that every method needs, and for runs that
     overlap: data counted twice make the interval too narrow.
     """
@@ -184,7 +184,7 @@ def _start(stretch: Maneuver | RejectedManeuver) -> float:
 
 
 def _same(entry: ManeuverEntry, stretch: RejectedManeuver) -> bool:
-    """Whether an entry is that stretch; times in the file are rounded to 0.01 s."""
+    """Whether an entry is the same as a stretch; times in the file are rounded to 0.01 s."""
     apart = max(abs(entry.start_s - stretch.start_s), abs(entry.end_s - stretch.end_s))
     return entry.kind == stretch.kind and apart < 0.01
 
@@ -195,8 +195,8 @@ PRESSURES = ("q_c_Pa", "dp_alpha_Pa", "static_Pa")  # a flight is recognized onl
 def select(table: pd.DataFrame, rest: list[slice], log: str, runs_file: Path | None = None) -> Maneuvers:
     """The maneuvers found, or the ones that `runs_file` keeps.
 
-    table: of `air_data`. rest: rows in which the aircraft stood still.
-    Raises InputError naming the log or the file if no maneuver allows drag to be estimated: NoCurve for the log.
+    table: from `air_data`. rest: rows in which the aircraft stood still.
+    Raises InputError naming the log or the file if no maneuver allows drag to be estimated; for the log it is NoCurve.
     """
     entries = load(runs_file) if runs_file else None
     maneuvers = find(table, rest)

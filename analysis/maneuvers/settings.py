@@ -1,4 +1,4 @@
-"""Criteria of the maneuvers that the pilot's monitor does not know; those of level runs are in `flight.runs`."""
+"""Criteria for maneuvers that the pilot's monitor does not recognize; `flight.runs` has the criteria for level runs."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -113,7 +113,7 @@ class FlightSettings(Settings):
 
 @dataclass(frozen=True)
 class NoteSettings(Settings):
-    """Beyond these a note is written on a maneuver that is used."""
+    """Limits beyond which a maneuver that is used gets a note."""
 
     height_m: float = setting(5.0, "m", "range of height")
     throttle_step: tuple[float, float] = setting(
