@@ -71,7 +71,7 @@ def with_sensors_elsewhere(air: pd.DataFrame, aircraft: Aircraft, other: Aircraf
 
 
 def derivative(signal: Array, step_s: float) -> Array:
-    """Central difference of the mean over AIR.derivative_s of a uniformly sampled signal, (n,) [1/s times its unit]."""
+    """Central difference of a uniformly sampled signal's mean over AIR.derivative_s, (n,) [its unit per second]."""
     window = max(1, round(AIR.derivative_s / step_s))
     smooth = pd.Series(signal).rolling(window, center=True, min_periods=1).mean().to_numpy()
     return np.asarray(np.gradient(smooth, step_s), dtype=float)

@@ -221,5 +221,5 @@ def _not_in_log(log: Log, names: list[str]) -> InputError:
 
 
 def _other_case(log: Log, name: str) -> str | None:
-    """The attachment of that name in any case, also behind a path."""
+    """The attachment whose name differs from this one only in upper or lower case, or by a path before it."""
     return next((attachment for attachment in log.attachments if PurePath(attachment).name.lower() == name), None)

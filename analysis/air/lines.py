@@ -86,8 +86,8 @@ def inverted(values: Array, rate_Hz: float, response_of: Callable[[Array], Compl
 
     response_of: function of frequency [Hz]. `values` are divided by the response where its magnitude is above
     1/largest_gain; where it is smaller, the gain falls with it. No frequency is amplified by more than `largest_gain`,
-    and steady values are unchanged. Each stretch between gaps is
-    treated separately and extended beyond its ends by odd reflection.
+    and steady values are unchanged. Each stretch between gaps is treated separately and extended beyond its ends by odd
+    reflection.
     """
     out = values.copy()
     for rows in stretches(np.isfinite(values)):

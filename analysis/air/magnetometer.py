@@ -64,8 +64,8 @@ MAGNETOMETER_FILE = JsonFormat(MagnetometerCalibration, (FORMAT,), "a magnetomet
 class Compass(NamedTuple):
     """Flux density in body axes without the aircraft's iron (n, 3) [T], NaN where it is not reliable.
 
-    error_T : its standard error across the field [T]; a function of heading and motor current, so it does not average
-    out over a flight
+    error_T : its standard error across the field [T]; the error depends on heading and motor current, so it does not
+    average out over a flight
     """
 
     field_T: Array

@@ -36,7 +36,7 @@ class InnovationsLikelihood:
         return self.problem.keys.index(key)
 
     def holding(self, values: Mapping[UnknownKey, float], theta: Array) -> tuple["InnovationsLikelihood", Array]:
-        """The likelihood with ln w and ln v fixed; theta excludes them."""
+        """The likelihood with some ln w and ln v fixed at `values`, and theta without them."""
         keep = np.array([key not in values for key in self.problem.keys])
         return replace(self, problem=self.problem.without(keep), fixed=self.fixed | dict(values)), theta[keep]
 

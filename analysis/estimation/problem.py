@@ -25,7 +25,8 @@ class FitOptions:
     initial_states : "free" estimates the state at the start of each segment; "given" takes it from `Segment.x0`, else
     from `Model.initial_state`, else from the first sample of the output of that name; a tuple names the free states
     max_iterations : number of iterations after which the fit ends without convergence
-    second_start : whether a fit that is not convincing is repeated from the record cut in pieces, which takes two fits
+    second_start : whether a fit that is not convincing is repeated from the record cut in pieces, at the cost of two
+    more fits
     """
 
     integrator: Integrator = "rk4"

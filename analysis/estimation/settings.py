@@ -73,7 +73,7 @@ class FilterError(Settings):
 
 @dataclass(frozen=True)
 class VerdictLimits(Settings):
-    """Limits above which a verdict mentions a finding."""
+    """Limits that decide what a verdict mentions."""
 
     large_correlation: float = setting(
         0.9, "1", "two unknowns are determined only together (Klein & Morelli 2006, ch. 5)"

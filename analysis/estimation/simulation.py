@@ -63,8 +63,8 @@ class Simulator:
     """A compiled model; `build_simulator` makes one.
 
     next_state : function of state, inputs at both ends of the step, parameters, step
-    derivatives : function of the same; gives outputs, and next state's and outputs' Jacobians for state and free
-    parameters
+    derivatives : function of the same arguments; returns outputs, and the Jacobians of next state and of outputs with
+    respect to state and to free parameters
     has_branches : whether values or derivatives depend on comparisons, as with np.where, np.sign, or np.maximum
     """
 
@@ -173,8 +173,8 @@ def linear_recursion(A: Array, B: Array, initial: Array, lengths: list[int], *, 
     The last step of each record is not used.
 
     A : (n, s, s)     B : (n, s, m)     initial : (records, s, m), S at each record's first sample
-    Within a block of samples, S is linear in the block's first S. This function is computed for all blocks together,
-    then the first S from block to block.
+    Within a block of samples, S is linear in the block's first S. The coefficients are computed for all blocks
+    together, then the first S from block to block.
     """
     n, s, m = B.shape
     firsts, first_of_record, ends = [], [], []
@@ -229,7 +229,7 @@ def build_simulator(
     p_free = ca.vertcat(*(p[names.index(name)] for name in free))
 
     def at_delay(rows: Any) -> Any:
-        """The inputs, whose derivatives with respect to delays are minus the slopes; p has the values `delays_s`."""
+        """The inputs, whose derivatives with respect to the delays in p are minus the slopes; p equals `delays_s`."""
         u = rows[: len(model.inputs)]
         for k, (input_name, parameter) in enumerate(model.delays):
             slope = rows[len(model.inputs) + k]

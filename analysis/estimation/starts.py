@@ -57,9 +57,9 @@ def best_of_starts(
     """The best of several fits of a model from different starting values.
 
     fit : makes a fit from starting values: `lambda start: fit_output_error(model, run, start=start)`
-    starts : the first has the model's values; in the others each free parameter is multiplied by `factor` to a random
-    power between -1 and 1, within its bounds. A value that starts at zero stays there. more_starts : further
-    starting points, such as from `starting_values_by_equation_error`
+    starts : number of starts. The first has the model's values; in the others each free parameter is multiplied by
+    `factor` to a random power between -1 and 1, within its bounds. A value that starts at zero stays there.
+    more_starts : further starting points, such as from `starting_values_by_equation_error`
 
     The verdict says from how many starts the best fit was reached. Raises the InputError of `fit` if no start gives a
     finite response.

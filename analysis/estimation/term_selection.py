@@ -50,8 +50,8 @@ def stepwise(candidates: Mapping[str, ArrayLike], z: ArrayLike, *, level: float 
     """Terms enter in the order of their partial correlation with z, and leave again when others replace them.
 
     candidates : name to (n,)     z : (n,)
-    level : level of the F test for a term to enter, divided by the number of candidates (Bonferroni); to leave, twice
-    that
+    level : level of the F test at which terms enter, divided by the number of candidates (Bonferroni); terms leave at
+    twice that level
 
     Raises InputError for arrays of different lengths, values that are not finite, or fewer samples than candidates.
     """

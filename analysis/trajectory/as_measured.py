@@ -1,7 +1,7 @@
 """The path of a flight as its sensors measure it, used where no trajectory agrees with all of them.
 
 Pitch attitude is the measured angle of attack plus the climb angle from the barometer; velocity is airspeed along the
-heading of the first estimate. No sensor error is estimated: each keeps its prior, and so does their covariance.
+heading of the first estimate. No sensor error is estimated: each keeps the mean and the variance of its prior.
 """
 
 import numpy as np
@@ -59,7 +59,7 @@ def path_as_measured(
 
 
 def _gusts_mps(blocks: BlockMeans) -> float:
-    """Vertical gusts [m/s], 1 sigma, from quick changes of the angle of attack in flight, the pilot's included."""
+    """Vertical gusts [m/s], 1 sigma, from quick changes of the angle of attack in flight, pilot inputs included."""
     if not blocks.flying.any():
         return SOLVER.least_gust_mps
     alpha = blocks["alpha_rad"]

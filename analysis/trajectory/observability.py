@@ -339,8 +339,8 @@ def joint_conflict(y: Array, covariance: Array) -> JointConflict:
 
     y, covariance : estimates (m,) in prior standard deviations, and their posterior covariance (m, m)
 
-    If the priors are right, estimates are normal with the prior's covariance less the posterior one, K. So y' K^-1 y is
-    chi-square distributed: for any two errors with two degrees of freedom, for all of them with as many as there are
+    If the priors are right, estimates are normal with the covariance K, the prior's less the posterior's. So y' K^-1 y
+    is chi-square distributed: for any two errors with two degrees of freedom, for all of them with as many as there are
     directions that the data determine. The probability of the worst pair is multiplied by the number of pairs; this
     and the probability of all are doubled, as there are two tests. That bounds the rate of false alarms (Bonferroni):
     in 20,000 draws from the covariances of 24 flights it was 0.20 %, with 0.3 % allowed.

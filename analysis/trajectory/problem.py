@@ -107,8 +107,8 @@ class TrajectoryProblem:
         """Stop following the attitude over steps whose residuals of Euler angles (n-1, 3) no gyro noise explains.
 
         When an aircraft pitches through the vertical, its bank and heading reverse at once, and iterations that have to
-        follow do not converge. If more than a small fraction of the flight were lost, the data contradict each other,
-        and no more steps are left out.
+        follow do not converge. If more than a small fraction of the flight would be lost, the data contradict each
+        other, and no more steps are left out.
         """
         largest_rad = SENSORS.missing[0] * self.blocks.step_s
         too_large = (np.abs(angle_residual_rad) > largest_rad).any(axis=1)

@@ -130,8 +130,8 @@ def reconstruct(
     """The most probable trajectory of a whole flight.
 
     table: as `air_data` returns it. rest: rows in which the aircraft is at rest. compass: the earth's field, sample by
-    sample, from a calibrated magnetometer. gust_length: ratio of the scale length of vertical gusts to the height; it
-    counts as far as the flight does not show its own.
+    sample, from a calibrated magnetometer. gust_length: prior for the ratio of the scale length of vertical
+    gusts to the height.
     Raises InputError, beginning with `log`, where the measurements do not determine a trajectory.
     """
     try:
@@ -252,7 +252,7 @@ def _solve(
     iterations: int = SOLVER.most_iterations,
     tolerance: float = SOLVER.converged[1],
 ) -> _Solution:
-    """Run Gauss-Newton iterations for one gust intensity, until the step is within the tolerance or none are left."""
+    """Run up to `iterations` Gauss-Newton iterations for one gust intensity, until a step is within the tolerance."""
     converged, last_move, damping = False, np.zeros(len(SENSOR_ERRORS)), 1.0
     linearization: Any
     step: Any

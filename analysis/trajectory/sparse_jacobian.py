@@ -83,7 +83,7 @@ class SparseJacobian:
         return result
 
     def _pairs(self, below_first: int, below_second: int) -> dict[tuple[int, int], list[tuple[int, int]]]:
-        """Pair the derivatives of each residual that depends on two variables below these numbers, by these two."""
+        """For each two variables below these numbers, the pairs of derivatives of residuals that depend on both."""
         of_residual: dict[int, list[tuple[int, int]]] = {}
         for k, (i, j) in enumerate(self.places):
             of_residual.setdefault(i, []).append((k, j))

@@ -200,7 +200,7 @@ def convective_mean(path_m: Array, t_s: Array, height_m: float, sun_rad: float) 
 
 
 def updraft_notes(updraft: Updraft) -> list[str]:
-    """Return a note that the hour is unknown, or that the hour or too short a time for the runs widens the interval."""
+    """Return a note if the hour is unknown, or if the hour or a short time between the runs widens the interval."""
     if updraft.sun_rad is None:
         return [
             "This log has no date, time or place from satellites: the mean updraft is assumed to be that of a calm"
