@@ -1,4 +1,5 @@
 """From a log to power required: air data, trajectory, maneuvers, drag polar, performance, report.
 
-Imports only `flight` of ours. Programs of others import `flightpower` (docs/understand/python.md), whose names stay.
+Of this project's packages it imports only `flight`. Other programs import `flightpower` (docs/understand/python.md),
+whose names stay.
 """

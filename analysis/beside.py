@@ -1,7 +1,7 @@
-"""A computation beside others, in a process of its own: an analysis has parts that need nothing of each other.
+"""Run a computation in a process of its own, because an analysis has parts that do not depend on each other.
 
-Threads would not do: neither leaves the other the interpreter. The process is forked, so that it finds its data where
-they are, and only its result is copied.
+Threads would not help, because only one at a time holds the interpreter. The process is forked, so its data are already
+in memory, and only its result is copied.
 """
 
 import os
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
-# The commands set it, for a computer's user is waiting for them alone; a program that uses the library decides itself.
+# The commands set this variable, because a user waits for them; a program that uses the library decides for itself.
 PROCESSES = "FLIGHTPOWER_PROCESSES"
 
 Result = TypeVar("Result")
@@ -22,8 +22,8 @@ Result = TypeVar("Result")
 def beside(compute: Callable[[], Result]) -> Callable[[], Result]:
     """Start a computation in another process; the function returned waits for its result, or raises its error.
 
-    Where there is no second process it computes at the time of that call: where `PROCESSES` allows one only, on a
-    computer of one processor, where processes cannot be forked, or in a thread or process that is itself beside others.
+    Without a second process the returned function itself computes. That is so if `PROCESSES` allows only one process,
+    if there is only one processor, if processes cannot be forked safely, and in a child process or a second thread.
     """
     if not _has_second_process():
         return compute
@@ -39,7 +39,7 @@ def beside(compute: Callable[[], Result]) -> Callable[[], Result]:
         value: Result
         try:
             value, error = receiver.recv()
-        except EOFError:  # the process was killed, for want of memory, perhaps
+        except EOFError:  # the process was killed, perhaps because memory ran out
             return compute()
         finally:
             receiver.close()
@@ -52,7 +52,7 @@ def beside(compute: Callable[[], Result]) -> Callable[[], Result]:
 
 
 def _has_second_process() -> bool:
-    processors = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else ()  # of Linux, which forks safely
+    processors = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else ()  # Linux, which forks safely
     if min(int(os.environ.get(PROCESSES, "1")), len(processors)) < 2:
         return False
     from multiprocessing import parent_process
@@ -60,13 +60,13 @@ def _has_second_process() -> bool:
     return parent_process() is None and threading.current_thread() is threading.main_thread()
 
 
-PR_SET_PDEATHSIG = 1  # of prctl(2)
+PR_SET_PDEATHSIG = 1  # an option of prctl(2)
 
 
 def _send(compute: Callable[[], Result], sender: "Connection", first_process: int) -> None:
-    """Send the result or the error, and end at once: what the first process has yet to do at its end is its own.
+    """Send the result or the error, then exit at once without the clean-up that the first process does at its own exit.
 
-    Where that ends before, this one is killed, with the files and the ports that it has of it.
+    If the first process ends earlier, this one is killed, which frees the files and ports that it inherited.
     """
     import ctypes
     import signal
@@ -74,13 +74,13 @@ def _send(compute: Callable[[], Result], sender: "Connection", first_process: in
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != first_process:
         os._exit(0)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it without a word: the first process answers
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it silently: the first process reports
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115 - a thread may hold the lock of the other one
+    sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115 - a thread may hold the old lock
     try:
         try:
             outcome: tuple[Result | None, Exception | None] = compute(), None
-        except Exception as error:  # raised where the result is asked for
+        except Exception as error:  # raised where the result is requested
             outcome = None, error
         sender.send(outcome)
     finally:

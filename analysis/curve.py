@@ -1,7 +1,6 @@
-"""The curve of power over airspeed, with its interval and its best speeds: of power required, or of electrical power.
+"""The curve of power required or electrical power over airspeed, with its interval and its best speeds.
 
-Power required is linear in the coefficients of C_D = A0 + A1 C_L + A2 C_L^2, so that its intervals need no
-linearization.
+Power required is linear in the coefficients of C_D = A0 + A1 C_L + A2 C_L^2, so its intervals need no linearization.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +27,7 @@ from flightpower.flight.arrays import Array
 
 
 class Condition(NamedTuple):
-    """Weight of the aircraft, density of the air [kg/m^3], and wing area."""
+    """Weight of the aircraft [N], density of the air [kg/m^3], and wing area [m^2]."""
 
     weight_N: float
     rho: float
@@ -46,12 +45,12 @@ class Polar(NamedTuple):
 
 
 def polar_part(array: Array) -> Array:
-    """The part for POLAR, (3,) or (3, 3), of a vector of parameters (m,) or a covariance (m, m)."""
+    """Return the part for POLAR, (3,) or (3, 3), of a vector of parameters (m,) or of a covariance (m, m)."""
     return array[tuple(slice(len(POLAR)) for _ in array.shape)]
 
 
 def drag_coefficient(A: Array, CL: ArrayLike) -> Array:
-    """C_D of a polar A (3,) at C_L."""
+    """Return C_D at C_L, by the polar A (3,)."""
     A0, A1, A2 = A
     CL = np.asarray(CL)
     return np.asarray(A0 + A1 * CL + A2 * CL**2)
@@ -77,13 +76,13 @@ def speed_at(CL: ArrayLike, condition: Condition) -> Array:
 
 
 def inside(x: Array, ends: tuple[float, float]) -> NDArray[np.bool_]:
-    """Which speeds or lift coefficients (n,) lie between two, which count as inside whatever the last digit."""
+    """Mark the speeds or lift coefficients (n,) between two ends; the ends count as inside despite rounding."""
     low, high = ends
     return np.asarray((x >= low * (1 - 1e-9)) & (x <= high * (1 + 1e-9)))
 
 
 def drag_terms(CL: Array) -> Array:
-    """Derivative (n, 3) of the drag coefficient at C_L (n,) by the coefficients of the polar."""
+    """Derivative (n, 3) of the drag coefficient at C_L (n,) with respect to the coefficients of the polar."""
     return np.stack([np.ones_like(CL), CL, CL**2], axis=1)
 
 
@@ -113,7 +112,7 @@ def power_required(V: ArrayLike, polar: Polar, condition: Condition) -> tuple[Ar
 
 
 def power_gradient(V: ArrayLike, condition: Condition) -> Array:
-    """Derivative (n, 3) of power required at speeds V (n,) [m/s] by the coefficients of the polar."""
+    """Derivative (n, 3) of power required at speeds V (n,) [m/s] with respect to the coefficients of the polar."""
     V = np.asarray(V, dtype=float)
     CL = lift_coefficient(V, condition)
     unit_W = condition.rho * V**3 * condition.wing_area_m2 / 2
@@ -121,14 +120,20 @@ def power_gradient(V: ArrayLike, condition: Condition) -> Array:
 
 
 def minimum_power_lift(A: Array) -> float:
-    """C_L of least power: C_D/C_L^1.5 least, A2 C_L^2 - A1 C_L - 3 A0 = 0; 3 CD0 = CDi if A1 = 0 (1.6). NaN if none."""
+    """C_L of least power, where C_D/C_L^1.5 is least: A2 C_L^2 - A1 C_L - 3 A0 = 0, so 3 CD0 = CDi if A1 = 0 (1.6).
+
+    NaN if there is none.
+    """
     A0, A1, A2 = A
     root = A1**2 + 12 * A0 * A2
     return float((A1 + np.sqrt(root)) / (2 * A2)) if root >= 0 and A2 > 0 and A0 > 0 else np.nan
 
 
 def best_range_lift(A: Array) -> float:
-    """C_L of least drag at constant weight: C_D/C_L least, A2 C_L^2 = A0; CD0 = CDi if A1 = 0 (1.10). NaN if none."""
+    """C_L of least drag at constant weight, where C_D/C_L is least: A2 C_L^2 = A0, so CD0 = CDi if A1 = 0 (1.10).
+
+    NaN if there is none.
+    """
     A0, _, A2 = A
     return float(np.sqrt(A0 / A2)) if A0 > 0 and A2 > 0 else np.nan
 
@@ -144,10 +149,10 @@ class SpeedWithInterval(NamedTuple):
 def optimum_speed(
     lift_of: Callable[[Array], float], polar: Polar, condition: Condition, seed: int = 0
 ) -> SpeedWithInterval:
-    """The speed at the C_L that `lift_of(A)` computes, and its 95 % interval by random draws of the polar.
+    """Return the speed at the C_L that `lift_of(A)` computes, with a 95 % interval from random draws of the polar.
 
-    Draws without such a speed count as the slowest or the fastest: where drag by lift is not positive, the curve falls
-    towards speed 0; where drag without lift is not, it falls beyond the fastest speed of all other draws.
+    A draw that has no such speed counts as speed 0 if its drag without lift is positive, because its curve then falls
+    towards speed 0. Otherwise its curve falls towards high speed, and it counts as the fastest of all other draws.
     """
     draws = np.random.default_rng(seed).multivariate_normal(polar.A, polar.covariance, 4000, method="eigh")
     CL = np.array([lift_of(A) for A in draws])
@@ -179,8 +184,11 @@ class Cost(Enum):
 
 
 def ratios(reference: Condition, condition: Condition, load_factor: Array | float = 1.0) -> tuple[Array, Array]:
-    """Speed and power, without that of the idling aircraft, over those at another condition and the same C_L (VIW and
-    PIW, 2.3 and 2.5): drag coefficient and efficiency are then the same. load_factor : there"""
+    """Return the ratios of speed and of power, without idle power, at `condition` over those at `reference`.
+
+    Both are at the same C_L (VIW and PIW, 2.3 and 2.5), so drag coefficient and efficiency are the same.
+    load_factor : that at `condition`
+    """
     heavier = condition.weight_N * load_factor / reference.weight_N
     thinner = reference.rho / condition.rho * (reference.wing_area_m2 / condition.wing_area_m2)
     return np.asarray(np.sqrt(heavier * thinner)), np.asarray(heavier**1.5 * np.sqrt(thinner))
@@ -190,8 +198,8 @@ def ratios(reference: Condition, condition: Condition, load_factor: Array | floa
 class Curve:
     """Power of level flight at one weight and density.
 
-    V_mps, power_W : (n,)     idle_W : contained in it, with the motor off; independent of weight
-    extrapolated : (n,) where less is known than the interval says; None where nowhere
+    V_mps, power_W : (n,)     idle_W : part of power_W that is drawn with the motor off; independent of weight
+    extrapolated : (n,) True where power is less certain than its interval says; None if that is so nowhere
     """
 
     kind: Kind
@@ -202,14 +210,14 @@ class Curve:
     extrapolated: NDArray[np.bool_] | None = None
 
     def at(self, condition: Condition) -> Self:
-        """This curve at another weight, density or wing area, at equal lift coefficients."""
+        """Return this curve at another weight, density or wing area, at equal lift coefficients."""
         faster, more = ratios(self.condition, condition)
         value = self.idle_W + more * (self.power_W.value - self.idle_W)
         power = self.power_W.through(more * np.eye(len(value)), value)
         return replace(self, condition=condition, V_mps=faster * self.V_mps, power_W=power)
 
     def covers(self, V: Array) -> NDArray[np.bool_]:
-        """Which speeds (n,) are within those of the curve."""
+        """Mark the speeds (n,) that lie within the curve's range of speeds."""
         return inside(V, (self.V_mps[0], self.V_mps[-1]))
 
     def points(self) -> list[PowerPoint]:
@@ -221,14 +229,14 @@ class Curve:
         return speed_of_least(self.V_mps, *(self._costs(cost, power) for power in (self.power_W.value, self._draws)))
 
     def longest(self, cost: Cost, energy_J: float) -> Interval:
-        """The best endurance [s] or range [m] with so much energy, with its 95 % interval."""
+        """The best endurance [s] or range [m] with the energy `energy_J`, and its 95 % interval."""
         least, of_draws = (np.min(self._costs(cost, power), axis=-1) for power in (self.power_W.value, self._draws))
         low, high = np.percentile(energy_J / of_draws, [2.5, 97.5])
         return Interval(value=energy_J / float(least), lo=float(low), hi=float(high))
 
     @cached_property
     def _draws(self) -> Array:
-        """400 draws of the powers, (400, n), for intervals of best speeds; none is below a tenth of the value."""
+        """Random draws of the power (400, n), for intervals of best speeds; none is below a tenth of the value."""
         value = self.power_W.value
         draws = np.random.default_rng(0).multivariate_normal(value, self.power_W.covariance, 400, method="eigh")
         return np.asarray(np.maximum(draws, 0.1 * value))
@@ -238,7 +246,7 @@ class Curve:
 
 
 def speed_of_least(V: Array, cost: Array, draws: Array) -> SpeedInterval:
-    """The speed of least cost (n,), with the interval of that of the draws (k, n)."""
+    """The speed at which the cost (n,) is least; its interval holds 95 % of the speeds least in each draw (k, n)."""
     index = int(np.argmin(cost))
     low, high = np.percentile(V[np.argmin(draws, axis=1)], [2.5, 97.5])
     return SpeedInterval(
@@ -257,9 +265,9 @@ class PolarCurve(Curve):
     flown_CL: tuple[float, float]
 
     def best(self, cost: Cost) -> SpeedInterval:
-        """The speed of least cost, exact from the polar.
+        """The speed of least cost, computed exactly from the polar.
 
-        No speed below the slowest of the curve is given: what it does there is not known, and the stall may be near.
+        No speed below the slowest of the curve is given, because the curve there is unknown and the stall may be near.
         """
         lift_of = minimum_power_lift if cost is Cost.POWER else best_range_lift
         smallest_CL, largest_CL = self.flown_CL

@@ -1,4 +1,4 @@
-"""Keeping of earlier versions of small files that a user may have edited."""
+"""Writes small files that a user may have edited, and keeps their earlier versions."""
 
 from itertools import count
 from pathlib import Path
@@ -9,11 +9,11 @@ __all__ = ["write_file", "write_keeping_previous"]
 
 
 def write_keeping_previous(path: Path, data: str) -> Path | None:
-    """Write a file that users edit. Other content that was there is kept under the first free number, such as
+    """Write a file that users edit. Earlier content that differs is kept in a file with the first free number, such as
     `runs-1.toml`.
 
-    Returns the path of the content kept; None where there was none, or it was the same. Raises InputError when
-    the file cannot be written.
+    Return the path of the content kept; None if there was none or it was the same. Raises InputError when the earlier
+    file cannot be read or a file cannot be written.
     """
     try:
         previous = path.read_bytes() if path.exists() else b""

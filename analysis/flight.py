@@ -1,4 +1,4 @@
-"""The record of a flight: what the analysis knows of it so far. Every step takes the record and returns a richer one.
+"""The record of a flight: what the analysis knows about it so far. Each step takes the record and returns a richer one.
 
     recorded ▶ Recorded    log, aircraft, propeller, calibrations
     synchronized ▶ Measured    air data at the center of gravity
@@ -7,8 +7,8 @@
     `methods.ladder.estimated` ▶ Estimated    drag by all methods
     `pipeline.analyze` ▶ Analysis    results
 
-Part of the analysis is run again with other assumptions: `methods.rerun`, on the same record; and the trajectory, where
-the flight rejects the priors of its sensor errors (`reconstructed`).
+Two parts of the analysis are repeated with other assumptions: the estimate of drag, on the same record
+(`methods.rerun`), and the trajectory, if the flight contradicts the priors of its sensor errors (`flight_path`).
 """
 
 import math
@@ -57,10 +57,10 @@ Progress = Callable[[str], None]
 class Recorded:
     """A decodable log, and its contents other than measurements.
 
-    replacements : given in place of parts of the log
-    contents : aircraft, propeller, calibrations, with the replacements
+    replacements : files and values that the user gave in place of parts of the log
+    contents : aircraft, propeller and calibrations, after the replacements
     fix : date and place, on a clock that starts with the log
-    notes : what the reader of the results has to know, in sentences, in the order in which it came up
+    notes : sentences that the reader of the results has to know, in the order in which they came up
     """
 
     log: Log
@@ -96,7 +96,7 @@ class Measured(Recorded):
 
     @property
     def table(self) -> pd.DataFrame:
-        """Table of the whole flight, as `air.air.air_data` returns it."""
+        """The table of the whole flight, as `air.air.air_data` returns it."""
         return self.data.table
 
 
@@ -104,7 +104,7 @@ class Measured(Recorded):
 class Flown(Measured):
     """The flight with its maneuvers.
 
-    runs_file : the list of runs that was given; None where they were found in the data
+    runs_file : the user's list of runs; None if the runs were found in the data
     condition : weight of the aircraft and mean density of the runs
     flown_CL : range of the lift coefficients of level flight at the speeds of the runs
     """
@@ -116,7 +116,7 @@ class Flown(Measured):
 
     @property
     def rows_flown(self) -> pd.DataFrame:
-        """The rows of the table in accelerations and decelerations; without any, in the maneuvers used instead."""
+        """The table's rows in accelerations and decelerations, or, if none was flown, in the maneuvers used instead."""
         return _rows_flown(self.table, self.maneuvers)
 
 
@@ -124,7 +124,7 @@ class Flown(Measured):
 class Reconstructed(Flown):
     """The flight with its trajectory and sensor errors.
 
-    prior_conflict : of the sensor errors of the first trajectory, after which prior standard deviations were enlarged
+    prior_conflict : conflict of the first trajectory's sensor errors with their priors, by which these were widened
     """
 
     trajectory: Trajectory
@@ -132,14 +132,14 @@ class Reconstructed(Flown):
 
     @property
     def prior_factor(self) -> ArrayLike:
-        """On the prior standard deviations of the sensor errors, larger than one where the flight contradicted them."""
+        """Factor on the prior standard deviations of the sensor errors; above 1 where the flight contradicted them."""
         return self.prior_conflict.factor
 
 
 class FlightPath(NamedTuple):
-    """The trajectory of a whole flight, which does not depend on its runs, and notes on it. as_measured : there is none
-    that explains the measurements. prior_conflict : as in `Reconstructed`. updraft_mps : standard deviation of the mean
-    updraft over the flight by day (`updraft.updraft_by_day`); else 0"""
+    """The trajectory of a whole flight, which does not depend on its runs, and notes on it. prior_conflict : as in
+    `Reconstructed`. as_measured : no trajectory explains the measurements. updraft_mps : standard deviation of the mean
+    updraft over a flight by day (`updraft.updraft_by_day`); 0 for other flights"""
 
     trajectory: Trajectory
     prior_conflict: PriorConflict
@@ -149,7 +149,7 @@ class FlightPath(NamedTuple):
 
 
 def recorded(log: Log, replacements: Replacements, progress: Progress = lambda _: None) -> Recorded:
-    """Raises InputError when the log lacks something that nothing replaces, or cannot be decoded."""
+    """Return the record of a log. Raises InputError when it cannot be decoded or lacks a part that is not replaced."""
     check_decodable(log)
     log_contents = contents(log, replacements)
     notes = (*log_contents.notes, *receiver_notes(log))
@@ -158,7 +158,7 @@ def recorded(log: Log, replacements: Replacements, progress: Progress = lambda _
 
 
 def synchronized(flight: Recorded) -> Measured:
-    """Raises InputError when the log is wrong: names, clock, units, axes."""
+    """Return the record with its air data. Raises InputError when names, clock, units or axes of the log are wrong."""
     flight.progress("checking the log")
     check_log(flight.log, flight.propeller.diameter_m)
     flight.progress("synchronizing")
@@ -168,7 +168,10 @@ def synchronized(flight: Recorded) -> Measured:
 
 
 def with_runs(flight: Measured, runs_file: Path | None) -> Flown:
-    """runs_file: an edited list of runs (`maneuvers.runs_file`). Raises InputError when there is none to analyze."""
+    """Return the record with its maneuvers. runs_file: an edited list of runs (`maneuvers.runs_file`).
+
+    Raises InputError when there is no run to analyze.
+    """
     flight.progress("finding runs")
     maneuvers = select(flight.table, flight.data.rest, flight.name, runs_file)
     flown = _rows_flown(flight.table, maneuvers)
@@ -188,7 +191,7 @@ def _rows_flown(table: pd.DataFrame, maneuvers: Maneuvers) -> pd.DataFrame:
 
 
 def reconstructed(flight: Flown, path: FlightPath | None = None) -> Reconstructed:
-    """The record with its trajectory. path : where it is known already, which other runs do not change"""
+    """Return the record with its trajectory. path : the flight path if it is already known; runs do not change it"""
     path = path or flight_path(flight)
     flight, trajectory, notes_on_air = _with_updraft(flight, path.trajectory, path.updraft_mps)
     notes = [*flight.notes, *path.notes]
@@ -207,7 +210,7 @@ def reconstructed(flight: Flown, path: FlightPath | None = None) -> Reconstructe
 
 
 def flight_path(flight: Measured) -> FlightPath:
-    """The trajectory is reconstructed again with wider priors where the flight contradicts those of the sensor errors.
+    """Reconstruct the trajectory; repeat that with wider priors if the flight contradicts those of the sensor errors.
 
     If no trajectory explains the measurements, the path is as measured, and only simpler methods are used.
     """
@@ -221,7 +224,7 @@ def flight_path(flight: Measured) -> FlightPath:
         cause = f"the trajectory did not converge{misfit_in_words(trajectory)}"
         if not any(trajectory.block_means.measured(name) for name in ("gps_north_mps", "beta_rad")):
             cause += "; without velocity over the ground or sideslip it cannot separate bank from the yaw gyro's bias"
-        del trajectory  # as large as the one that takes its place
+        del trajectory  # frees its memory: the path as measured is as large
         return _as_measured(flight, cause)
     conflict = prior_conflict(trajectory)
     notes = [*of_noise, *conflict_notes(conflict, trajectory)]
@@ -250,11 +253,10 @@ def flight_path(flight: Measured) -> FlightPath:
 
 
 def _with_noise_in_flight(flight: Measured, trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
-    """The trajectory by the height's noise in flight, where that is larger than at rest; and a note on it.
+    """Return the trajectory with the height's noise in flight, where that is larger than at rest, and a note on it.
 
-    The rest of a real flight is quieter than its flight: 0.07 m and 0.7 m of a Citation's height. Noise of height alone
-    does not mean that sensors contradict each other. The noise follows from its own residuals, by fixed-point
-    iterations.
+    Height is noisier in flight than at rest on the ground: 0.7 m against 0.07 m for a Citation. Such noise alone does
+    not mean that sensors contradict each other. It is estimated from the residuals of height, by fixed-point iteration.
     """
     for _ in range(3):
         if not trajectory.converged or [*misfit(trajectory)] != ["height"]:
@@ -271,13 +273,15 @@ def _with_noise_in_flight(flight: Measured, trajectory: Trajectory) -> tuple[Tra
 
 
 def as_measured(flight: Flown, trajectory: Trajectory) -> Reconstructed:
-    """The record with the path as measured, in place of a trajectory in misfit."""
+    """Return the record with the path as measured, in place of a trajectory that does not fit the measurements."""
     return reconstructed(flight, _as_measured(flight, f"the trajectory does not fit{misfit_in_words(trajectory)}"))
 
 
 def _with_updraft(flight: Flown, trajectory: Trajectory, by_day_mps: float) -> tuple[Flown, Trajectory, list[str]]:
-    """Both with the prior of the mean updraft by duration, hour, sun and wind, where the aircraft file does not state
-    it; and notes on it. It depends on the runs, and the rest of the path does not. by_day_mps: `FlightPath.updraft_mps`
+    """Return flight and trajectory with a prior of the mean updraft by duration, hour, sun and wind, and notes on it.
+
+    They are returned unchanged if the aircraft file states the updraft. The prior depends on the runs; the rest of the
+    path does not. by_day_mps: `FlightPath.updraft_mps`
     """
     aircraft = flight.aircraft
     if aircraft.has("uncertainty.updraft"):
@@ -314,8 +318,8 @@ def trajectory_with(
 ) -> Trajectory:
     """The most probable trajectory for `data`, which may differ from the flight's own data.
 
-    slope_sigma : prior standard deviation of the slope of angle of attack by upwash; None for that of the
-        aircraft file. as_measured : the path as measured instead
+    slope_sigma : prior standard deviation of the error in the slope of angle of attack that upwash makes; None for the
+        aircraft file's. as_measured : return the path as measured instead
     """
     uncertainty = flight.aircraft.uncertainty
     by_upwash = upwash_slope_sigma(flight.aircraft) if slope_sigma is None else slope_sigma

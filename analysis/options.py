@@ -44,13 +44,13 @@ def option_name(field: str) -> str:
 
 
 def refuse_drag_options(log: Path, why: str, **options: object) -> None:
-    """Raises InputError for an option that a log without drag has no use for. why: what is missing."""
+    """Raises InputError for options that have no effect on a log without drag. why: reason, as a clause"""
     if names := _names_of_options_used(options):
         raise InputError(f"{log}: {names}: has no effect, since {why}; leave it out")
 
 
 def refuse_autopilot_options(log: Path, options: "Options") -> None:
-    """Raises InputError for an option that a log with an aircraft file of its own has no use for."""
+    """Raises InputError for options that have no effect on a log that contains an aircraft file."""
     if names := options.of_autopilots:
         raise InputError(f"{log}: {names}: only for logs of autopilots; give --weight, or --aircraft FILE")
 
@@ -59,7 +59,7 @@ def _names_of_options_used(options: dict[str, object]) -> str:
     return ", ".join(f"--{name.replace('_', '-')}" for name, value in options.items() if value is not None)
 
 
-# The file that replaces an attachment of the log, by field of `LogOptions`; its option is the field's name with dashes.
+# Attachment of the log that each file replaces, by field of `LogOptions`; the option is the field's name with dashes.
 ATTACHMENTS = {
     "aircraft": "aircraft.toml",
     "propeller": "propeller.csv",
@@ -97,17 +97,17 @@ def parse_stretches(text: str, name: str) -> tuple[tuple[float, float], ...]:
     return tuple(sorted(stretches))
 
 
-LEFT_OUT = "left_out.txt"  # in the report's folder of a whole flight
+LEFT_OUT = "left_out.txt"  # file in the report's folder of a whole flight
 
 
 def read_stretches(path: Path, name: str) -> tuple[tuple[float, float], ...]:
-    """The stretches [s] of a file that `analyze` wrote; none of an empty one. Raises InputError."""
+    """The stretches [s] in a file that `analyze` wrote; an empty file has none. Raises InputError for anything else."""
     text = read_text(path).strip().replace("\n", ", ")
     return parse_stretches(text, f"{name} {path}") if text else ()
 
 
 def stretches_text(stretches_s: Iterable[tuple[float, float]]) -> str:
-    """The list that `parse_stretches` reads, to a tenth of a second."""
+    """Write stretches as the list that `parse_stretches` reads, to a tenth of a second."""
     return ", ".join(f"{start:.1f} to {end:.1f} s" for start, end in sorted(stretches_s))
 
 
@@ -170,7 +170,7 @@ class LogOptions:
     ] = None
 
     def replacements(self) -> "Replacements":
-        """What the files contain. Raises InputError when one of them, or the list of runs, cannot be used."""
+        """The contents of the files. Raises InputError when one of them, or the list of runs, cannot be used."""
         aircraft = load_aircraft(self.aircraft) if self.aircraft else None
         from flightpower.flight.propeller_files import load_propeller
 
@@ -185,7 +185,7 @@ class LogOptions:
         from flightpower.analysis.sources.rest import ZERO_FILE
 
         if self.runs:
-            runs_file.load(self.runs)  # a wrong one is refused before anything is computed
+            runs_file.load(self.runs)  # a wrong list is refused before anything is computed
         paths = ((attachment, getattr(self, field)) for field, attachment in ATTACHMENTS.items())
         return Replacements(
             aircraft=aircraft,
@@ -203,12 +203,12 @@ class LogOptions:
 
 @dataclass(frozen=True)
 class Options(LogOptions):
-    """What `analyze` is asked for, of each log: the options of the command, of which `analyze --help` says more.
+    """The options of `analyze`, for each log; `analyze --help` explains them.
 
     Files, each a path: `aircraft`, `probe`, `zero`, `runs`, `magnetometer`, `transducers`, `thrust_stand`, `airspeed`,
     `columns`, `polar`; `propeller` is a name or a path. Numbers above zero: `weight_N` or `mass_kg`, `wing_area_m2`,
-    `span_m`, `air_temperature_K`. Texts as to the command: `battery_Wh`, `usable`, `weights`, `density_altitudes`,
-    `leave_out`. `likelihood` is True or False. Raises InputError for anything else.
+    `span_m`, `air_temperature_K`. Texts as on the command line: `battery_Wh`, `usable`, `weights`, `density_altitudes`,
+    `leave_out`. `likelihood` is True or False. Raises InputError for numbers and texts that do not fit.
     """
 
     columns: Annotated[
@@ -300,7 +300,7 @@ class Options(LogOptions):
     ] = None
 
     def __post_init__(self) -> None:
-        """Refuses wrong values at once, from a program (no parser checks it) or from a text."""
+        """Refuse wrong numbers, which no parser checks if a program gives them, and wrong texts at once."""
         for name in ("weight_N", "mass_kg", "wing_area_m2", "span_m", "air_temperature_K"):
             value = getattr(self, name)
             if value is not None and not (isinstance(value, int | float) and 0 < value < math.inf):
@@ -319,26 +319,26 @@ class Options(LogOptions):
 
     @cached_property
     def left_out_s(self) -> tuple[tuple[float, float], ...]:
-        """Start and end [s] of each stretch of --leave-out, a list or a file of one, in order of time."""
+        """Start and end [s] of each stretch of --leave-out, which is a list or a file of one, in order of time."""
         if self.leave_out is not None and self.leave_out.endswith(".txt"):
             return read_stretches(Path(self.leave_out), "--leave-out")
         return parse_stretches(self.leave_out, "--leave-out") if self.leave_out is not None else ()
 
     @property
     def flown_weight_N(self) -> float | None:
-        """Weight by --weight or --mass; None if neither is given."""
+        """Weight [N] from --weight or --mass; None if neither is given."""
         return self.weight_N if self.mass_kg is None else self.mass_kg * GRAVITY_MPS2
 
     @property
     def of_autopilots(self) -> str:
-        """The options given that only a log without an aircraft file of its own has a use for; empty without any."""
+        """Names of the options given that only affect a log without its own aircraft file; empty if there are none."""
         return _names_of_options_used({name.rpartition("_")[0]: getattr(self, name) for name in OF_AUTOPILOTS})
 
     def with_own_aircraft(self) -> "Options":
-        """The options without those that only apply to a log without its own aircraft file."""
+        """These options without those that only affect a log without its own aircraft file."""
         return replace(self, mass_kg=None, wing_area_m2=None, span_m=None, air_temperature_K=None)
 
     def for_drag(self) -> dict[str, object]:
-        """The options that only the analysis of runs has a use for, by name; None where not given."""
+        """The options that only affect the analysis of runs, by name; None for those not given."""
         names = ("probe", "zero", "runs", "magnetometer", "transducers", "thrust_stand", "polar")
         return {name: getattr(self, name) for name in names} | {"likelihood": self.likelihood or None}

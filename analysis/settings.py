@@ -1,4 +1,4 @@
-"""What several folders assume alike: what is significant or negligible, points of curves, what counts as flown."""
+"""Settings that several folders share: limits of significance, points of curves, and speeds that count as flown."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class EvidenceLimits(Settings):
-    """When data contradict an assumption, and what is too small or too costly to matter."""
+    """Limits beyond which data contradict an assumption, and below which an effect is too small to matter."""
 
     contradiction: float = setting(
         2.5,
@@ -26,7 +26,7 @@ class EvidenceLimits(Settings):
 
     @property
     def rare_false_alarms(self) -> float:
-        """Level of a test that is made in every analysis, for a warning."""
+        """Level of a test that is made in every analysis and leads to a warning."""
         return TESTS.rare_false_alarms
 
 
@@ -38,13 +38,13 @@ class Curves(Settings):
 
     @property
     def fine_points(self) -> int:
-        """Points of a curve whose best point a parabola through three locates to 1e-5 of its speed."""
+        """Points of a curve on which a parabola through three points locates the best speed to 1e-5 of that speed."""
         return 2 * self.points - 1
 
 
 @dataclass(frozen=True)
 class Flown(Settings):
-    """Speeds, lift coefficients and bank that count as flown, and what a propeller's table has to cover of them."""
+    """Limits for speeds, lift coefficients and bank to count as flown, and for what a propeller's table must cover."""
 
     robust_percentiles: tuple[float, float] = setting(
         (1.0, 99.0), "%", "of the lift coefficients flown, between which a curve holds: without take-off and outliers"
@@ -66,7 +66,7 @@ class Flown(Settings):
 
     @property
     def doubtful_CL(self) -> float:
-        """Half of what no wing reaches, as much as slotted flaps give; clean wings have 1.6."""
+        """Half of the lift coefficient that no wing reaches: slotted flaps reach about this value, clean wings 1.6."""
         return self.possible_CL[1] / 2
 
 

@@ -1,7 +1,7 @@
-"""Values with what makes them uncertain: errors of their own, and errors by name that other values share.
+"""Values together with their errors: errors of their own, and named errors that other values share.
 
-Errors that are shared do not average out in a mean, and cancel in a difference. Estimates, curves and pools are such
-values, so one line of code treats a value and its errors alike.
+Shared errors do not average out in a mean, but they cancel in a difference. Estimates, curves and pools are such
+values, so one line of code handles a value and its errors together.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,8 +16,8 @@ from flightpower.flight.settings import NORMAL_95
 
 @dataclass(frozen=True)
 class Uncertain:
-    """Values (n,), the covariance (n, n) of their own errors, and the change (n,) by one standard deviation of each
-    shared error, by its name. Errors of different names are independent."""
+    """Values (n,), the covariance (n, n) of their own errors, and the change (n,) that one standard deviation of each
+    shared error makes, by name of the error. Errors with different names are independent."""
 
     value: Array
     own: Array
@@ -25,18 +25,18 @@ class Uncertain:
 
     @property
     def by_shared(self) -> Array:
-        """Covariance (n, n) by the shared errors."""
+        """Covariance (n, n) due to the shared errors."""
         changes = np.array(list(self.shared.values())).reshape(-1, len(self.value))
         return np.asarray(changes.T @ changes)
 
     @property
     def covariance(self) -> Array:
-        """(n, n) by all errors."""
+        """Covariance (n, n) due to all errors."""
         return np.asarray(self.own + self.by_shared)
 
     @property
     def standard_error(self) -> Array:
-        """(n,) by all errors."""
+        """Standard errors (n,) due to all errors."""
         by_shared = sum((np.square(change) for change in self.shared.values()), start=np.zeros(len(self.value)))
         return np.asarray(np.sqrt(np.diag(self.own) + by_shared))
 
@@ -46,18 +46,18 @@ class Uncertain:
         return np.asarray(NORMAL_95 * self.standard_error)
 
     def through(self, J: Array, value: Array | None = None) -> "Uncertain":
-        """A function of the values, by its derivative J (k, n). value: (k,), where the function is not linear"""
+        """Propagate the values through a function with derivative J (k, n). value: its result (k,) if not linear"""
         value = J @ self.value if value is None else value
         return Uncertain(value, J @ self.own @ J.T, {name: J @ change for name, change in self.shared.items()})
 
     def at(self, rows: Sequence[int] | NDArray[np.intp]) -> "Uncertain":
-        """Some of the values, by number."""
+        """Return the values at these indices, with their errors."""
         indices = [int(row) for row in rows]
         shared = {name: change[indices] for name, change in self.shared.items()}
         return Uncertain(self.value[indices], self.own[np.ix_(indices, indices)], shared)
 
     def minus(self, other: "Uncertain", cancel: bool) -> "Uncertain":
-        """The difference; cancel: errors of one name are the same in both, and not drawn twice."""
+        """Return the difference. cancel: errors with the same name are the same error in both, so they cancel"""
         less = other.through(-np.eye(len(other.value)))
         if not cancel:
             less = Uncertain(less.value, less.own, {f"{name} of the other": less.shared[name] for name in less.shared})
@@ -65,8 +65,8 @@ class Uncertain:
 
 
 def total(parts: Iterable[Uncertain]) -> Uncertain:
-    """The sum of independent estimates (n,): own errors add as squares, shared errors with the same name add
-    linearly."""
+    """Return the sum of independent estimates (n,). Their own errors add as squares, and shared errors with the same
+    name add linearly."""
     parts = list(parts)
     names = dict.fromkeys(name for part in parts for name in part.shared)
     zero = np.zeros(len(parts[0].value))
@@ -78,5 +78,5 @@ def total(parts: Iterable[Uncertain]) -> Uncertain:
 
 
 def variances(rows: Array, covariance: Array) -> Array:
-    """Variance (k,) of each row's (k, n) combination of values with a covariance (n, n)."""
+    """Variances (k,) of the linear combinations in `rows` (k, n) of values with covariance (n, n)."""
     return np.asarray(np.einsum("ki,ij,kj->k", rows, covariance, rows))

@@ -1,4 +1,4 @@
-"""From whatever holds a flight to its results: `analyze`. Which method gives the curve of a log is decided here."""
+"""`analyze` leads from any source of a flight to its results. It decides which method gives the curve of a log."""
 
 import contextlib
 from collections.abc import Callable, Sequence
@@ -21,10 +21,10 @@ Progress = Callable[[str], None]
 
 
 class Way(NamedTuple):
-    """The curve that a log gives.
+    """The kind of curve that a log gives.
 
-    without_drag : why options of drag have no effect; empty where they may have one
-    reason : why sensors of drag give no drag, in a sentence; empty where none are there, or they do
+    without_drag : why options for drag have no effect; empty where they may have one
+    reason : sentence on why the sensors for drag give no drag; empty if they are missing or do give it
     """
 
     kind: "Kind"
@@ -33,7 +33,7 @@ class Way(NamedTuple):
 
 
 def way_of(source: "Log | FlightRecording", options: Options = Options()) -> Way:
-    """Which curve `analyze` makes depends on the log: drag from the runs, or electrical power of the whole flight."""
+    """Return the kind of curve that `analyze` makes: drag from the runs, or electrical power of the whole flight."""
     from flightpower.analysis.records.flight import Kind
 
     if not isinstance(source, Log):
@@ -53,10 +53,10 @@ def analyze(
     command_line: str = "",
     message_of: "Callable[[NoCurve], str]" = str,
 ) -> "Analysis | WholeFlightAnalysis":
-    """The curve that a flight gives: by its runs where it has the sensors of drag, else by its energy balance.
+    """Analyze the runs of a flight that has the sensors for drag, or else the energy balance of the whole flight.
 
-    source : of `sources.open.open_source`     command_line : that started the analysis, for the report
-    message_of : what is reported where no run gives a curve
+    source : from `sources.open.open_source`     command_line : the command that started the analysis, for the report
+    message_of : makes the message if no run gives a curve
     Raises InputError when the source or a file of the options cannot be used.
     """
     if options.mass_kg is not None and options.weight_N is not None:
@@ -93,7 +93,7 @@ def analyze(
     except NoCurve as error:
         cause = message_of(error)
         if not options.runs and gives_electrical_power(source):
-            with contextlib.suppress(InputError):  # the message on the runs is the cause
+            with contextlib.suppress(InputError):  # the message on the runs names the cause and is raised below
                 reason = f"No drag: {cause.removeprefix(f'{source.path}: ')}."
                 return _by_energy(source, options, progress, command_line, reason, error.tried)
         raise InputError(cause) from None
@@ -113,9 +113,9 @@ def _by_energy(
 
 
 def _why_power_only(log: Log, options: Options) -> str:
-    """A sentence where a table has the sensors of drag, but not the files, and so gives electrical power; else empty.
+    """A sentence if a table has the sensors for drag but not the files, and so gives only electrical power; else empty.
 
-    A log of the daemon lacks these files by mistake, and is refused.
+    It is empty for a log of the daemon, which lacks these files only by mistake and is refused.
     """
     if not gives_electrical_power(log) or not is_table(log.path):
         return ""

@@ -1,4 +1,4 @@
-"""The method by runs, from a log to results: each step takes the record of the flight and adds to it."""
+"""The analysis of runs, from a log to results: each step takes the record of the flight and adds to it."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,9 +20,10 @@ from flightpower.flight.log_reader import Log
 
 @dataclass(frozen=True, kw_only=True)
 class Analysis(Estimated):
-    """Everything known about a flight, for the report; results: the written results.
+    """Everything known about a flight, for the report.
 
-    consistency : of speed and angles before and after the correction of sensor errors
+    results : as written to `results.json`
+    consistency : agreement of speed and angles before and after the correction of sensor errors
     performance : None where the battery or the thrust of level flight is not known
     """
 
@@ -43,11 +44,12 @@ def analyze_runs(
 ) -> Analysis:
     """Power required and performance from a log.
 
-    The curve is by the best method that gives one; where that is not to be trusted because the flight path does not fit
-    the measurements, by a simpler one that is.
+    The curve comes from the best method that gives one. If it is not to be trusted and the flight path does not fit the
+    measurements, the curve of a simpler method replaces it, unless that is not to be trusted either.
     replacements: files used instead of parts of the log, such as another aircraft file. request: battery, weights and
     density altitudes to compute performance for. runs_file: an edited list of runs (`maneuvers.runs_file`).
-    command_line: that started the analysis, for the report. by_likelihood: with the two maximum-likelihood methods.
+    command_line: the command that started the analysis, for the report. by_likelihood: also use the two
+    maximum-likelihood methods.
     Raises InputError when the log lacks something that nothing can replace, or holds no maneuver from which drag can be
     estimated.
     """
@@ -70,8 +72,8 @@ def analyze_runs(
 
 
 def _analysis(flight: Estimated, flight_energy: WholeFlight, request: Request, command_line: str) -> Analysis:
-    """What follows from the curve, with the verdict. flight_energy: one more method, which needs voltage and current
-    but neither runs nor flow angles."""
+    """Add performance, results and verdict to the estimate of drag. flight_energy: one more method, which needs voltage
+    and current but neither runs nor flow angles."""
     flight = replace(flight, drag=replace(flight.drag, methods=[*flight.drag.methods, flight_energy.method]))
     flight.progress("computing performance")
     performance = compute(request, flight)

@@ -1,4 +1,4 @@
-"""The energy balance of a whole flight, to results: electrical power, and drag where thrust is known."""
+"""From the energy balance of a whole flight to results: electrical power, and drag where thrust is known."""
 
 import contextlib
 import math
@@ -42,8 +42,9 @@ from flightpower.flight.propeller_search import with_table_error
 
 @dataclass(frozen=True, kw_only=True)
 class WholeFlightAnalysis:
-    """What is known of a flight by its energy balance, for the report; results: what is written.
+    """Everything that the energy balance shows about a flight, for the report.
 
+    results : as written to `results.json`
     left_out_s : stretches [s] that the user left out
     """
 
@@ -63,10 +64,10 @@ def analyze_daemon_log(
     tried: Sequence[MethodTried] = (),
     command_line: str = "",
 ) -> WholeFlightAnalysis:
-    """The energy balance of a log of the daemon. reason: why it gives no drag, where no sensor is missing.
-    tried: methods that its runs allow, and that give no curve.
+    """Analyze the energy balance of a log of the daemon. reason: sentence on why it gives no drag although no sensor is
+    missing. tried: methods that its runs allow but that give no curve.
 
-    Raises InputError.
+    Raises InputError if the log or a file of the options cannot be used.
     """
     check_lacking(log)
     text = log.attachments.get("aircraft.toml")
@@ -103,12 +104,11 @@ def analyze_recording(
     tried: Sequence[MethodTried] = (),
     command_line: str = "",
 ) -> WholeFlightAnalysis:
-    """The energy balance of a recording.
+    """Analyze the energy balance of a recording.
 
+    aircraft : contents of the aircraft file; None for the options' file     table : of the propeller in the log
     tried : as for `analyze_daemon_log`
-    aircraft : the aircraft file, where the log has one; else that of the options
-    table : of the propeller in the log
-    Raises InputError.
+    Raises InputError if the recording or a file of the options cannot be used.
     """
     path = Path(recording.path)
     aircraft = aircraft or _aircraft_file(options)
@@ -178,7 +178,7 @@ def _aircraft_file(options: Options) -> Aircraft | None:
 
 
 def _propeller(options: Options, propulsion: Propulsion) -> Propeller | None:
-    """The table given, or else the aircraft file's where it can be read."""
+    """The propeller table of the options, or else that of the aircraft file if it can be read."""
     if options.propeller is not None:
         return load_propeller(options.propeller)
     with contextlib.suppress(InputError):

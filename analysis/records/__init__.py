@@ -1,1 +1,1 @@
-"""What is written: the records of a flight, of a pool or comparison, and of a fleet."""
+"""The records that results files hold: those of a flight, of a pool or comparison, and of a fleet."""

@@ -1,6 +1,6 @@
 """The contents of a fleet's `fleet.json`: airframes with their curves and changes, and the curves of the fleet.
 
-`flights.fleet_summary` fills it; the page and the terminal only need the form.
+`flights.fleet_summary` fills these records; the page and the terminal only read them.
 """
 
 from enum import StrEnum
@@ -13,14 +13,14 @@ FORMAT = "flightpower-fleet-1"
 
 
 class Shape(StrEnum):
-    """How a change came."""
+    """Whether a change came at once or slowly."""
 
     STEP = "step"
     DRIFT = "drift"
 
 
 class What(StrEnum):
-    """What changed."""
+    """The part of the airframe that changed."""
 
     DRAG = "drag"
     PROPULSION = "propulsion"
@@ -32,7 +32,7 @@ class Contradiction(StrEnum):
 
     SIZE = "wing area or span"
     FLIGHT = "one flight of two airframes"
-    INSTALLATION = "installation that returns"  # the probe was remounted meanwhile, so its errors changed
+    INSTALLATION = "installation that returns"  # between its flights the probe was remounted, so its errors changed
 
 
 class ContradictionResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,7 +46,7 @@ class ContradictionResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ChangeResult(msgspec.Struct, frozen=True, kw_only=True):
-    """A change from one flight on; percent of the airframe's own, with 95 % half widths."""
+    """A lasting change of an airframe from one flight on, in percent of its drag and thrust, with 95 % half widths."""
 
     what: What
     shape: Shape
@@ -61,9 +61,9 @@ class ChangeResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlightShareResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Drag and thrust from one flight alone, minus their mean before the first change.
+    """Drag and thrust from one flight alone, minus their mean before the first change, in percent.
 
-    In percent, with 95 % half widths without the errors that all flights of the airframe share.
+    The 95 % half widths leave out the errors that all flights of the airframe share.
     """
 
     log: str
@@ -75,7 +75,7 @@ class FlightShareResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FleetFlightResult(msgspec.Struct, frozen=True, kw_only=True):
-    """One flight of an airframe. report : its page, from the folder of the fleet's page; "" where it is not there"""
+    """One flight of an airframe. report : path of its page from the folder of the fleet's page; "" if there is none"""
 
     log: str
     start_unix_s: float | None
@@ -83,7 +83,7 @@ class FleetFlightResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
-    """An airframe in one configuration. The curve is of the flights since the last change, `pooled_flights`."""
+    """An airframe in one configuration. Its curve is that of the `pooled_flights` flights since the last change."""
 
     name: str
     title: str
@@ -100,14 +100,15 @@ class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
     trust: Trust  # as bad as the worst of:
     evidence: list[Evidence]  # against the pooled flights
     changes: list[ChangeResult]
-    history: list[FlightShareResult] = []  # of its dated flights, of three or more
+    history: list[FlightShareResult] = []  # of its flights with a date, if there are three or more
     logs: list[FleetFlightResult] = []  # all its flights, by date
 
 
 class FleetCurveResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Airframes of one wing and propeller: power of their mean, and of another airframe that has not flown yet.
+    """Mean power of airframes with the same wing and propeller, and the power expected of one that has not flown yet.
 
-    airframes : in the mean     changed : shown separately; in the mean where fewer than three others are
+    airframes : those in the mean     changed : those with a change; the mean has them only if fewer than three others
+    remain
     """
 
     airframes: list[str]

@@ -1,8 +1,8 @@
 """The documented, versioned format of `results.json` and `power_required.csv` (docs/use/results.md).
 
-Estimators return these records, and pages and tables are drawn from them: each number is written where it is computed,
-once. This module therefore imports nothing of the analysis. One file, though long: the fields of one file, with their
-units. Intervals are of 95 %. Files of earlier formats are read by `analysis.results.read`.
+Estimators return these records, and pages and tables are drawn from them, so each number is written once, where it is
+computed. This module therefore imports nothing of the analysis. It is long, because it holds all fields of the one file
+`results.json`, with their units. Intervals are 95 % intervals. `analysis.results.read` reads files of earlier formats.
 """
 
 from datetime import datetime
@@ -19,7 +19,7 @@ POWER_FORMAT = "flightpower-power-1"
 
 
 class Kind(StrEnum):
-    """Which power a curve is of."""
+    """The power that a curve shows."""
 
     POWER_REQUIRED = "power_required"  # thrust times airspeed
     ELECTRICAL = "electrical_power"  # from the battery
@@ -31,7 +31,7 @@ class Kind(StrEnum):
 
 
 class Cause(StrEnum):
-    """What makes two methods differ."""
+    """The cause of a difference between two methods."""
 
     ANGLE_OF_ATTACK = "angle of attack"
     PITCH_ATTITUDE = "pitch attitude"
@@ -42,7 +42,7 @@ class Cause(StrEnum):
 
 
 class SpeedReason(StrEnum):
-    """Why a speed, or the lower end of its interval, is not given."""
+    """The reason why a speed, or the lower end of its interval, is not given."""
 
     NONE = ""
     NO_OPTIMUM = "The curve has no such point."
@@ -51,19 +51,19 @@ class SpeedReason(StrEnum):
 
 
 class Clock(StrEnum):
-    """The clock that date and time of a log are from."""
+    """The clock that gave the date and time of a log."""
 
     NONE = ""
     SATELLITES = "satellites"
-    COMPUTER = "computer"  # of the aircraft; it may be wrong
+    COMPUTER = "computer"  # the aircraft's computer, whose clock may be wrong
 
 
 class CurveStatus(StrEnum):
     """How the estimation of the power curve ended."""
 
     CONVERGED = "converged"
-    BY_ANOTHER_METHOD = "by another method"  # than the dynamic one: `methods_tried`
-    NOT_CONVERGED = "not converged"  # the drag polar, or it is at a bound or not identifiable
+    BY_ANOTHER_METHOD = "by another method"  # not by the dynamic method; see `methods_tried`
+    NOT_CONVERGED = "not converged"  # the drag polar did not converge, is at a bound, or is not identifiable
     TRAJECTORY_NOT_CONVERGED = "trajectory not converged"
 
     @property
@@ -72,7 +72,7 @@ class CurveStatus(StrEnum):
 
 
 class NextFlightLowers(StrEnum):
-    """What to lower next: the largest part of the interval where it is widest."""
+    """The source of error to reduce next: the largest part of the interval at the speed where it is widest."""
 
     NOTHING = ""  # nothing is lacking
     NOISE = "noise"
@@ -92,9 +92,9 @@ class NextFlightLowers(StrEnum):
 
 
 class MethodRejection(StrEnum):
-    """Why a method that needs more does not give the curve of a flight."""
+    """The reason why a method on the ladder does not give the curve of a flight."""
 
-    NONE = ""  # the method that gives the curve
+    NONE = ""  # no reason: the method gives the curve
     NOT_FLOWN = "no maneuver that it needs was flown"
     NO_TRAJECTORY = "no flight path explains the measurements"
     MISFIT = "its flight path does not fit the measurements, and its curve is not to be trusted"
@@ -104,7 +104,7 @@ class MethodRejection(StrEnum):
 
 
 class MethodTried(msgspec.Struct, frozen=True, kw_only=True):
-    """A method on the ladder to the curve of a flight, and why it does not give it."""
+    """A method that was tried for the curve of a flight, and the reason if it does not give the curve."""
 
     name: str
     title: str
@@ -113,8 +113,8 @@ class MethodTried(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Trust(StrEnum):
-    """How far a result can be trusted, by its evidence. A doubtful one is used with care: the part in doubt is
-    named."""
+    """How far the evidence allows a result to be trusted. Use a doubtful one with care; its evidence names the part in
+    doubt."""
 
     TRUSTED = "trusted"
     DOUBTFUL = "doubtful"
@@ -122,7 +122,7 @@ class Trust(StrEnum):
 
 
 class EvidenceKind(StrEnum):
-    """What contradicts a result. The order is that of the report: causes before their consequences."""
+    """The kind of evidence that contradicts a result. The order is the report's: causes before their consequences."""
 
     NOT_CONVERGED = "not converged"
     TRAJECTORY_NOT_CONVERGED = "trajectory not converged"
@@ -163,17 +163,17 @@ class Evidence(msgspec.Struct, frozen=True, kw_only=True):
     kind: EvidenceKind
     level: Trust
     part: PartOfResult = PartOfResult.CURVE
-    log: str = ""  # of the flight, in the evidence against several; empty where it concerns all
-    subject: str = ""  # the run, the sensor error or the parameter; empty where the kind says it
+    log: str = ""  # log of the flight in doubt, in the results of several flights; empty where it concerns all
+    subject: str = ""  # the run, the sensor error or the parameter; empty where `kind` already names it
     figure: float | None = None
     unit: str = "1"
     limit: float | None = None
-    false_alarm_rate: float | None = None  # of this kind in one sound flight; null where noise sets no limit
+    false_alarm_rate: float | None = None  # rate of this kind in sound flights; null where noise does not set the limit
     text: str  # what is wrong, and what to do
 
 
 class RunAgainstOthers(msgspec.Struct, frozen=True, kw_only=True):
-    """Power by one run alone, and by the others of its kind, at the speed where their difference is known best."""
+    """Power from one run alone and from the others of its kind, at the speed where their difference is known best."""
 
     run: str
     kind: str
@@ -181,7 +181,7 @@ class RunAgainstOthers(msgspec.Struct, frozen=True, kw_only=True):
     power_W: float
     others_W: float
     standard_error_W: float  # of the difference
-    z: float  # difference over its standard error; without a defect about normal with unit variance
+    z: float  # difference over its standard error; about normal with unit variance if there is no defect
 
 
 class AutopilotParameter(msgspec.Struct, frozen=True, kw_only=True):
@@ -189,22 +189,22 @@ class AutopilotParameter(msgspec.Struct, frozen=True, kw_only=True):
 
     firmware: str
     name: str
-    versions: str  # of the firmware that know this name
+    versions: str  # versions of the firmware that have a parameter of this name
     value: float
     lo: float
     hi: float
     unit: str
-    basis: str  # what it follows from
-    logged: float | None  # as the log has it
+    basis: str  # the results that the value follows from
+    logged: float | None  # the parameter's value in the log
 
 
 class PitchRateResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Whether the pitch rate in the runs was large enough to matter for lift: significance of C_Lq (4.3)-(4.7)."""
+    """Test of whether the pitch rate in the runs was large enough to affect lift: significance of C_Lq (4.3)-(4.7)."""
 
     signal_to_noise: dict[str, float]  # by run: variance of the pitch rate over that of its noise
-    noise_radps: float  # standard deviation of the pitch rate's noise, of one sample
+    noise_radps: float  # standard deviation of the pitch rate's noise in one sample
     CLq: float  # estimated without a prior
-    standard_error: float  # of white residuals (4.2), as the source has it
+    standard_error: float  # for white residuals (4.2), as in the source
     standard_error_corrected: float  # for colored residuals
     t: float  # (4.4)
     critical_t: float
@@ -216,13 +216,13 @@ class SourceFile(msgspec.Struct, frozen=True, kw_only=True):
 
     # aircraft file, propeller table, calibration of probe, magnetometer or transducers, still-air zero, list of runs
     role: str
-    name: str  # that the file states inside, or its path
+    name: str  # the name that the file itself states, or its path
     origin: str  # the log, shipped with flightpower, or the path given
-    sha256: str  # of its bytes, hexadecimal; empty where it is not a single file
+    sha256: str  # hash of its bytes, hexadecimal; empty where it is not a single file
 
 
 class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
-    """Messages of one topic from the sensor's first measurement on."""
+    """Counts of the messages of one topic, from the sensor's first measurement on."""
 
     topic: str
     messages: int
@@ -231,37 +231,37 @@ class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImplausibleReadings(msgspec.Struct, frozen=True, kw_only=True):
-    """A time in which readings could not be true together, as the daemon found in flight (`daq.plausibility`)."""
+    """A period in which the daemon found in flight that readings could not all be true (`daq.plausibility`)."""
 
     compared: Comparison
-    start_s: float  # as the runs' times
+    start_s: float  # on the same clock as the runs' times
     end_s: float
 
 
 class Provenance(msgspec.Struct, frozen=True, kw_only=True):
-    """When and where the log was recorded, with what, and how it was analyzed."""
+    """Time and place of the log's recording, the equipment used, and how the log was analyzed."""
 
     command_line: str  # empty where the analysis was not started by a command
     log_sha256: str
     log_bytes: int
     recorded_by: str  # version of the daemon, or the autopilot's name (ticks is null then); empty: not in the log
     start_utc: str | None  # ISO 8601
-    clock: Clock  # that start_utc is from
-    duration_s: float | None  # of the log
-    latitude_deg: float | None  # of the first satellite fix
+    clock: Clock  # the clock that gave start_utc
+    duration_s: float | None  # duration of the log
+    latitude_deg: float | None  # place of the first satellite fix
     longitude_deg: float | None
     height_msl_m: float | None
     weight_source: str
     files: list[SourceFile]
-    ticks: int | None  # of the daemon; null where the log has none
+    ticks: int | None  # ticks of the daemon; null where the log has none
     ticks_missed: int | None
     sensors: list[SensorHealth]
-    events: list[str]  # warnings and errors of the daemon, with the second of the log
+    events: list[str]  # warnings and errors of the daemon, each with its time in seconds from the start of the log
     implausible: list[ImplausibleReadings] = []
 
 
 class AirFound(msgspec.Struct, frozen=True, kw_only=True):
-    """The air of the runs, or of the whole flight, as the flight itself found it; null where it does not show it."""
+    """The air during the runs, or the whole flight, as the flight shows it; a value that it does not show is null."""
 
     temperature_K: float | None = None
     pressure_Pa: float | None = None
@@ -269,17 +269,17 @@ class AirFound(msgspec.Struct, frozen=True, kw_only=True):
     wind_from_deg: float | None = None
     wind_standard_error_mps: float | None = None
     gust_mps: float | None = None  # vertical, 1 sigma
-    gust_length: float = 1.0  # scale length over the standard's, which the flight's spectra may contradict
+    gust_length: float = 1.0  # scale length of gusts over the standard's; not 1 where the flight's spectra show another
     density_altitude_m: float | None = None
-    lowest_height_m: float | None = None  # of the runs, above the place of take-off
+    lowest_height_m: float | None = None  # lowest height in the runs, above the place of take-off
     highest_height_m: float | None = None
 
 
 class RunResidual(msgspec.Struct, frozen=True, kw_only=True):
-    """Drag over mass of one run, measured less modeled."""
+    """Statistics of measured minus modeled drag over mass in one run."""
 
     run: str
-    kind: str = ""  # of the run; empty in results of earlier versions
+    kind: str = ""  # kind of the run; empty in results of earlier versions
     points: int
     step_s: float
     rms_mps2: float
@@ -287,14 +287,14 @@ class RunResidual(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Correlation(msgspec.Struct, frozen=True, kw_only=True):
-    """Correlation of the errors of the drag polar's and the thrust's estimates."""
+    """Correlation matrix of the errors in the estimates of drag polar and thrust."""
 
     names: list[str]
     matrix: list[list[float]]
 
 
 class Track(msgspec.Struct, frozen=True, kw_only=True):
-    """The path over the ground from the first instant on, by the reconstructed velocity."""
+    """The path over the ground, relative to its first point, from the reconstructed velocity."""
 
     t_s: list[float]
     north_m: list[float]
@@ -312,7 +312,7 @@ class PowerPoint(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MethodPoint(msgspec.Struct, frozen=True, kw_only=True):
-    """One measured point of a method that works on points, reduced to the test's weight and density."""
+    """One measured point, for a method that works on points, reduced to the test's weight and density."""
 
     speed_mps: float
     power_W: float
@@ -329,10 +329,10 @@ class MethodResult(msgspec.Struct, frozen=True, kw_only=True):
     equations: str = ""
     taken_as_measured: list[str] = []  # quantities it deliberately does not correct, so that an error there shows
     drag_polar: list[float] = []  # A0, A1, A2 of C_D = A0 + A1 C_L + A2 C_L^2
-    power_required: list[PowerPoint] = []  # over the speeds of its data; empty where there is none: see `notes`
+    power_required: list[PowerPoint] = []  # over the speeds of its data; empty without an estimate: `notes` say why
     points: list[MethodPoint] = []
     notes: list[str] = []
-    not_flown: list[str] = []  # kinds of maneuver that it needs, if none of them was flown
+    not_flown: list[str] = []  # kinds of maneuver that the method needs, if none of them was flown
 
 
 class DisagreementResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -348,23 +348,23 @@ class DisagreementResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SpeedInterval(msgspec.Struct, frozen=True, kw_only=True):
-    """A speed with its 95 % interval; null where there is none, and where it lies below the slowest speed flown.
+    """A speed with its 95 % interval. The speed is null if the curve has none or it lies below the slowest speed flown.
 
-    `inside_flown_range` is false where it is an extrapolation.
+    `inside_flown_range` is false where the speed is an extrapolation.
     """
 
     speed_mps: float | None
-    lo_mps: float | None  # null too where the interval has no lower end
+    lo_mps: float | None  # also null where the interval has no lower end
     hi_mps: float | None
     inside_flown_range: bool
-    reason: SpeedReason = SpeedReason.NONE  # the reason if one of these is null
+    reason: SpeedReason = SpeedReason.NONE  # the reason why one of these is null
 
 
 class SlowestFlown(msgspec.Struct, frozen=True, kw_only=True):
     """The slowest speed flown, at the test's weight and density, its lift coefficient, and the largest one in flight.
 
-    The latter was reached for a moment, in turns, pull-ups or gusts: that the wing carried it shows how far the stall
-    is at least.
+    The largest lift coefficient was reached for a moment, in turns, pull-ups or gusts. The wing did not stall at it, so
+    it gives a lower limit for the margin to the stall.
     """
 
     speed_mps: float
@@ -390,8 +390,8 @@ class SensorError(msgspec.Struct, frozen=True, kw_only=True):
     standard_error: float
     assumed_sigma: float  # standard deviation of the prior
     unit: str
-    determined: bool  # by this flight, and not by the prior alone
-    missing: list[str]  # what the flight lacked, where it did not determine it
+    determined: bool  # true if this flight determined it, and not the prior alone
+    missing: list[str]  # maneuvers or sensors that the flight lacked, if it did not determine the error
 
 
 class Check(msgspec.Struct, frozen=True, kw_only=True):
@@ -412,10 +412,10 @@ class ConsistencyCheck(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class JointConflict(msgspec.Struct, frozen=True, kw_only=True):
-    """Sensor errors that are plausible one by one and improbable together, from the first estimate.
+    """Sensor errors of the first estimate that are plausible one by one but improbable together.
 
-    errors : estimate less prior mean, in the standard deviations that it has if the prior is right
-    probability : of any as improbable in a flight whose priors are right, at most
+    errors : estimate less prior mean, over the standard deviation that this has if the prior is right
+    probability : upper limit for that of errors at least as improbable, in a flight whose priors are right
     """
 
     errors: dict[str, float]
@@ -427,16 +427,16 @@ class PathResult(msgspec.Struct, frozen=True, kw_only=True):
 
     converged: bool
     gust_mps: float  # vertical, 1 sigma
-    residuals: dict[str, float]  # by channel: rms, in standard deviations of the channel's noise
+    residuals: dict[str, float]  # rms by channel, in standard deviations of the channel's noise
     checks: list[ConsistencyCheck]
     sensor_errors: list[SensorError]
-    # By sensor error, estimate less prior mean in prior standard deviations, where the first estimate contradicted it.
+    # By sensor error that contradicts its prior in the first estimate: estimate less prior mean, in prior sigmas.
     prior_conflicts: dict[str, float] = {}
     joint_conflict: JointConflict | None = None
 
 
 def run_name(kind: str, start_s: float) -> str:
-    """What a run is called in estimates and figures."""
+    """The name of a run in estimates and figures."""
     return f"{kind} at {start_s:.0f} s"
 
 
@@ -477,7 +477,7 @@ class ConditionResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DragPolar(msgspec.Struct, frozen=True, kw_only=True):
-    """C_D = A0 + A1 C_L + A2 C_L^2, and the same as C_D0 + K (C_L - C_L_minD)^2."""
+    """The drag polar C_D = A0 + A1 C_L + A2 C_L^2, which is also written C_D0 + K (C_L - C_L_minD)^2."""
 
     A0: float
     A1: float
@@ -539,7 +539,7 @@ class PowerTrainResult(msgspec.Struct, frozen=True, kw_only=True):
 class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
     """Performance at full throttle, at the test's weight and density."""
 
-    reason: str = ""  # why full throttle is not known; empty where it is
+    reason: str = ""  # why full throttle is not known; empty where it is known
     basis: str = ""
     power_available: list[PowerPoint] = []
     climb_mps: list[float] = []  # at the same speeds
@@ -553,8 +553,8 @@ class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
-    """Endurance, range and climb at one weight and density, each at its best speed among those flown. Intervals of
-    speeds end at the slowest speed flown."""
+    """Endurance, range and climb at one weight and density, each at its best speed among those flown. No interval of a
+    speed reaches below the slowest speed flown."""
 
     title: str
     weight_N: float
@@ -563,8 +563,8 @@ class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
     endurance_s: Interval
     endurance_speed_mps: Interval
     endurance_power_W: float  # from the battery
-    endurance_at_slowest: bool  # power still falls at the slowest speed flown, which is then the best of those flown,
-    endurance_at_fastest: bool = False  # or at the fastest
+    endurance_at_slowest: bool  # the best speed is the slowest flown: power still falls there towards lower speeds
+    endurance_at_fastest: bool = False  # the best speed is the fastest flown
     range_m: Interval
     range_speed_mps: Interval
     range_power_W: float
@@ -576,7 +576,7 @@ class PerformanceCase(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FieldRow(msgspec.Struct, frozen=True, kw_only=True):
-    """One line of the table for the field."""
+    """One line of the table that the pilot takes to the field."""
 
     speed_mps: float
     power_required_W: float
@@ -604,11 +604,11 @@ class PropellerTable(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ComputationModel(msgspec.Struct, frozen=True, kw_only=True):
-    """What battery power at any weight, density, speed and climb is computed from (`analysis.performance`)."""
+    """The model that gives battery power at any weight, density, speed and climb (`analysis.performance`)."""
 
     names: list[
         str
-    ]  # of polar, thrust, angle of attack, losses, battery's meter, and of full throttle where it is known
+    ]  # parameters of polar, thrust, angle of attack, losses, battery's meter, and of full throttle where it is known
     values: list[float]
     covariance: list[list[float]]
     no_load_torque_Nm: float
@@ -622,19 +622,19 @@ class PerformanceResult(msgspec.Struct, frozen=True, kw_only=True):
     power_train: PowerTrainResult
     available: AvailableResult = AvailableResult()
     loadings: list[PerformanceCase] = []
-    costs: list[str] = []  # changes of weight alone and of air alone, where there are any
+    costs: list[str] = []  # effects of a change of weight alone and of air alone, if such conditions are computed
     field_table: list[FieldRow] = []
     too_much: list[str] = []  # requested conditions in which full throttle does not sustain level flight
     model: ComputationModel | None = None  # null in results of earlier versions
 
 
 class PowerStatistics(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", tag=POWER_FORMAT):
-    """What pools and missions need of a curve: power at some speeds, with its errors."""
+    """The statistics of a curve that pools and missions need: power at some speeds, with its errors."""
 
     speed_mps: list[float]
     power_W: list[float]
-    own_covariance: list[list[float]]  # by errors that each flight draws for itself
-    shared: dict[str, list[float]]  # by its name, change with one standard deviation of each error that flights share
+    own_covariance: list[list[float]]  # due to errors that are independent from flight to flight
+    shared: dict[str, list[float]]  # change by one standard deviation of each error that flights share, by its name
 
 
 class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
@@ -647,18 +647,18 @@ class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True, tag_field="format", tag=POOLING_FORMAT):
-    """Sufficient statistics of one flight: estimates, their joint covariance, and the priors that are part of it."""
+    """Sufficient statistics of one flight: estimates, their joint covariance, and the priors contained in both."""
 
     names: list[str]  # A0, A1, A2, corrections of thrust, then sensor errors
     values: list[float]
-    covariance: list[list[float]]  # lower triangle; by noise and sensor errors
-    # Lower triangle, of the first names for given sensor errors, by white residuals: the weights of the estimate.
+    covariance: list[list[float]]  # lower triangle; due to noise and sensor errors
+    # Lower triangle. Covariance of the first names for given sensor errors and white residuals: it weighs the estimate.
     weighting_covariance: list[list[float]]
     prior_mean: list[float]
     prior_sigma: list[float | None]  # null where there is no prior
-    prior_measurements: list[PriorMeasurementStatistics] | msgspec.UnsetType = msgspec.UNSET  # absent where none is
-    changes: dict[str, list[float]]  # of the values, by one standard deviation of errors that no residual shows
-    polar_covariance: list[list[float]]  # (3, 3) of this flight's own curve: everything together
+    prior_measurements: list[PriorMeasurementStatistics] | msgspec.UnsetType = msgspec.UNSET  # absent if there are none
+    changes: dict[str, list[float]]  # change of the values by one standard deviation of each error no residual shows
+    polar_covariance: list[list[float]]  # (3, 3) of this flight's own curve, due to all errors
     flown_CL: tuple[float, float]
     installation: str  # [installation] name of the aircraft file; empty where it has none
     propeller_table: str  # fingerprint
@@ -668,21 +668,21 @@ class PoolingStatistics(msgspec.Struct, frozen=True, kw_only=True, tag_field="fo
 
 
 class CurveResult(msgspec.Struct, frozen=True, kw_only=True):
-    """Power of level flight over airspeed at one weight and density, and what follows from it; alike for every kind.
+    """Power of level flight over airspeed at one weight and density, and results that follow from it, for any kind.
 
-    Best speeds are null where the curve gives none by itself: endurance and range by power required follow from the
-    power train (`use`).
+    Best speeds are null where the curve alone gives none. For power required, endurance and range follow from the power
+    train (`use`).
     """
 
     condition: ConditionResult
     points: list[PowerPoint]  # over the range flown
     standard: list[PowerPoint] = []  # at the standard weight and sea-level density
-    least_power_speed: SpeedInterval | None = None  # the best endurance on this power
-    best_range_speed: SpeedInterval | None = None  # least energy for a distance; of power required the least drag
-    endurance_s: Interval | None = None  # at these speeds, on the battery; null without one
+    least_power_speed: SpeedInterval | None = None  # speed of best endurance on this power
+    best_range_speed: SpeedInterval | None = None  # least energy per distance; for power required, least drag
+    endurance_s: Interval | None = None  # at the best speed, on the battery; null without a battery
     range_m: Interval | None = None
     interval_parts: list[IntervalPart] = []
-    idle_power_W: float = 0.0  # contained in the curve; drawn with the motor off, independent of weight
+    idle_power_W: float = 0.0  # part of the curve that is drawn with the motor off; independent of weight
     statistics: PoolingStatistics | PowerStatistics | None = None  # null where the curve cannot be pooled
 
 
@@ -698,20 +698,20 @@ class BatteryResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EnergyBalanceResult(msgspec.Struct, frozen=True, kw_only=True):
-    """How the energy balance of a whole flight found the electrical curve."""
+    """Details of the energy balance of a whole flight, which gave the electrical curve."""
 
-    residual_W: float  # rms of the energy balance, means over windows of some 8 s
-    flown_s: float  # used for the balance
+    residual_W: float  # rms of the residuals of the balance, as means over windows of about 8 s
+    flown_s: float  # flight time that the balance uses
     airspeed_scale: (
         Interval | None
-    )  # fraction by which airspeed reads high, by GPS and the prior; null without a sensor
+    )  # fraction by which airspeed reads high, from GPS and the prior; null without an airspeed sensor
     thrust_basis: str = ""  # where thrust comes from; empty where it is not known
-    # Drag times airspeed over the motor's electrical power in level flight, by the flight's energy without a prior
-    # where it is known best; null where that is not known, in the log of a simulation, whose current no meter measured.
-    # Earlier versions wrote null, or the curve's own estimate.
+    # Drag times airspeed over the motor's electrical power in level flight, from the flight's energy without a prior,
+    # at the speed where it is known best. Null where it is not known, and for the log of a simulation, because no
+    # meter measured its current. Earlier versions wrote null, or the curve's own estimate.
     thrust_efficiency: Interval | None = None
-    # Shaft power by the propeller's table over the motor's electrical power, mean of the flight under power; null where
-    # thrust is not known.
+    # Shaft power from the propeller's table over the motor's electrical power, averaged over flight under power; null
+    # where thrust is not known.
     shaft_over_electrical: float | None = None
 
 
@@ -719,7 +719,7 @@ UNKNOWN_SPEED = SpeedInterval(speed_mps=None, lo_mps=None, hi_mps=None, inside_f
 
 
 class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
-    """Fields common to a flight and a pool: the curves by kind and their conditions."""
+    """Fields that a flight and a pool have in common, such as the curves by kind and their conditions."""
 
     format: str = ""
     trust: Trust = Trust.TRUSTED  # as bad as the worst of:
@@ -732,8 +732,8 @@ class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
     air: AirFound = AirFound()
     battery: BatteryResult | None = None  # null where its energy is not known
     slowest_flown: SlowestFlown | None = None
-    autopilot_parameters: list[AutopilotParameter] = []  # that follow from the result
-    autopilot_parameters_withheld: list[str] = []  # that do not, and why
+    autopilot_parameters: list[AutopilotParameter] = []  # those that follow from the result
+    autopilot_parameters_withheld: list[str] = []  # sentences on those that do not, with the reason
 
     @property
     def main(self) -> CurveResult:
@@ -746,12 +746,12 @@ class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def power_required(self) -> list[PowerPoint]:
-        """At the test's weight and density, over the flown range; empty where drag is not known."""
+        """Power required at the test's weight and density, over the flown range; empty where drag is not known."""
         return self.points(Kind.POWER_REQUIRED)
 
     @property
     def electrical_power(self) -> list[PowerPoint]:
-        """From the battery in level flight; empty where it was not measured."""
+        """Battery power in level flight; empty where it was not measured."""
         return self.points(Kind.ELECTRICAL)
 
     @property
@@ -769,7 +769,7 @@ class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
         return self.air.pressure_Pa
 
     def with_curve(self, kind: Kind, **changes: object) -> Self:
-        """These results with other fields of one curve."""
+        """Return these results with some fields of one curve changed."""
         curve = msgspec.structs.replace(self.curves[kind], **changes)
         return msgspec.structs.replace(self, curves={**self.curves, kind: curve})
 
@@ -779,7 +779,7 @@ class Results(WithCurves, frozen=True, kw_only=True):
 
     format: str = FORMAT
     log: str
-    # Board of the autopilot that wrote the log: 8 digits of a hash of its serial number; empty where that is not known.
+    # Identifies the board of the autopilot that wrote the log: 8 digits of a hash of its serial number, or empty.
     vehicle: str = ""
     standard: ConditionResult | None = None
     runs: list[RunResult] = []
@@ -788,49 +788,49 @@ class Results(WithCurves, frozen=True, kw_only=True):
     drag_polar: DragPolar | None = None  # null where drag is not known
     # Power required by output error on the runs alone, at the test's weight and density.
     cross_check: list[PowerPoint] = []
-    cross_check_differs: bool = False  # from power required by more than their 95 % intervals allow
+    cross_check_differs: bool = False  # it differs from power required by more than the 95 % band of the difference
     # How the estimation of the curve ended; null in results of earlier versions.
     status: CurveStatus | None = None
-    verdict: str = ""  # the same in words, with what was wrong
+    verdict: str = ""  # the status in words, with the fault if there was one
     warnings: list[str] = []
-    withheld: list[str] = []  # what is not known, and what it would take
-    methods_tried: list[MethodTried] = []  # the best first, down to the one that gives the curve of drag
+    withheld: list[str] = []  # sentences on results that are not known, and on what it would take to know them
+    methods_tried: list[MethodTried] = []  # the best first, down to the method that gives the curve of drag
     methods: list[MethodResult] = []
     # From each acceleration and deceleration alone, named by `title`.
     single_runs: list[MethodResult] = msgspec.field(default_factory=list, name="one_by_one")
     runs_against_others: list[RunAgainstOthers] = []
-    # Gain of the log likelihood if, beyond zero thrust, the propeller folds instead of windmilling as assumed, or vice
-    # versa; absent where no run has such thrust.
+    # Gain of the log likelihood if the propeller, beyond zero thrust, folds although it is assumed to windmill, or the
+    # other way around; absent where no run has such thrust.
     folding_gain: float | msgspec.UnsetType = msgspec.field(default=msgspec.UNSET, name="other_blades")
-    # By energy, where the curve is by it and both were flown.
+    # From the energy of the runs, if that gives the curve and both kinds were flown.
     accelerations_against_decelerations: RunAgainstOthers | msgspec.UnsetType = msgspec.UNSET
     disagreements: list[DisagreementResult] = []
     path: PathResult | None = None
-    # Motor speed at full throttle over kV (V - I R); null without throttle, voltage, current, or these constants.
+    # Motor speed at full throttle over kV (V - I R); null if throttle, voltage, current or a constant is missing.
     speed_over_motor_constant: float | None = None
     use: PerformanceResult | None = None  # null where the propeller's table cannot give the thrust of level flight
-    balance: EnergyBalanceResult | None = None  # null where the flight's electrical power does not lead
+    balance: EnergyBalanceResult | None = None  # null where the report leads with another power than the electrical one
     provenance: Provenance | None = None
     run_residuals: list[RunResidual] = []
     parameter_correlation: Correlation | None = None
     track: Track | None = None
     next_flight_lowers: NextFlightLowers = NextFlightLowers.NOTHING
-    next_flight: list[str] = []  # what the next twenty minutes should be, in sentences; empty where nothing is lacking
+    next_flight: list[str] = []  # sentences on the next twenty minutes to fly; empty if nothing is lacking
     pitch_rate: PitchRateResult | None = None  # with `--likelihood`
 
     @property
     def performance(self) -> PerformanceResult | None:
-        """Endurance, range and full throttle, under the name that a pool has for them."""
+        """Endurance, range and full throttle, under the field name that a pool uses."""
         return self.use
 
     @property
     def source(self) -> str:
-        """A description of the results' subject, for a message."""
+        """The flight that the results describe, as words for a message."""
         return f"the flight {self.log}"
 
     @property
     def power_required_standard(self) -> list[PowerPoint]:
-        """At the standard weight and sea-level density."""
+        """Power required at the standard weight and sea-level density."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         return required.standard if required else []
 
@@ -842,13 +842,13 @@ class Results(WithCurves, frozen=True, kw_only=True):
 
     @property
     def interval_parts(self) -> list[IntervalPart]:
-        """Parts of the interval of power required."""
+        """The parts of the interval of power required."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         return required.interval_parts if required else []
 
     @property
     def start_unix_s(self) -> float | None:
-        """Start of the log; None where it does not show that."""
+        """Start of the log [s since 1970]; None where the log does not show it."""
         if self.pooling:
             return self.pooling.start_unix_s
         start = self.provenance.start_utc if self.provenance else None
@@ -856,7 +856,7 @@ class Results(WithCurves, frozen=True, kw_only=True):
 
     @property
     def pooling(self) -> PoolingStatistics | None:
-        """Statistics for the joint estimate of drag; null if no acceleration or deceleration was analyzed."""
+        """Statistics for the joint estimate of drag of several flights; None if the dynamic method gave no curve."""
         required = self.curves.get(Kind.POWER_REQUIRED)
         statistics = required and required.statistics
         return statistics if isinstance(statistics, PoolingStatistics) else None

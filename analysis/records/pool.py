@@ -1,7 +1,7 @@
 """The contents of `results.json` of several flights together, and of a comparison (docs/understand/pooling.md).
 
-Percentages of a pool are of its power; those of a comparison are of the power of A. Pools of drag and of electrical
-power have the same fields: what only the joint estimate of drag has is empty or null in the others.
+Percentages of a pool refer to its power, those of a comparison to the power of A. Pools of drag and of electrical power
+have the same fields; a field that only the joint estimate of drag fills is empty or null in the others.
 """
 
 from enum import StrEnum
@@ -34,7 +34,7 @@ class Agreement(StrEnum):
 
 
 class PolarCoefficients(msgspec.Struct, frozen=True, kw_only=True):
-    """C_D = A0 + A1 C_L + A2 C_L^2."""
+    """Coefficients of C_D = A0 + A1 C_L + A2 C_L^2."""
 
     A0: float
     A1: float
@@ -51,7 +51,7 @@ class SharedParameter(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Scatter(msgspec.Struct, frozen=True, kw_only=True):
-    """Scatter of the flights' curves about the pooled one at one speed, and what their errors explain of it."""
+    """Scatter of the flights' curves about the pooled curve at one speed, and the part that their errors explain."""
 
     speed_mps: float
     observed_percent: float  # root mean square
@@ -65,11 +65,11 @@ class AgreementTest(msgspec.Struct, frozen=True, kw_only=True):
     chi_square: float
     degrees_of_freedom: int
     p: float
-    text: str  # the same for a reader
+    text: str  # the result of the test in words
 
 
 class Deviation(msgspec.Struct, frozen=True, kw_only=True):
-    """One flight's curve minus the pooled one at one speed, with the 95 % limit that its errors allow."""
+    """One flight's curve minus the pooled curve at one speed, with the 95 % limit that their errors set."""
 
     speed_mps: float
     difference_percent: float | None  # null where the flight did not fly this speed
@@ -83,19 +83,19 @@ class PooledFlight(msgspec.Struct, frozen=True, kw_only=True):
     vehicle: str = ""  # as in the flight's results
     installation: str = ""
     test: ConditionResult
-    drag_polar: PolarCoefficients | None = None  # of this flight alone
-    half_width_percent: list[float | None]  # of this flight alone; null at speeds that it did not fly
-    half_width_without_percent: list[float | None] | None  # of the pool without it; null in a pool of one flight
+    drag_polar: PolarCoefficients | None = None  # from this flight alone
+    half_width_percent: list[float | None]  # from this flight alone; null at speeds that it did not fly
+    half_width_without_percent: list[float | None] | None  # from the pool without it; null in a pool of one flight
     share_of_information: float
     against_pool: list[Deviation]
-    # Probability of a larger difference from the other flights, of the curve and of the errors of the installation;
-    # null in a pool of one flight, and where the flight shares no speeds with the others.
+    # Probability of a larger difference from the other flights: p for the curve, p_installation for the errors of the
+    # installation. Null in a pool of one flight, and where the flight shares no speeds with the others.
     p: float | None
     p_installation: float | None = None
     outlier: bool
-    reason: str  # the likely one, where it is an outlier
-    trust: Trust  # of its own results
-    mounted_anew: bool = False  # it contradicts the installation that the files state
+    reason: str  # the likely reason, if the flight is an outlier
+    trust: Trust  # trust in the flight's own results
+    mounted_anew: bool = False  # the flight contradicts the installation that the files state
     start_unix_s: float | None = None  # start of its log; null where that is not known
 
 
@@ -108,7 +108,7 @@ class Outlier(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OneMore(msgspec.Struct, frozen=True, kw_only=True):
-    """Half widths of the pool now, and with one more flight like the one that contributed most."""
+    """Half widths of the pool now, and after another flight like the one that contributed most."""
 
     like: str
     speed_mps: list[float]
@@ -117,14 +117,14 @@ class OneMore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlightsToSee(msgspec.Struct, frozen=True, kw_only=True):
-    """Flights of each of two configurations by which a difference of drag is seen in 9 of 10 campaigns."""
+    """Number of flights that each of two configurations needs to show a difference of power in 9 of 10 campaigns."""
 
     difference_percent: float
-    flights_each: int | None  # null where it takes more than `EVIDENCE.most_repetitions`
+    flights_each: int | None  # null if more than `EVIDENCE.most_repetitions` are needed
 
 
 class TrendQuantity(StrEnum):
-    """Quantities over which power may have a trend."""
+    """The quantity over which a trend of power is tested."""
 
     DATE = "date"
     TEMPERATURE = "air temperature"
@@ -140,12 +140,12 @@ class Trend(msgspec.Struct, frozen=True, kw_only=True):
     highest: float
     change_percent: float  # from lowest to highest
     standard_error_percent: float
-    p: float  # probability of a change this far from zero without a trend
-    flights: int  # with this quantity
+    p: float  # probability of a change this far from zero if there is no trend
+    flights: int  # number of flights for which this quantity is known
 
 
 class LeftOutReason(StrEnum):
-    """Why a flight is not in a pool."""
+    """The reason why a flight is not in a pool."""
 
     ELECTRICAL_ONLY = "electrical power only"
     NO_BATTERY = "no battery"
@@ -161,17 +161,17 @@ class LeftOut(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PooledUse(msgspec.Struct, frozen=True, kw_only=True):
-    """What the energy of a mission is computed from (`flightpower route`)."""
+    """The model that gives the energy of a mission (`flightpower route`), and its source."""
 
-    losses_of: list[str]  # logs; the losses of the power train are the mean of theirs
-    losses_measured: bool  # and not assumed
+    losses_of: list[str]  # logs whose mean gives the losses of the power train
+    losses_measured: bool  # true if the losses were measured, not assumed
     model: ComputationModel
 
 
 class PooledResults(WithCurves, frozen=True, kw_only=True):
     """The contents of the `results.json` of a pool.
 
-    Weight and density of `test` are the mean of the flights, `battery` is that of the last one.
+    Weight and density of `test` are the means over the flights; `battery` is the last flight's.
     """
 
     format: str = POOLED_FORMAT
@@ -180,8 +180,8 @@ class PooledResults(WithCurves, frozen=True, kw_only=True):
     polar_covariance: list[list[float]] = msgspec.field(default_factory=list)  # (3, 3)
     parameters: list[SharedParameter] = msgspec.field(default_factory=list)
     between_flights: list[Scatter]  # empty in a pool of one flight
-    agreement: Agreement | None  # of the flights, by the tests and the outliers; null in a pool of one flight
-    homogeneity: AgreementTest | None  # of the curves; null in a pool of one flight
+    agreement: Agreement | None  # whether flights agree, by the tests and the outliers; null in a pool of one flight
+    homogeneity: AgreementTest | None  # test of the curves; null in a pool of one flight
     installation_homogeneity: AgreementTest | None = None
     flights: list[PooledFlight]
     outliers: list[Outlier]
@@ -190,16 +190,16 @@ class PooledResults(WithCurves, frozen=True, kw_only=True):
     trends: list[Trend]
     notes: list[str]
     left_out: list[LeftOut]
-    failures: list[str]  # logs that cannot be used, and why
+    failures: list[str]  # logs that cannot be used, each with the reason
     use: PooledUse | None = None  # null where no flight has a power train
-    # By the pooled polar, the mean power train and the last flight's battery; null where one of these is not known.
+    # From the pooled polar, the mean power train and the last flight's battery; null where one of these is not known.
     performance: PerformanceResult | None = None
-    # The pool by the other kind of power, where it has flights that this one lacks; null where it has none.
+    # The pool for the other kind of power, if it has flights that this one lacks; otherwise null.
     other_kind: "PooledResults | None" = None
 
     @property
     def source(self) -> str:
-        """What the results are of, for a message."""
+        """The flights that the results describe, as words for a message."""
         return f"{len(self.flights)} flights together"
 
 
@@ -209,7 +209,7 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     aircraft: AircraftResult
     installation: str
     logs: list[str]
-    name: str = ""  # of its folder
+    name: str = ""  # name of its folder
     left_out: list[LeftOut] = []
 
 
@@ -222,11 +222,11 @@ class PowerDifference(msgspec.Struct, frozen=True, kw_only=True):
     difference_percent: float
     lo_percent: float
     hi_percent: float
-    independent_half_width_percent: float  # what it would be if A and B shared no error
+    independent_half_width_percent: float  # half width that the difference would have if A and B shared no error
 
     @property
     def excludes_zero(self) -> bool:
-        """Whether the interval does."""
+        """Whether the interval excludes zero."""
         return self.lo_percent * self.hi_percent > 0
 
 
@@ -236,22 +236,22 @@ class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
     format: str = COMPARISON_FORMAT
     kind: Kind  # of the power that is compared
     trust: Trust  # as bad as the worst of:
-    evidence: list[Evidence]  # against the flights of both, and against what the files say they share, the worst first
+    evidence: list[Evidence]  # against flights of both, and against what the files say they share, the worst first
     software_version: str
     a: Configuration
     b: Configuration
-    test: ConditionResult  # those of A, at which both curves are given
-    same_installation: bool  # as the files say, unless the flights contradict it; of electrical power one aircraft
+    test: ConditionResult  # weight and density of A, at which both curves are given
+    same_installation: bool  # as files say, unless flights contradict it; for electrical power, the same aircraft
     same_propeller: bool
     differences: list[PowerDifference]
-    # One of these, which answers and sentence quote: the clearest where an interval excludes zero, else the best known.
+    # The difference that answers and text quote: the clearest if an interval excludes zero, else the best known one.
     quoted: PowerDifference
-    p: float  # that errors alone make a difference as clear at any of these speeds
-    differs: bool  # with at most 5 % of false alarms; an interval does not contain zero then
+    p: float  # probability that errors alone make a difference this clear at any of these speeds
+    differs: bool  # whether A and B differ, with at most 5 % false alarms; an interval then excludes zero
     text: str
     notes: list[str]
     flights_to_see: list[FlightsToSee]
-    # The comparison by the other kind of power, where it has flights that this one lacks; null where it has none.
+    # The comparison for the other kind of power, if it has flights that this one lacks; otherwise null.
     other_kind: "ComparisonResults | None" = None
 
 
@@ -259,5 +259,5 @@ Estimate = TypeVar("Estimate", PooledResults, ComparisonResults)
 
 
 def of_each_kind(results: Estimate) -> list[Estimate]:
-    """The results, and those by the other kind of power where there are any."""
+    """The results, followed by those for the other kind of power if there are any."""
     return [results, results.other_kind] if results.other_kind else [results]
