@@ -1,4 +1,5 @@
-"""Drag polars from flight data, one file per method, and the comparison of the methods.
+"""Drag polars from flight data, with one file per method, and the comparison of the methods.
 
-forces -> causes -> method (regression) -> methods -> comparison -> ladder; `whole_flight` needs no runs.
+The modules build on each other: forces -> causes -> method (regression) -> methods -> comparison -> ladder. The package
+`whole_flight` needs no runs.
 """

@@ -1,16 +1,16 @@
 """Models of an aircraft with systematic sensor errors (Table 3.1) for the maximum-likelihood estimators.
 
-Drag is C_D = A0 + A1 C_L + A2 C_L^2, the parabolic polar (3.36) rewritten to be well conditioned. Measured specific
-force is that at the center of gravity. Starting values come from the wing's geometry and from the data, never from the
+Drag is C_D = A0 + A1 C_L + A2 C_L^2, the parabolic polar (3.36) rewritten to be well conditioned. Specific force is
+that at the center of gravity. Starting values come from the wing's geometry and from the data, never from the
 aerodynamics that the simulator uses.
 
 Inputs by name: thrust [N], advance ratio J, elevator [rad], body rates p, q, r [rad/s] as measured by the gyro, bank
-phi [rad], sideslip beta [rad], density rho [kg/m^3]. `two_state` also needs the pitch angle theta [rad]; `level_run`
-the airspeed V_ref [m/s] at which thrust and J are given, and there the slope thrust_per_speed [N s/m].
+phi [rad], sideslip beta [rad], density rho [kg/m^3]. `two_state` also needs the pitch angle theta [rad]. `level_run`
+needs the airspeed V_ref [m/s] at which thrust and J are given, and the slope thrust_per_speed [N s/m] at that airspeed.
 Outputs by name: airspeed V [m/s], alpha [rad], specific force ax, az [m/s^2], pitch angle theta [rad], height h [m].
 
-Functions of states x, inputs u and parameters p take floats, arrays or CasADi symbols. J_ref is the advance ratio at
-which `thrust_slope` has no effect.
+The functions of states x, inputs u and parameters p accept floats, arrays or CasADi symbols. J_ref is the advance ratio
+at which `thrust_slope` has no effect.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,12 +28,12 @@ from flightpower.flight.aerodynamics import body_axes, lift_slope, stability_axe
 from flightpower.flight.aircraft import Aircraft, Uncertainty
 from flightpower.flight.arrays import Array
 
-STATED = Uncertainty()  # for an aircraft file that states no uncertainty
+STATED = Uncertainty()  # the values for an aircraft file that states no uncertainty
 
 
 @dataclass(frozen=True, kw_only=True)
 class Priors:
-    """Standard deviations of the systematic errors before a flight, about zero or about the given mean."""
+    """Prior standard deviations of the systematic errors, about zero or about the given mean."""
 
     alpha_bias_rad: float = STATED.angle_of_attack_offset_rad
     alpha_scale: float = STATED.angle_of_attack_slope_fraction
@@ -47,7 +47,7 @@ class Priors:
 
 @dataclass(frozen=True, kw_only=True)
 class Constants:
-    """What the models take as known of an aircraft."""
+    """Constants of an aircraft that the models treat as known."""
 
     m: float  # kg
     S: float  # m^2
@@ -67,9 +67,9 @@ class Constants:
 
 
 def aerodynamic_parameters(c: Constants) -> tuple[Parameter, ...]:
-    """Lift (3.35) and drag (3.36). CLq is fixed at zero; see `CLq_with_prior`."""
+    """Parameters of lift (3.35) and drag (3.36). CLq is fixed at zero; `CLq_with_prior` frees it."""
     CLde, CLde_sigma = CROSS_CHECK.priors["CLde"]
-    # Starting values of a cambered wing with fuselage and landing gear; a span efficiency of 0.8 is usual.
+    # Starting values for a cambered wing with fuselage and landing gear; a span efficiency of 0.8 is usual.
     return (
         Parameter(name="CL0", start=0.25),
         Parameter(name="CLa", start=lift_slope(c.aspect_ratio), unit="1/rad"),
@@ -88,7 +88,7 @@ def CLq_with_prior() -> dict[str, float | bool]:
 
 
 def thrust_parameters(priors: Priors) -> tuple[Parameter, ...]:
-    """Relative errors of the thrust table: a scale, and a slope over advance ratio."""
+    """Parameters for relative errors of the thrust table: a scale, and a slope over advance ratio."""
     return (
         Parameter(name="thrust_scale", start=0.0, prior_sigma=priors.thrust_scale),
         Parameter(name="thrust_slope", start=0.0, prior_sigma=priors.thrust_slope),
@@ -96,7 +96,7 @@ def thrust_parameters(priors: Priors) -> tuple[Parameter, ...]:
 
 
 def sensor_parameters(priors: Priors, *, V_bias_free: bool) -> tuple[Parameter, ...]:
-    """Scales and biases of air data and accelerometers (Table 3.1)."""
+    """Parameters for scales and biases of air data and accelerometers (Table 3.1)."""
     return (
         Parameter(name="V_scale", start=0.0, prior_sigma=priors.V_scale),
         Parameter(name="V_bias", start=0.0, prior_sigma=priors.V_bias_mps, unit="m/s", free=V_bias_free),
@@ -112,12 +112,12 @@ def gyro_bias(priors: Priors, *, free: bool) -> Parameter:
 
 
 def reduced_pitch_rate(c: Constants, q: Any, V: Any) -> Any:
-    """q c/(2 V)."""
+    """The reduced pitch rate q c/(2 V)."""
     return q * c.chord / (2 * V)
 
 
 class Flow(NamedTuple):
-    """The wing in the air: airspeed V [m/s], angle of attack alpha [rad], pitch rate q [rad/s]."""
+    """Motion of the wing through the air: airspeed V [m/s], angle of attack alpha [rad], pitch rate q [rad/s]."""
 
     V: Any
     alpha: Any
@@ -131,7 +131,7 @@ def lift_and_drag(c: Constants, flow: Flow, u: NamedValues, p: NamedValues) -> t
 
 
 def corrected_thrust(c: Constants, u: NamedValues, p: NamedValues) -> Any:
-    """Thrust of the table [N] with its estimated errors."""
+    """The table's thrust [N], corrected for its estimated errors."""
     return u.thrust * (1 + p.thrust_scale + p.thrust_slope * (u.J - c.J_ref))
 
 
@@ -170,7 +170,7 @@ def force_coefficients(alpha: Any, elevator: Any, p: NamedValues) -> tuple[Any, 
 
 
 def force_models(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5) -> Model:
-    """States V, alpha, theta; outputs V, alpha, theta, ax, az, those of (2.17) that do not need the pitching moment.
+    """Model with states V, alpha, theta and outputs V, alpha, theta, ax, az, which need no pitching moment in (2.17).
 
     CX and CZ do not depend on V, as in the source's own model. Drag follows from them by (2.16).
     """
@@ -200,7 +200,7 @@ def force_models(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
             Parameter(name="CX0", start=-0.04),
             Parameter(name="CXa", start=0.25, unit="1/rad"),
             Parameter(name="CXa2", start=3.0, unit="1/rad^2"),
-            # An elevator deflection tilts the tail's lift little.
+            # A deflection of the elevator hardly tilts the tail's lift.
             Parameter(name="CXde", start=0.0, prior_sigma=0.05, unit="1/rad"),
             Parameter(name="CZ0", start=-0.25),
             Parameter(name="CZa", start=-lift_slope(c.aspect_ratio), unit="1/rad"),
@@ -215,9 +215,9 @@ def force_models(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
 
 
 def starting_values(aircraft: Aircraft, segments: Segment | Sequence[Segment], CLde: float = 0.4) -> dict[str, float]:
-    """Starting values of CL0, CLa, A0, A1, A2: CL and CD of each sample, and a least-squares line and parabola.
+    """Starting values of CL0, CLa, A0, A1, A2 from a least-squares line and parabola through CL and CD of all samples.
 
-    Biases of the sensors and noise in the regressors are ignored. Where lift falls with alpha, or the parabola is
+    Biases of the sensors and noise in the regressors are ignored. If lift falls with alpha, or the parabola is
     unphysical (A0 <= 0 or A2 <= 0), the default starting values remain.
     """
     c = Constants.of(aircraft)
@@ -245,7 +245,7 @@ def starting_values(aircraft: Aircraft, segments: Segment | Sequence[Segment], C
 
 
 def level_flight_state(segment: Segment) -> Mapping[str, float]:
-    """V, alpha, theta, q, h at a segment's start, from its first second: theta = alpha + climb angle, q = 0.
+    """V, alpha, theta, q, h at a segment's start, from its first second, with theta = alpha + climb angle and q = 0.
 
     States without data are left out.
     """
@@ -253,7 +253,7 @@ def level_flight_state(segment: Segment) -> Mapping[str, float]:
     t = segment.t_s[first_second] - segment.t_s[0]
 
     def line(name: str) -> tuple[float, float]:
-        """(value, slope) at the start, of a least-squares line; NaN with fewer than two samples."""
+        """Value and slope of a least-squares line at the start; NaN with fewer than two samples."""
         if name not in segment.z:
             return np.nan, np.nan
         values = segment.z[name][first_second]
@@ -270,9 +270,9 @@ def level_flight_state(segment: Segment) -> Mapping[str, float]:
 
 
 def two_state(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5) -> Model:
-    """States V, alpha; outputs V, alpha, ax, az; the pitch angle theta is an input (3.38).
+    """Model with states V, alpha and outputs V, alpha, ax, az; the pitch angle theta is an input (3.38).
 
-    With bias and scale of V and alpha, and bias of ax and az (Table 3.1). Errors of the measured theta go into the
+    It has bias and scale of V and alpha, and biases of ax and az (Table 3.1). Errors of the measured theta enter the
     estimates.
     """
     c = Constants.of(aircraft, J_ref)
@@ -303,19 +303,19 @@ def two_state(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0
 
 
 def level_run(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5) -> Model:
-    """States V, gamma, theta, h; alpha = theta - gamma.
+    """Model with states V, gamma, theta, h, in which alpha = theta - gamma.
 
     The flight path angle gamma (wings level) replaces alpha as a state, so that the gyro acts on theta alone. Process
     noise of theta is then the noise of the gyro, with its correct effect on alpha and lift.
 
-    Thrust is thrust + thrust_per_speed (V - V_ref), at the speed of the state: the table read at an airspeed 3 % too
-    high gives 9 % too little thrust at high speed. Airspeed has a scale, a bias and a lag. Flow angles are pressures
-    over dynamic pressure, so that a scale of airspeed has minus twice its effect on alpha.
+    Thrust is thrust + thrust_per_speed (V - V_ref) at the airspeed V of the state, because a table read at an airspeed
+    3 % too high gives 9 % too little thrust at high speed. Airspeed has a scale, a bias and a lag. Flow angles are
+    computed from pressures over dynamic pressure, so an airspeed scale s changes alpha by the fraction -2 s.
     """
     c = Constants.of(aircraft, J_ref)
 
     def specific_force(x: NamedValues, u: NamedValues, p: NamedValues) -> tuple[Any, Any]:
-        """ax, az [m/s^2]."""
+        """Specific force ax, az [m/s^2] without biases."""
         alpha = x.theta - x.gamma
         table_thrust = u.thrust + u.thrust_per_speed * (x.V - u.V_ref)
         T = table_thrust * (1 + p.thrust_scale + p.thrust_slope * (u.J * x.V / u.V_ref - c.J_ref))

@@ -2,8 +2,8 @@
 
 The analysis is repeated with each assumed value changed by one standard deviation. The change of the estimate is a
 systematic error common to all runs. Upwash acts as a slope and an offset of the angle of attack, which the trajectory
-reconstruction estimates: its standard deviation is added to the prior of that slope. Turns show how far ahead the probe
-sits. The change of the estimate is what remains of these errors.
+reconstruction estimates, so its standard deviation is added to the prior of that slope. The reconstruction also
+estimates from turns how far ahead the probe sits. So only the remainder of these two errors changes the estimate.
 
 Errors of the pressure transducers that no residual shows are treated in the same way.
 """
@@ -32,7 +32,7 @@ from flightpower.flight.runs import STANDING
 
 
 class Rerun(Protocol):
-    """Makes the estimate of a flight again for another aircraft and propeller, as `rerun.EstimateRerun` does."""
+    """Repeats the estimate of a flight for another aircraft and propeller, as `rerun.EstimateRerun` does."""
 
     def estimate(self, aircraft: Aircraft, propeller: Propeller, slope_sigma: float) -> DynamicEstimate: ...
 
@@ -42,7 +42,7 @@ class Rerun(Protocol):
 class AssumedValue(NamedTuple):
     """A value assumed for a missing key.
 
-    key : of the aircraft file     description : the value and its standard deviation, in words
+    key : missing key of the aircraft file     description : the value and its standard deviation, in words
     perturbed : the aircraft with this value changed by one standard deviation
     """
 
@@ -83,10 +83,10 @@ def missing_values(aircraft: Aircraft) -> list[AssumedValue]:
 
 
 class AssumptionUncertainty(NamedTuple):
-    """Uncertainty by assumed values.
+    """Uncertainty due to assumed values and to errors that no residual shows.
 
-    covariance : (5, 5) of the polar and of thrust, to be added to that of the estimate     notes : sentences
-    changes : by error, the change (5,) of polar and thrust by one standard deviation of it
+    covariance : (5, 5) of polar and thrust, to be added to that of the estimate     notes : sentences for the reader
+    changes : by name of the error, the change (5,) of polar and thrust that one standard deviation of it makes
     """
 
     covariance: Array
@@ -148,7 +148,7 @@ def assumption_uncertainty(
 
 
 def _folding_note(change: float, V: float) -> list[str]:
-    """The change by a folding propeller. It is no part of the interval: the pilot knows which propeller was flown."""
+    """A note on the change if the propeller folds. The interval leaves this out: the pilot knows the propeller."""
     if abs(change) < EVIDENCE.negligible:
         return []
     return [
@@ -182,7 +182,7 @@ def with_assumption_uncertainty(estimate: DynamicEstimate, added: AssumptionUnce
     return replace(estimate, polar=polar, parameters=parameters, systematic=systematic, joint=joint)
 
 
-ZERO_STEPS = {channel: f"zero step {channel}" for channel in AIR_DATA_CHANNELS}  # names of these errors
+ZERO_STEPS = {channel: f"zero step {channel}" for channel in AIR_DATA_CHANNELS}  # names of zero steps
 
 
 def with_transducer_uncertainty(
@@ -191,11 +191,11 @@ def with_transducer_uncertainty(
     air: pd.DataFrame,
     aircraft: Aircraft,
 ) -> AssumptionUncertainty | None:
-    """The uncertainty with that by one standard deviation of hysteresis and of a step of the zero in mid-flight,
-    [uncertainty] hysteresis and transducer_zero, of each transducer. A change of the zero at take-off is among the
-    sensor errors that are estimated.
+    """Add the uncertainty due to hysteresis and to a step of the zero in mid-flight, for each transducer.
 
-    values_from: polar and thrust (5,) of the flight from air data, trajectory included.
+    [uncertainty] hysteresis and transducer_zero of the aircraft file give their standard deviations. A change of the
+    zero at take-off is among the sensor errors that are estimated.
+    values_from: estimates polar and thrust (5,) from air data, including the trajectory.
     """
     uncertainty = aircraft.uncertainty
     fraction, step_Pa = (
@@ -212,7 +212,7 @@ def with_transducer_uncertainty(
     return _with_other_air(added, values_from, air, perturbed)
 
 
-MOTOR_SPEED_STEP = "step of the motor speed"  # name of this error
+MOTOR_SPEED_STEP = "step of the motor speed"  # name of the error of a motor speed counted in steps
 
 
 def with_step_of_motor_speed(
@@ -221,17 +221,16 @@ def with_step_of_motor_speed(
     air: pd.DataFrame,
     step_revps: float,
 ) -> AssumptionUncertainty | None:
-    """Adds the uncertainty of motor speed counted in steps; nothing is added if the steps are too small to change
-    thrust.
+    """Add the uncertainty of motor speed counted in steps, unless the steps are too small to change thrust.
 
     Pulses per interval are either truncated, which loses half a step on average, or rounded, which loses none. No
-    reading shows which, so motor speed has this error with even odds. The scatter about it is in the residuals.
+    reading shows which of the two it is, so even odds are assumed. Scatter about this error is in the residuals.
     values_from: as for `with_transducer_uncertainty`.
     """
     turning = air["n_revps"].to_numpy(dtype=float)
     turning = turning[turning > STANDING.motor_revps]
     error_revps = float(np.sqrt(0.5)) * step_revps / 2
-    if not len(turning) or 2 * error_revps < EVIDENCE.negligible * float(np.median(turning)):  # of thrust: the square
+    if not len(turning) or 2 * error_revps < EVIDENCE.negligible * float(np.median(turning)):  # 2: thrust varies as n^2
         return added
     motor_revps = air["n_revps"].to_numpy(dtype=float)
     faster = air.assign(n_revps=np.where(motor_revps > STANDING.motor_revps, motor_revps + error_revps, motor_revps))
@@ -249,7 +248,7 @@ def _with_other_air(
     air: pd.DataFrame,
     perturbed: Mapping[str, pd.DataFrame],
 ) -> AssumptionUncertainty:
-    """The uncertainty with the changes of the estimate by other air data, by name of the error."""
+    """Add the changes of the estimate that perturbed air data make. perturbed : air data by name of the error"""
     nominal = values_from(air)
     changes = {name: values_from(other) - nominal for name, other in perturbed.items()}
     covariance = np.sum([np.outer(change, change) for change in changes.values()], axis=0)

@@ -1,7 +1,7 @@
-"""The errors that make methods disagree: their causes, prior standard deviations, and their estimates for one flight.
+"""The errors that make methods disagree: their causes, their prior standard deviations, and estimates for one flight.
 
-Every method except the dynamic one takes some quantity as measured: the angle of attack, the pitch attitude, the
-airspeed, or the propeller table. The trajectory and a regression of the forces along it estimate the errors of these.
+Every method except the dynamic one uses some quantity without correction: the angle of attack, the pitch attitude, the
+airspeed, or the propeller table. The trajectory, and a regression of the forces along it, estimate their errors.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.flight.aircraft import Aircraft, Uncertainty
 from flightpower.flight.units import GRAVITY_MPS2 as g
 
-# The errors that belong to one cause.
+# The errors that belong to each cause.
 CAUSES: dict[Cause, tuple[str, ...]] = {
     Cause.ANGLE_OF_ATTACK: ("alpha_bias", "alpha_scale"),
     Cause.PITCH_ATTITUDE: ("pitch",),
@@ -34,12 +34,12 @@ class ErrorEstimate(NamedTuple):
 
 
 def error_prior_sigma(uncertainty: Uncertainty) -> dict[str, float]:
-    """Prior standard deviation of each error, uncalibrated: the systematic error of a method that takes it as
-    measured."""
+    """Prior standard deviation of each error without calibration. It is the systematic error of a method that does not
+    correct this error."""
     return {
         "alpha_bias": uncertainty.angle_of_attack_offset_rad,
         "alpha_scale": uncertainty.angle_of_attack_slope_fraction,
-        # Tilt of an attitude that is leveled by a biased accelerometer.
+        # An attitude that is leveled by a biased accelerometer is tilted.
         "pitch": uncertainty.accelerometer_offset_mps2 / g,
         "airspeed_scale": uncertainty.airspeed_scale_fraction,
         "lag": uncertainty.air_data_lag_s,
@@ -51,10 +51,10 @@ def error_prior_sigma(uncertainty: Uncertainty) -> dict[str, float]:
 def estimate_errors(
     flight_forces: FlightForces, trajectory: Trajectory, rows: NDArray[np.bool_]
 ) -> dict[str, ErrorEstimate]:
-    """Every error of `error_prior_sigma`, from the trajectory and the forces along it. rows: the blocks of the runs.
+    """Estimate each error of `error_prior_sigma` from the trajectory and the forces along it. rows: blocks of the runs
 
-    The trajectory has a tight prior on the air-data lag. It is replaced by `COMPARISON.lag_sigma_s` here, so that a
-    larger lag is found and is not mistaken for a thrust error.
+    The tight prior of the air-data lag in the trajectory is replaced by `COMPARISON.lag_sigma_s` here, so that a large
+    lag is estimated as such and not mistaken for a thrust error.
     """
     trajectory = trajectory.with_prior("air_data_lag", COMPARISON.lag_sigma_s)
     estimates = {}
@@ -72,7 +72,7 @@ def estimate_errors(
 
 
 def _thrust_errors(forces: pd.DataFrame, aircraft: Aircraft) -> dict[str, ErrorEstimate]:
-    """Errors of the propeller table: drag regressed on the polar and on thrust together, with priors on the latter."""
+    """Estimate errors of the propeller table by a regression of drag on polar and thrust, with priors on thrust."""
     data = forces[["CL", "CL_squared", "CD", "qS_over_m_mps2", "thrust_along_V_over_m_mps2", "J"]].dropna()
     prior = thrust_prior(aircraft)
     if len(data) < REGRESSION.fewest_blocks_of_flight:

@@ -1,7 +1,7 @@
 """Pairs of methods that disagree: where, by how much, and which sensor error causes it.
 
-The two methods of a pair differ in the quantities that they take as measured, so only the errors of these can make them
-disagree:
+The two methods of a pair differ in the quantities that they do not correct, so only errors of these quantities can make
+them disagree:
 
 dynamic, direct               alignment of the angle of attack
 dynamic, speed                pitch attitude
@@ -36,14 +36,14 @@ PAIRS = (
     (DYNAMIC, "piw-viw"),
     ("decelerations", "accelerations"),
 )
-# By second method: the cause of a difference that no estimated error explains.
+# The cause of a difference that no estimated error explains, by name of the second method.
 CAUSE_BY_EXCLUSION = {"energy": Cause.PITCH_ATTITUDE}
 
 
 class ComparedMethod(NamedTuple):
     """One of the two methods compared; fields as in `MethodEstimate`.
 
-    covariance : (3, 3) of A by noise only, except for the dynamic method: by noise and systematic errors
+    covariance : (3, 3) of A due to noise; for the dynamic method, due to noise and systematic errors
     trajectory_deviations : None for the dynamic method, whose covariance contains them
     """
 
@@ -64,7 +64,7 @@ def disagreements(
     errors: Mapping[str, ErrorEstimate],
     condition: Condition,
 ) -> list[DisagreementResult]:
-    """All PAIRS that disagree, at one weight and density. errors: from `estimate_errors`."""
+    """Compare all PAIRS at one weight and density, and return those that disagree. errors: from `estimate_errors`"""
     methods = {
         e.method.name: ComparedMethod(
             e.method.name,
@@ -82,7 +82,7 @@ def disagreements(
     if dynamic is not None:
         A, total = dynamic.polar.A, polar_part(dynamic.noise + dynamic.systematic)
         methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, total, {}, {}, None, dynamic_CL)
-        # Gusts raise the lift coefficient above that of the slowest flown speed; no method is compared there.
+        # Methods are not compared where gusts raise the lift coefficient above that of the slowest speed flown.
         methods = {
             name: estimate._replace(flown_CL=(estimate.flown_CL[0], min(estimate.flown_CL[1], dynamic_CL[1])))
             for name, estimate in methods.items()
@@ -135,9 +135,9 @@ def _cause(
     shares: Mapping[Cause, float],
     errors: Mapping[str, ErrorEstimate],
 ) -> Cause | None:
-    """The cause with the largest share of a difference [W]; None where there is none to name.
+    """The cause with the largest share of a difference [W]; None if there is none to name.
 
-    Where the unexplained share is the largest but within what is allowed, it is the largest of the significant errors.
+    If the unexplained share is the largest but not above `allowed`, the cause is the largest significant error.
     """
     largest = max(shares, key=lambda cause: shares[cause] * np.sign(difference))
     if largest is not Cause.UNEXPLAINED:
@@ -154,7 +154,7 @@ def _significant(cause: Cause, errors: Mapping[str, ErrorEstimate]) -> bool:
 
 
 def _allowed_covariance(first: ComparedMethod, second: ComparedMethod) -> Array:
-    """Covariance (3, 3) of the difference of two methods without a fault: noise, and COMPARISON.installation_sigma."""
+    """Covariance (3, 3) of the difference of two faultless methods, due to noise and COMPARISON.installation_sigma."""
     C = first.covariance + second.covariance
     for name in sorted(set(first.sensitivities) | set(second.sensitivities)):
         sensitivity = second.sensitivities.get(name, np.zeros(3)) - first.sensitivities.get(name, np.zeros(3))
@@ -170,15 +170,15 @@ def _cause_effect(method: ComparedMethod, cause: Cause) -> Array:
 
 
 def _power(V: Array, A: Array, condition: Condition) -> Array:
-    """Power required [W] (n,) by polar coefficients A (3,) or by a difference of these."""
+    """Power required [W] (n,) by polar coefficients A (3,), or its difference by a difference of coefficients."""
     power, _ = power_required(V, Polar(A, np.zeros((3, 3))), condition)
     return power
 
 
 class Difference(NamedTuple):
-    """Difference of the second method from the first at a speed, and how much of it the cause explains.
+    """Difference of the second method from the first at one speed, and the part that the cause explains.
 
-    power_W : by the first method        share_W : of the cause; None where its errors were not estimated
+    power_W : by the first method     share_W : part due to the cause; None where its errors were not estimated
     """
 
     speed_mps: float
@@ -192,7 +192,7 @@ class Difference(NamedTuple):
 def sentences(
     titles: tuple[str, str], quoted: Difference, errors: Mapping[str, ErrorEstimate], condition: Condition
 ) -> str:
-    """The difference of the second method from the first, its cause, and what that explains of it."""
+    """Sentences on the difference of the second method from the first, its cause, and the part that this explains."""
     V, power_W, difference_W, cause, share_W, unexplained_W = quoted
     first, second = titles
     size, where = abs(difference_W), "above" if difference_W > 0 else "below"
@@ -202,8 +202,8 @@ def sentences(
     if cause is Cause.UNEXPLAINED:
         return f"{difference} No estimated error of the sensors or the propeller table explains it."
     if share_W is None:
-        # Of the pairs compared only dynamic and energy have a cause by exclusion. A pitch attitude that is too high
-        # tilts lift into drag for the dynamic method: its power is higher by W V tilt.
+        # Only the pair dynamic and energy has a cause by exclusion. If the pitch attitude is too high, the dynamic
+        # method counts a part of lift as drag, and its power is too high by W V tilt.
         tilt = np.degrees(-unexplained_W / (condition.weight_N * V))
         return (
             f"{difference} Errors of airspeed, lag and thrust do not explain it: the trajectory's pitch attitude is"
@@ -216,7 +216,7 @@ def sentences(
 
 
 def _error_sentence(cause: Cause, errors: Mapping[str, ErrorEstimate]) -> str:
-    """The estimated errors of a cause."""
+    """A sentence on the estimated errors of a cause."""
     if cause is Cause.ANGLE_OF_ATTACK:
         bias, scale = errors["alpha_bias"], errors["alpha_scale"]
         sentence = f"The measured angle of attack is {_degrees(bias)} relative to the IMU axes"

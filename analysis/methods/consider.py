@@ -1,21 +1,22 @@
 """The parts of the covariance of the drag polar, in the order in which `dynamic.estimate_polar` adds them.
 
-Errors of thrust are in the first part: scale, slope, and thrust beyond the table are parameters of the regression, with
-their priors as measurements (`dynamic.drag_model`, `analysis.methods.thrust_prior`).
+Errors of thrust are in the first part, because scale, slope, and thrust beyond the table are parameters of the
+regression, with their priors as measurements (`dynamic.drag_model`, `analysis.methods.thrust_prior`).
 
-1. Noise (`noise_covariance`): from errors of the reconstructed states, propagated to first order, and from the rest of
-   the residuals of the runs. The residuals contain the errors of the states too, whose spectrum is estimated from
-   random draws and subtracted: the two must not simply be added.
-2. Sensor errors: each independent direction of their covariance, through trajectory and regression (in `dynamic`).
-3. Errors that no residual of the flight shows, consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6): `UPDRAFT`,
-   `WEIGHT`, `DENSITY`. UPDRAFT stands for eddies that differ from run to run; [uncertainty] in the aircraft
-   file gives the sizes of the others. The estimate is repeated with each error of one standard deviation,
-   and the outer product of its change is added.
-4. What the runs reject: the propeller's table, a parabolic polar (`rejected_assumptions`).
-5. Values assumed for keys that the aircraft file lacks, and the pressure transducers' hysteresis and drift of zero
+1. Noise (`noise_covariance`): errors of the reconstructed states, propagated to first order, and other residuals of the
+   runs. The residuals also contain the errors of the states. The spectrum of these errors is estimated from random
+   draws and subtracted, so that they do not count twice.
+2. Sensor errors: each independent direction of their covariance is passed through trajectory and regression
+   (`dynamic`).
+3. Errors that no residual of the flight shows, called consider terms (Schmidt 1966; Tapley et al. 2004, ch. 6):
+   `UPDRAFT`, `WEIGHT`, `DENSITY`. UPDRAFT stands for eddies that differ from run to run; [uncertainty] in the aircraft
+   file gives the sizes of the others. The estimate is repeated with each error set to one standard deviation, and the
+   outer product of the change is added.
+4. Assumptions that the runs reject: the propeller's table, a parabolic polar (`rejected_assumptions`).
+5. Values assumed for keys that the aircraft file lacks, and hysteresis and drift of zero of the pressure transducers
    (`assumed_values`).
 
-The other methods have the noise of their regression (`of_noise`) and a `floor`.
+The covariance of the other methods starts from the noise of their regression (`of_noise`) and a `floor`.
 """
 
 from collections.abc import Callable, Mapping
@@ -48,10 +49,10 @@ from flightpower.flight.arrays import Array
 
 
 def of_noise(fit: Fit) -> Array:
-    """Covariance of all estimates by noise: per parameter the larger of those for white and for colored residuals.
+    """Covariance of all estimates due to noise, with the larger standard error of white or colored residuals for each.
 
-    Colored residuals make estimates several times less certain than white ones of the same size,
-    but a short record can fail to show its color.
+    Colored residuals make estimates several times less certain than white residuals of the same size, but a short
+    record may not show that its residuals are colored.
     """
     white, colored = uncertainty.cramer_rao(fit).covariance, uncertainty.morelli_klein(fit).covariance
     scale = np.maximum(1.0, np.sqrt(np.diag(white) / np.diag(colored)))
@@ -59,10 +60,10 @@ def of_noise(fit: Fit) -> Array:
 
 
 def floor() -> Array:
-    """Covariance (3, 3) of A for a direction of lift that is known no better than `COVARIANCE.floor_rad`, which no
-    residual shows.
+    """Covariance (3, 3) of A that follows if the direction of lift is known no better than `COVARIANCE.floor_rad`.
 
-    Lift tilted by that angle adds D = L tan(`COVARIANCE.floor_rad`), a C_D proportional to C_L: a variance of A1.
+    No residual shows this error. Lift tilted by that angle adds the drag L tan(`COVARIANCE.floor_rad`). Its C_D is
+    proportional to C_L, so it contributes a variance of A1.
     """
     covariance = np.zeros((len(POLAR), len(POLAR)))
     A1 = POLAR.index("A1")
@@ -76,13 +77,13 @@ def polar_of(fit: Fit) -> Polar:
     return Polar(fit.values[where], of_noise(fit)[np.ix_(where, where)] + floor())
 
 
-UPDRAFT, WEIGHT, DENSITY = "updraft", "weight", "air density"  # names of these errors
+UPDRAFT, WEIGHT, DENSITY = "updraft", "weight", "air density"  # names of consider errors
 
 
 def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> dict[str, Array]:
-    """Change of an estimate (m,), A0, A1, A2 first, by each consider error, UPDRAFT and WEIGHT among them.
+    """Change of an estimate (m,), which begins with A0, A1, A2, by the consider errors UPDRAFT and WEIGHT.
 
-    values_of : the estimate from forces, `values` from the nominal ones
+    values_of : makes the estimate from forces     values : the estimate from the nominal forces
     """
     aircraft = flight_forces.aircraft
     in_still_air = values_of(without_updraft(flight_forces.nominal, flight_forces.trajectory.eddies_mps))
@@ -91,9 +92,9 @@ def changes(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_fo
 
 
 def without_updraft(forces: pd.DataFrame, updraft_mps: float) -> pd.DataFrame:
-    """Forces as in still air, if the air rose in the runs. forces: of `FlightForces.forces`.
+    """Correct the forces for air that rose at `updraft_mps` in the runs. forces: from `FlightForces.forces`
 
-    Air that rises by w carries the aircraft: drag is larger than measured by lift times w/V.
+    Air that rises at w carries the aircraft, so the true drag exceeds the measured drag by lift times w/V.
     """
     return forces.assign(CD=forces["CD"] + forces["CL"] * updraft_mps / forces["V"])
 
@@ -110,19 +111,19 @@ def weighing_more(aircraft: Aircraft) -> Aircraft:
 
 
 def at_nominal_weight(values: Array, aircraft: Aircraft) -> Array:
-    """An estimate (m,) of A0, A1, A2 and others for `weighing_more`, so that it gives the same power at each speed.
+    """Convert an estimate (m,), A0, A1, A2 first, from `weighing_more` to nominal weight, at equal power and speed.
 
-    The lift coefficient at a speed is larger by the same factor as the weight.
+    The lift coefficient at a given speed is larger by the same factor as the weight.
     """
     factor = _weight_factor(aircraft)
     return np.asarray(values * np.concatenate([[1.0, factor, factor**2], np.ones(len(values) - 3)]))
 
 
 def by_density(values_of: Callable[[pd.DataFrame], Array], values: Array, flight_forces: FlightForces) -> Array:
-    """Change of an estimate (m,) by a measured density that is one standard deviation too high, at right airspeeds.
+    """Change of an estimate (m,) by a density that is one standard deviation too high, while airspeeds are right.
 
-    Airspeed computed from dynamic pressure is too low by half the relative error. This is a scale error of airspeed in
-    this flight, and is estimated as one.
+    With such a density, airspeed computed from dynamic pressure is too low by half the relative error. In one flight
+    this is a scale error of airspeed, and is estimated as such.
     """
     return values_of(forces_in_denser_air(flight_forces).nominal) - values
 
@@ -135,9 +136,9 @@ def forces_in_denser_air(flight_forces: FlightForces) -> FlightForces:
 
 
 def at_nominal_density(values: Array, aircraft: Aircraft) -> Array:
-    """An estimate (m,) of A0, A1, A2 and others in that denser air, so that it gives the same power at each speed.
+    """Convert an estimate (m,), A0, A1, A2 first, from denser air to nominal density, at equal power and speed.
 
-    Dynamic pressure at a speed is larger by the factor of the density, the lift coefficient smaller.
+    At a given speed, dynamic pressure is larger by the same factor as the density, and the lift coefficient is smaller.
     """
     factor = _density_factor(aircraft)
     return np.asarray(values * np.concatenate([[factor, 1.0, 1 / factor], np.ones(len(values) - 3)]))
@@ -156,19 +157,19 @@ def _weight_factor(aircraft: Aircraft) -> float:
     return 1 + aircraft.uncertainty.weight_fraction
 
 
-STATE_STEP = 1e-4  # derivatives with respect to the states [rad], [m/s]
+STATE_STEP = 1e-4  # step for derivatives with respect to the states [rad], [m/s]
 
 
 def noise_covariance(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array], list[Segment]]) -> Array:
-    """Covariance (m, m) of a fit with one output by errors of the states and by other noise.
+    """Covariance (m, m) of a fit with one output, due to errors of the states and to other noise.
 
-    segments_along: the segments of the fit along states (n, nx) other than the most probable ones.
+    segments_along: makes the segments of the fit along other states (n, nx) than the most probable states
     """
     return _by_states(fit, trajectory, segments_along) + _by_rest(fit, trajectory, segments_along)
 
 
 def _by_states(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array], list[Segment]]) -> Array:
-    """Covariance (m, m) by the errors of the states for given sensor errors, propagated to first order."""
+    """Covariance (m, m) due to errors of the states at fixed sensor errors, propagated to first order."""
     states, t_s = trajectory.states.to_numpy(), trajectory.states.index.to_numpy()
     gradient = np.zeros((*states.shape, len(fit.names)))
     for i, step in enumerate(STATE_STEP * np.eye(states.shape[1])):
@@ -181,9 +182,9 @@ def _by_states(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array
 
 
 def _by_rest(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array], list[Segment]]) -> Array:
-    """Covariance (m, m) by the residuals, less what errors of the states explain of these.
+    """Covariance (m, m) due to the part of the residuals that errors of the states do not explain.
 
-    Per parameter it is at least that by the white part of the rest, as in `covariance.of_noise`.
+    Each variance is at least the one that white noise with the power of this part would give, as in `of_noise`.
     """
     states = trajectory.states.to_numpy()
     changes = [change for draw in trajectory.draws for change in _changes(fit, segments_along(states + draw))]
@@ -206,7 +207,7 @@ def _by_rest(fit: Fit, trajectory: Trajectory, segments_along: Callable[[Array],
 
 
 def _changes(fit: Fit, segments: list[Segment]) -> list[Array]:
-    """Change of the whitened residuals (n,) by segment, 0 where a sample is missing."""
+    """Change of the whitened residuals (n,) in each segment; 0 where a sample is missing."""
     (output,), p = fit.model.outputs, fit.shared()
     sigma = float(np.sqrt(fit.noise_covariance.item()))
     residuals = fit.residuals
@@ -218,14 +219,15 @@ def _changes(fit: Fit, segments: list[Segment]) -> list[Array]:
 
 
 class JointEstimate(NamedTuple):
-    """The estimate of one flight before the errors that no residual shows.
+    """The estimate of one flight, for the joint estimate of several flights.
 
     names : (m,) parameters of the drag model, then SENSOR_ERRORS
-    parameters : (m,) by noise and sensor errors, priors included; shared are the errors that no residual shows
-    weighting_covariance : (k, k) of the parameters of the drag model for given sensor errors, by white residuals and
-        the priors; its inverse weighs data and priors in the estimate, whatever color the residuals have
-    prior_mean, prior_sigma : (m,); infinite where there is no prior
-    prior_measurements : that are part of the prior, too
+    parameters : (m,); own covariance due to noise and sensor errors, with priors; shared errors are those that no
+        residual shows
+    weighting_covariance : (k, k) of the drag model's parameters at fixed sensor errors, due to white residuals and
+        priors; its inverse weighs data and priors in the estimate, whatever color the residuals have
+    prior_mean, prior_sigma : (m,); prior_sigma is infinite where there is no prior
+    prior_measurements : measurements that are also part of the prior
     """
 
     names: tuple[str, ...]
@@ -241,11 +243,11 @@ class JointEstimate(NamedTuple):
         return self._replace(parameters=replace(self.parameters, value=values))
 
     def with_changes(self, changes: Mapping[str, Array]) -> "JointEstimate":
-        """Adds consider errors; `changes` covers the leading parameters, the rest are zero."""
+        """Add consider errors. changes: changes of the leading parameters; the other parameters do not change"""
         return self._with_changes({name: self._padded(change) for name, change in changes.items()})
 
     def with_density_error(self, change: Array, airspeed_scale: float) -> "JointEstimate":
-        """Adds the error of density. change: of the leading parameters. airspeed_scale: change of V_scale."""
+        """Add the error of density. change: change of the leading parameters. airspeed_scale: change of V_scale."""
         full_change = self._padded(change)
         full_change[self.names.index("V_scale")] = airspeed_scale
         return self._with_changes({DENSITY: full_change})
@@ -262,9 +264,9 @@ def joint_estimate(
 ) -> JointEstimate:
     """The joint estimate of the parameters of the drag model (k,) and of the sensor errors.
 
-    noise : (k, k) covariance of the parameters for given sensor errors     prior_sigma : (k,)
-    changes_by_sensor_errors : (k, s) of the parameters along the columns of the Cholesky factor of the sensor errors'
-    covariance
+    noise : (k, k) covariance of the parameters at fixed sensor errors     prior_sigma : (k,)
+    changes_by_sensor_errors : (k, s) changes of the parameters by each column of the Cholesky factor of the sensor
+        errors' covariance
     """
     names, values = fit.names, fit.values
     factor = np.linalg.cholesky(trajectory.covariance)

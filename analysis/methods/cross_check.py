@@ -1,8 +1,8 @@
-"""The cross-check: output error on the runs alone, pitch and height as states (3.24-3.45).
+"""The cross-check: output error on the runs alone, with pitch and height as states (3.24-3.45).
 
 It integrates the equations of motion through each run and uses nothing of the rest of the flight. Its errors differ
-from those of the trajectory: where the two disagree, one of them is wrong. In gusts, which move the aircraft, its
-intervals are too narrow, and there is no cross-check.
+from those of the trajectory, so if the two disagree, one of them is wrong. Gusts move the aircraft and would make its
+intervals too narrow, so in gusts there is no cross-check.
 """
 
 import math
@@ -46,7 +46,7 @@ OUTPUTS = {"V": "V_mps", "alpha": "alpha_rad", "ax": "ax_mps2", "az": "az_mps2",
 
 
 def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
-    """Priors of the sensor errors and of thrust. zeroed: the gyro biases at rest were subtracted."""
+    """Priors of the sensor errors and of thrust. zeroed: whether the gyro biases at rest were subtracted"""
     uncertainty = aircraft.uncertainty
     priors_of_file = Priors(
         alpha_bias_rad=uncertainty.angle_of_attack_offset_rad,
@@ -60,10 +60,10 @@ def priors(aircraft: Aircraft, *, zeroed: bool) -> Priors:
 
 
 def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller, *, block: int) -> list[Segment]:
-    """Inputs and outputs of `aircraft_models.level_run`, means over `block` samples. table: from `air_data`.
+    """Inputs and outputs of `aircraft_models.level_run`, as means over `block` samples. table: from `air_data`
 
-    Gaps in inputs are interpolated. Blocks without a sample of an output are left out, and so are runs of fewer than
-    `REGRESSION.fewest_blocks`.
+    Gaps in inputs are interpolated. Outputs without a sample in a block are NaN there, and runs with fewer blocks than
+    `REGRESSION.fewest_blocks` are left out.
     """
     step_s = float(table.index[1] - table.index[0])
     width = max(1, round(AIR.derivative_s / step_s))
@@ -95,7 +95,7 @@ def segments_of(table: pd.DataFrame, runs: list[Maneuver], propeller: Propeller,
 
 
 def _propulsion(V_ref: Array, n: Array, rho: Array, propeller: Propeller) -> dict[str, Array]:
-    """Thrust of the table at V_ref, its slope over speed, and the advance ratio, each (n,)."""
+    """The table's thrust at V_ref, its slope over speed, and the advance ratio, each (n,)."""
     step_mps = 0.3
     thrust_N, faster_N, slower_N = (
         np.asarray(propeller.thrust_and_power(V, n, rho)[0]) for V in (V_ref, V_ref + step_mps, V_ref - step_mps)
@@ -105,17 +105,18 @@ def _propulsion(V_ref: Array, n: Array, rho: Array, propeller: Propeller) -> dic
 
 
 def _means(signal: Array, block: int) -> Array:
-    """Mean of each block's samples without NaN; NaN for an empty block."""
+    """Mean of the finite samples in each block; NaN for a block without any."""
     blocks = signal.reshape(-1, block)
     count = np.isfinite(blocks).sum(axis=1)
     return np.asarray(np.nansum(blocks, axis=1) / np.where(count > 0, count, np.nan))
 
 
-# One test over all speeds: a difference of two parabolas has three coefficients (Scheffe 1953, Biometrika 40, 87).
+# One test covers all speeds, because a difference of two parabolas has three coefficients (Scheffe 1953, Biometrika
+# 40, 87).
 
 
 class CrossCheck(NamedTuple):
-    """A polar, and the reason why its estimation ended."""
+    """A polar, and the reason why its estimation ended (`verdict`)."""
 
     polar: Polar
     verdict: str
@@ -134,8 +135,9 @@ def on_runs_alone(
 ) -> CrossCheck | None:
     """Fit all runs at once by output error; None in gusts.
 
-    table: from `air_data`. gust_mps: standard deviation of vertical gusts [m/s], by the trajectory, which tells them
-    from noise. zeroed: the gyro biases at rest were subtracted. For a long flight, a subset chosen by `spread` is used.
+    In a long flight only the runs that `spread` chooses are used. table: from `air_data`. gust_mps: standard deviation
+    of vertical gusts [m/s] from the trajectory, which separates them from noise. zeroed: whether the gyro biases at
+    rest were subtracted
     """
     if gust_mps > CROSS_CHECK.still_air_mps:
         return None
@@ -144,7 +146,7 @@ def on_runs_alone(
 
 
 def spread(runs: list[Maneuver]) -> list[Maneuver]:
-    """`CROSS_CHECK.most_runs` of them at most, evenly over the flight, the first and the last among them."""
+    """Choose at most `CROSS_CHECK.most_runs` runs, evenly over the flight, including the first and the last."""
     if len(runs) <= CROSS_CHECK.most_runs:
         return runs
     return [runs[i] for i in np.linspace(0, len(runs) - 1, CROSS_CHECK.most_runs).round().astype(int)]
@@ -162,7 +164,7 @@ def output_error_fit(
 
 
 class Disagreement(NamedTuple):
-    """Whether power curve and cross-check differ beyond the simultaneous 95 % band of the difference, and warnings."""
+    """Whether power curve and cross-check differ by more than the simultaneous 95 % band allows, and warnings."""
 
     differs: bool
     warnings: list[str]
@@ -171,7 +173,7 @@ class Disagreement(NamedTuple):
 def disagreement(
     polar: Polar, check: CrossCheck | None, condition: Condition, flown_CL: tuple[float, float]
 ) -> Disagreement:
-    """The comparison of power curve and cross-check, if there is one, over the speeds flown."""
+    """Compare the power curve with the cross-check over the speeds flown, if there is a cross-check."""
     if check is None:
         return Disagreement(False, [])
     if not check.converged:

@@ -1,13 +1,14 @@
 """The dynamic method: drag polar from accelerations and decelerations, in two steps.
 
-It is named for its data, dynamic maneuvers instead of steady points. First the trajectory and the sensor errors are
-reconstructed over the whole flight; then drag along the trajectory is regressed on lift. All runs of a flight are
-fitted at once, because their aerodynamics and sensor errors are the same.
+It is named for its data, which come from dynamic maneuvers instead of steady points. First the trajectory and the
+sensor errors are reconstructed over the whole flight; then drag along the trajectory is regressed on lift. All runs of
+a flight are fitted at once, because their aerodynamics and sensor errors are the same.
 
 The uncertainty of the trajectory is propagated into the covariance of the polar. Each independent direction of the
 sensor errors' covariance is passed through trajectory and regression. The covariance of the state errors, which are not
-common to the runs, is propagated by the derivatives of the regression (`covariance.noise_covariance`). Without these
-the 95 % interval of one deceleration covered the truth in only 75 to 85 % of simulated flights, at its lowest speeds.
+common to the runs, is propagated by the derivatives of the regression (`consider.noise_covariance`). Without these two
+parts, the 95 % interval from one deceleration covered the truth in only 75 to 85 % of simulated flights at its lowest
+speeds.
 
 A gust near the stall raises the angle of attack above that of level flight, where drag is no longer a parabola of lift.
 Such samples are left out. With them, power at 1.1 V_stall was overestimated by 1.1 % at W20 = 15 kt (200 flights).
@@ -50,16 +51,16 @@ from flightpower.flight.units import GRAVITY_MPS2
 def _drag(_: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
     """Drag over mass [m/s^2] as computed from specific force with the uncorrected propeller table.
 
-    Where thrust exceeds that of the table, by the factor 1 + thrust_scale + thrust_slope (J - J_REFERENCE) and, beyond
-    its last J, by thrust_beyond standard deviations of its continuation, this is smaller than the true drag by the
-    difference of the thrusts along the flight path.
+    The true thrust is the table's times 1 + thrust_scale + thrust_slope (J - J_REFERENCE), plus, beyond the table's
+    last J, thrust_beyond standard deviations of its continuation. Where true thrust exceeds the table's, the computed
+    drag is smaller than the true drag by the difference of the two thrusts along the flight path.
     """
     drag_over_m = u.qS_over_m * (p.A0 + p.A1 * u.CL + p.A2 * u.CL_squared)
     excess = u.thrust_along_V_over_m * (p.thrust_scale + p.thrust_slope * (u.J - J_REFERENCE))
     return (drag_over_m - excess - u.thrust_beyond_over_m * p.thrust_beyond,)
 
 
-# Inputs of the model, and the columns of `FlightForces.forces` that they are taken from.
+# Inputs of the model, and the columns of `FlightForces.forces` that they come from.
 INPUTS = {
     "CL": "CL",
     "CL_squared": "CL_squared",
@@ -68,11 +69,11 @@ INPUTS = {
     "thrust_beyond_over_m": "thrust_beyond_over_m_mps2",
     "J": "J",
 }
-KEPT = len(POLAR + THRUST)  # parameters of the estimate; the thrust beyond the table is in their covariance
+KEPT = len(POLAR + THRUST)  # parameters in the estimate; thrust beyond the table only contributes to their covariance
 
 
 def drag_model(aircraft: Aircraft) -> Model:
-    """The regression of drag on lift, with thrust as uncertain as the aircraft file states."""
+    """The regression model of drag on lift, with thrust as uncertain as the aircraft file states."""
     uncertainty = aircraft.uncertainty
     return Model(
         name="drag",
@@ -98,7 +99,7 @@ SPEED_TITLE, DRAG_TITLE = "V, m/s", "drag / mass, m/s²"
 
 
 class RunFit(NamedTuple):
-    """Measured and modeled quantities of one run at times t_s (n,), each (n,) by its name and unit."""
+    """Measured and modeled quantities (n,) of one run at times t_s (n,), by name and unit."""
 
     run: str
     t_s: Array
@@ -107,10 +108,10 @@ class RunFit(NamedTuple):
 
 
 class RunShares(NamedTuple):
-    """The normal equations of the regression at its solution, by run: what the curve without some runs follows from.
+    """The normal equations of the regression at its solution, by run. They give the curve without some of the runs.
 
     information : (m, m) of all runs and priors     by_run : S^T S (m, m) and S^T e (m,), whitened, by name of the run
-    noise_factor : the polar's noise covariance over the inverse of `information`: what colored residuals add
+    noise_factor : ratio of the polar's noise covariance to the inverse of `information`, due to colored residuals
     """
 
     information: Array
@@ -122,14 +123,14 @@ class RunShares(NamedTuple):
 class DynamicEstimate:
     """A drag polar with its covariance, and data for the report.
 
-    verdict : what ended the estimation, in words
+    `joint`, `convergence` and `shares` are None, and `folding_gain` is 0, if another method gave the estimate.
+    verdict : reason why the estimation ended, in words
     values : (5,) of POLAR and THRUST
-    noise, systematic : the parts (5, 5) of their covariance, by noise and by errors common to all runs
-    joint : with the sensor errors, for the joint estimate of several flights; None by another method
-    convergence : of the regression of drag; None by another method
-    shares : of each run; None by another method
-    folding_gain : gain of the log likelihood if the blades fold beyond zero thrust instead of windmilling, as is
-        assumed, or the other way around; 0 where no run has such thrust, and by another method
+    noise, systematic : the parts (5, 5) of their covariance due to noise and to errors common to all runs
+    joint : the estimate together with the sensor errors, for the joint estimate of several flights
+    convergence : of the regression of drag     shares : contributions of the runs
+    folding_gain : gain of the log likelihood if the blades fold beyond zero thrust although they are assumed to
+        windmill, or the other way around; 0 where no run has such thrust
     """
 
     polar: Polar
@@ -148,9 +149,9 @@ class DynamicEstimate:
 
 
 class _Nominal(NamedTuple):
-    """The fit along the trajectory, and samples (n,) of level flight. miscounted: how certain an error of motor speed
-    is, which the forces are corrected for, in standard errors; 0 where there is none. as_measured: the estimate without
-    it and without one for a lag of the motor speed; None where there is none of both."""
+    """The fit along the trajectory, and a mask (n,) of samples in level flight. miscounted: the error of motor speed
+    for which the forces are corrected, in standard errors; 0 if there is none. as_measured: the estimate without
+    corrections for this error and for a lag of the motor speed; None if neither is corrected."""
 
     flight_forces: FlightForces
     level: NDArray[np.bool_]
@@ -187,7 +188,7 @@ def estimate_polar(
     changes[covariance.DENSITY] = covariance.at_nominal_density(fit.values + by_density, aircraft) - fit.values
     rejected = rejected_assumptions(fit)
     changes |= {str(rejected_assumption.assumption): rejected_assumption.change for rejected_assumption in rejected}
-    if as_measured is not None:  # another defect may look the same, so the interval also contains the uncorrected curve
+    if as_measured is not None:  # the defect may be another, so the interval also contains the uncorrected curve
         without = np.pad(as_measured, (0, len(fit.values) - len(as_measured)))
         changes[str(Assumption.MOTOR_SPEED)] = (fit.values - without) / NORMAL_95
     values = fit.values
@@ -196,7 +197,7 @@ def estimate_polar(
     prior_sigma = np.array([parameter.prior_sigma for parameter in model.parameters])
     joint = joint_estimate(fit, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
-    # Several flights are compared at one density.
+    # Several flights are compared at one density, so the error of density is kept with that of the airspeed scale.
     joint = joint.with_density_error(by_density, covariance.airspeed_scale_by_density(aircraft))
     if flight_forces.motor_speed is not None:
         joint = joint.with_value(motor_speed.PARAMETER, flight_forces.motor_speed.share)
@@ -235,7 +236,7 @@ def estimate_polar(
 
 
 def _folding_gain(nominal: _Nominal, runs: list[Maneuver]) -> float:
-    """See `DynamicEstimate.folding_gain`."""
+    """Compute `DynamicEstimate.folding_gain`."""
     forces, propeller = nominal.flight_forces, nominal.flight_forces.propeller
     thrust = np.concatenate(
         [segment_fit.segment.u["thrust_along_V_over_m"] for segment_fit in nominal.fit.segment_fits]
@@ -249,7 +250,7 @@ def _folding_gain(nominal: _Nominal, runs: list[Maneuver]) -> float:
 
 
 def _run_shares(fit: Fit, polar_noise: Array) -> RunShares:
-    """polar_noise : (3, 3), the noise part of the polar's covariance"""
+    """The normal equations of a fit, by run. polar_noise : (3, 3), the noise part of the polar's covariance"""
     by_run = {}
     for segment_fit in fit.segment_fits:
         weight = np.sqrt(segment_fit.white.weight)
@@ -283,7 +284,7 @@ def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Airc
 
 
 def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
-    """Fits the drag model; adds an error of motor speed as a parameter if the runs clearly show one."""
+    """Fit the drag model, with a lag or an error of motor speed as a parameter if the runs clearly show it."""
     level = _within_level_flight(counted.nominal, _airborne(counted), runs)
     model = drag_model(counted.aircraft)
     as_counted = _Nominal(counted, level, _fitted(model, counted.nominal, level, runs))
@@ -336,10 +337,10 @@ def _airborne(flight_forces: FlightForces) -> NDArray[np.bool_]:
 
 
 def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs: list[Maneuver]) -> NDArray[np.bool_]:
-    """Where the angle of attack is at most `REGRESSION.level_margin_rad` above the largest one of level flight.
+    """Mark samples whose angle of attack is at most `REGRESSION.level_margin_rad` above the largest of level flight.
 
-    The latter follows from a straight line fitted to alpha over CL of this flight, at the largest lift coefficient that
-    level flight requires at the speeds of the flight or of the runs.
+    That largest angle comes from a straight line fitted to alpha over CL of this flight, at the largest lift
+    coefficient that level flight requires at the speeds of the flight or of the runs.
     """
     flown = forces.loc[airborne, ["CL", "alpha", "qS_over_m_mps2"]].dropna()
     if len(flown) < REGRESSION.fewest_blocks:
@@ -352,7 +353,7 @@ def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs
 
 
 def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> list[Segment]:
-    """The data of each run, with drag in level flight only."""
+    """The data of each run; drag is NaN where the angle of attack exceeds that of level flight."""
     forces = forces.assign(CD=forces["CD"].where(level))
     segments = []
     t_s = forces.index.to_numpy()
@@ -372,7 +373,7 @@ def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuve
 
 
 def _run_fits(flight_forces: FlightForces, forces: pd.DataFrame, trajectory: Trajectory, fit: Fit) -> list[RunFit]:
-    """Speed, angle of attack and height as measured and as the trajectory and its sensor errors give them; drag."""
+    """Speed, angle of attack, height and drag of each run, as measured and as trajectory and fit predict them."""
     scale, slope, bias = (trajectory.value(name) for name in ("V_scale", "alpha_scale", "alpha_bias"))
     fits = []
     for segment in (segment_fit.segment for segment_fit in fit.segment_fits):

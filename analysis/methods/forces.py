@@ -1,11 +1,11 @@
-"""Forces along a reconstructed trajectory: the common start of all methods that use it.
+"""Forces along a reconstructed trajectory, from which all methods that use the trajectory start.
 
-All quantities are means over the blocks of the trajectory, five a second. The trajectory is passed as states and sensor
-errors, so that a method can be repeated along a perturbed trajectory. Forces are divided by mass [m/s^2].
+All quantities are means over the blocks of the trajectory, five per second. The trajectory is passed as states and
+sensor errors, so that a method can be repeated along a perturbed trajectory. Forces are divided by mass [m/s^2].
 
-Gusts within a block push the aircraft forward: lift tilts forward while it is largest (Katzmayr effect). The
-accelerometer measures this force. So drag is larger than what means of force and angle of attack give, by the
-covariance of lift and angle: 0.7 % in 15 kt.
+Gusts within a block push the aircraft forward, because lift tilts forward while it is largest (Katzmayr effect). The
+accelerometer measures this force. So drag is larger than the means of force and angle of attack give, by the covariance
+of lift and angle, which is 0.7 % in 15 kt.
 """
 
 from functools import cached_property
@@ -36,18 +36,21 @@ THRUST_RATE = "thrust_rate"
 
 
 class MotorSpeedError(NamedTuple):
-    """The motor turns faster than counted by a share of it, above a counted speed; 0 is a wrong number of poles."""
+    """Above the counted speed `above_revps` the motor turns faster than counted by the fraction `share`.
+
+    If `above_revps` is 0, the error is a wrong number of poles.
+    """
 
     above_revps: float
     share: float
 
     def corrected(self, counted_revps: Array) -> Array:
-        """The motor's speed (n,)."""
+        """Correct a counted motor speed (n,)."""
         return np.where(counted_revps > self.above_revps, (1 + self.share) * counted_revps, counted_revps)
 
     @property
     def by_poles(self) -> bool:
-        """Whether it is a wrong number of poles rather than lost pulses."""
+        """Whether the error is a wrong number of poles rather than lost pulses."""
         return self.above_revps == 0
 
 
@@ -55,8 +58,9 @@ class FlightForces:
     """Forces of one flight, along the reconstructed trajectory and along perturbed ones.
 
     block_means : the measurements, (n,) by name     t_s : (n,) centers of the blocks [s]
-    density_factor : on the measured density of the air     motor_speed : error that is corrected; None without one
-    cov_az_alpha : (n,) of vertical specific force and angle of attack within a block [m/s^2 rad], by gusts
+    density_factor : factor on the measured air density     motor_speed : error to correct; None if there is none
+    cov_az_alpha : (n,) covariance of vertical specific force and angle of attack within a block [m/s^2 rad], due to
+        gusts
     """
 
     def __init__(
@@ -93,15 +97,15 @@ class FlightForces:
     def forces(self, states: Array, sensor_errors: Array) -> pd.DataFrame:
         """One row per block, for states (n, len(STATES)) and sensor errors (len(SENSOR_ERRORS),).
 
-        CL, CD : from specific force minus the thrust by the propeller table (2.16); CD without the push by gusts
-        CL_squared : mean of its square over the block
+        CL, CD : from specific force minus the propeller table's thrust (2.16); CD excludes the push of gusts
+        CL_squared : mean of the square of CL over the block
         qS_over_m_mps2 : dynamic pressure times wing area over mass
-        thrust_along_V_over_m_mps2 : T cos(alpha) over mass, T by the propeller table
-        thrust_rate : of thrust_along_V_over_m_mps2 [m/s^3]
-        thrust_beyond_over_m_mps2 : standard deviation of it by the table's continuation beyond its last J
+        thrust_along_V_over_m_mps2 : T cos(alpha) over mass, with T from the propeller table
+        thrust_rate : rate of change of thrust_along_V_over_m_mps2 [m/s^3]
+        thrust_beyond_over_m_mps2 : standard deviation of that thrust due to the continuation beyond the table's last J
         V, alpha, gamma, climb : true airspeed [m/s], angles relative to the air [rad], rate of climb [m/s]
         bank, theta : attitude [rad]
-        Vdot [m/s^2], n [rev/s], J, rho [kg/m^3]
+        Vdot [m/s^2], n [rev/s], J, rho [kg/m^3] : rate of airspeed, motor speed, advance ratio, air density
         """
         x, error = NamedArrays(STATES, states.T), NamedArrays(SENSOR_ERRORS, sensor_errors)
         V, alpha, _ = flow(x, self._predicted_flow, error.updraft)
@@ -109,7 +113,7 @@ class FlightForces:
         qS_N = rho * V**2 / 2 * self.aircraft.geometry.wing_area_m2
         counted = np.where(self.block_means["n_revps"] > 1, self.block_means["n_revps"], np.nan)
         n = counted if self.motor_speed is None else self.motor_speed.corrected(counted)
-        thrust_N, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J is of the whole airspeed
+        thrust_N, _ = self.propeller.thrust_and_power(V, n, rho)  # (3.48): J uses the whole airspeed
         ax, az = self.corrected_force(error)
         CL, CD = stability_axes((m * ax - thrust_N) / qS_N, m * az / qS_N, alpha)
         cov_CL_alpha = -m * self.cov_az_alpha / qS_N
@@ -140,9 +144,9 @@ class FlightForces:
         return forces
 
     def by_motor_speed(self, forces: pd.DataFrame) -> Array:
-        """Derivative (n,) of thrust along the flight path over mass [m/s^2] by the logarithm of motor speed."""
+        """Derivative (n,) of thrust along the flight path over mass [m/s^2] with respect to ln(motor speed)."""
         V, n, rho, alpha = (forces[name].to_numpy() for name in ("V", "n", "rho", "alpha"))
-        step = 1e-3  # of motor speed: far above rounding, and small against the points of the table
+        step = 1e-3  # fraction of motor speed: far above rounding, and far below the spacing of the table
         slow, fast = (self.propeller.thrust_and_power(V, n * factor, rho)[0] for factor in (1 - step, 1 + step))
         return np.asarray((fast - slow) / (2 * step) * np.cos(alpha) / self.aircraft.mass_kg)
 
@@ -150,8 +154,8 @@ class FlightForces:
 def _gust_covariance(block_means: BlockMeans, aircraft: Aircraft) -> Array:
     """Covariance (n,) of the vertical specific force [m/s^2] and the angle of attack [rad] within blocks; 0 if unknown.
 
-    The angle at the probe, upwash included, has no noise of the accelerometer, so that vibration does not count. Where
-    lift follows the angle with the slope a, upwash makes its changes 1 + a times the upwash per C_L larger.
+    The angle at the probe, upwash included, contains no noise of the accelerometer, so vibration does not count. Where
+    lift follows the angle with slope a, upwash enlarges the changes of that angle by the factor 1 + a (upwash per C_L).
     """
     at_probe = sum(block_means.covariance("az_mps2", name) for name in ("alpha_rad", "alpha_by_upwash_rad"))
     by_upwash = lift_slope(aircraft.aspect_ratio) * aircraft.probe.upwash_per_CL_rad

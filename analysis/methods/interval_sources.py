@@ -1,10 +1,10 @@
-"""Where the interval of the curve comes from: its variance by source, of which the whole is the sum.
+"""The sources of the curve's interval: the variance due to each source, with the total variance as their sum.
 
 Errors that no residual shows are independent of all other errors. Errors of sensors and of thrust were estimated from
-one flight and are correlated, so that what is gained by knowing one of them exactly depends on which others are known.
-Each gets the mean of its gain over all orders in which they could become known (Shapley 1953; for variances Owen 2014,
-SIAM/ASA J. Uncertainty Quantification 2, 245-251): shares that are never negative and add up. Noise of the runs is what
-is left when all of them are known.
+one flight and are correlated, so the variance removed by knowing one of them exactly depends on which others are known.
+Each error gets the mean of this gain over all orders in which they could become known (Shapley 1953; for variances Owen
+2014, SIAM/ASA J. Uncertainty Quantification 2, 245-251). These shares are never negative and add up. Noise of the runs
+is the variance that is left when all errors are known.
 """
 
 from collections import defaultdict
@@ -62,9 +62,9 @@ OF_CHANGE = {
 def variance_by_source(
     estimate: DynamicEstimate, aircraft: Aircraft, condition: Condition, V: Array
 ) -> dict[Share, Array]:
-    """Variance (n,) of power required [W^2] at true airspeeds V (n,) [m/s], by source; sources of no effect left out.
+    """Variance (n,) of power required [W^2] at true airspeeds V (n,) [m/s] by source, without sources of no effect.
 
-    For a curve by another method, only noise and errors common to all runs are separated.
+    For a curve from another method than the dynamic one, only noise and errors common to all runs are separated.
     """
     gradient = power_gradient(V, condition)
     if estimate.joint is None:
@@ -74,7 +74,7 @@ def variance_by_source(
     by_source: dict[Share, Array] = defaultdict(lambda: np.zeros(len(V)))
     polar = joint.parameters.at([joint.names.index(name) for name in POLAR])
     for name, change in polar.shared.items():
-        if name == covariance.DENSITY:  # also kept for comparing flights; here at this flight's density
+        if name == covariance.DENSITY:  # kept for comparing flights; converted to this flight's density here
             change = covariance.at_nominal_density(polar.value + change, aircraft) - polar.value
         by_source[OF_CHANGE.get(name, Share.TRANSDUCERS)] += (gradient @ change) ** 2
     for source, shares in shares_of_correlated(joint, gradient).items():
@@ -87,7 +87,7 @@ def variance_by_source(
 def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Share, Array]:
     """Variance (n,) that belongs to each source among the errors of `joint` other than A0, A1, A2.
 
-    gradient : (n, 3) of a quantity by A0, A1, A2
+    gradient : (n, 3) derivative of a quantity with respect to A0, A1, A2
     """
     members: dict[Share, list[int]] = defaultdict(list)
     k = len(joint.weighting_covariance)
@@ -102,7 +102,7 @@ def shares_of_correlated(joint: JointEstimate, gradient: Array) -> dict[Share, A
     power = gradient * sigma[:n]
 
     def explained(sources: Iterable[Share]) -> Array:
-        """The variance removed if these errors were known exactly."""
+        """The variance (n,) that would be removed if the errors of these sources were known exactly."""
         rows = [i for source in sources for i in members[source]]
         with_them, own = power @ correlation[:n, rows], correlation[np.ix_(rows, rows)]
         return np.asarray(np.sum(with_them * np.linalg.lstsq(own, with_them.T, rcond=None)[0].T, axis=1))

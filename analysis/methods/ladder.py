@@ -1,4 +1,4 @@
-"""All estimates of drag from one flight: by the best method that it allows, by all others, and the cross-check."""
+"""All estimates of drag from one flight: those of the best method that it allows, all others, and the cross-check."""
 
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -46,15 +46,15 @@ from flightpower.flight.units import GRAVITY_MPS2
 class DragEstimates:
     """All estimates of drag from one flight.
 
-    main : the polar of the power curve, valid over the lift coefficients flown_CL, which are others than those of
-        `Reconstructed` where there was no run
-    methods, single_runs : by all other methods; from each acceleration and deceleration alone
+    main : the polar of the power curve, valid over the lift coefficients flown_CL; if a simpler method gives the curve,
+        these are the range of its data instead of that in `Reconstructed`
+    methods, single_runs : estimates by all other methods, and from each acceleration and deceleration alone
     cross_check : None where the flight has no run for it, in gusts, and where it failed
-    cross_check_differs : it leaves the simultaneous 95 % band of the difference from the power curve
-    runs_against_others : each run against the others of its kind, by the method of the curve
-    accelerations_against_decelerations : by energy, where the curve is by it
-    likelihood : the maximum-likelihood methods, where these were asked for
-    ladder : the methods that were tried for the curve, the best first, down to the one that gives it
+    cross_check_differs : whether it differs from the power curve by more than the simultaneous 95 % band allows
+    runs_against_others : each run compared with the others of its kind, by the method of the curve
+    accelerations_against_decelerations : from the energy of the runs, if that gives the curve
+    likelihood : the maximum-likelihood methods, if they were requested
+    ladder : the methods that were tried for the curve, the best first, down to the method that gives it
     """
 
     main: DynamicEstimate
@@ -72,7 +72,7 @@ class DragEstimates:
 
 
 class _Curve(NamedTuple):
-    """What depends on the method that gives the power curve: fields of DragEstimates."""
+    """The fields of DragEstimates that depend on the method that gives the power curve."""
 
     main: DynamicEstimate
     flown_CL: tuple[float, float]
@@ -92,14 +92,14 @@ class Estimated(Reconstructed):
 
 
 def estimated(flight: Reconstructed, *, by_likelihood: bool = False) -> Estimated:
-    """The record with `estimate`."""
+    """Add the estimates of drag (`estimate`) to the record of a flight."""
     flight.progress(f"estimating drag from {len(flight.maneuvers.for_drag)} runs")
     drag = estimate(flight, by_likelihood=by_likelihood)
     return Estimated(**flight.fields_so_far() | {"drag": drag, "notes": (*flight.notes, *drag.warnings)})
 
 
 def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstimates:
-    """Dynamic method, all other methods, and cross-check.
+    """Apply the dynamic method, all other methods, and the cross-check.
 
     by_likelihood: also apply the two maximum-likelihood methods.
     The flight's curve comes from the best method that gives one. Raises NoCurve, beginning with the log's name, when
@@ -143,11 +143,11 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
 
 
 def by_simpler_method(flight: Reconstructed, dynamic: DragEstimates) -> Estimated | None:
-    """The record with the curve of a simpler method, where the flight path of the dynamic one is in misfit.
+    """The record with the curve of a simpler method, if the dynamic method's flight path does not fit the measurements.
 
     Such a path has an error that no residual locates. The dynamic method uses its attitude and angle of attack; the
-    simpler methods do not. None where these give no curve, or one with a wider interval.
-    flight : with the path as measured     dynamic : the estimates along the path in misfit
+    simpler methods do not. None if these give no curve, or only one without a narrower interval.
+    flight : with the path as measured     dynamic : the estimates along the path that does not fit
     """
     try:
         drag = estimate(flight)
@@ -162,7 +162,7 @@ def by_simpler_method(flight: Reconstructed, dynamic: DragEstimates) -> Estimate
 
 
 def _by_another_method(flight: Reconstructed, methods: list[MethodEstimate], first: MethodTried) -> _Curve:
-    """The curve of the best method below the dynamic one, which does not give it: `first`. Raises InputError."""
+    """The curve of the best method below the dynamic one, which failed for the reason in `first`. Raises InputError."""
     other, flown_CL, lower = fallback(methods, flight.trajectory, flight.aircraft, flight.name)
     by, ladder = lower[-1], [first, *lower]
     assumptions = _uncertainty_by_assumptions(flight, by.name)
@@ -185,8 +185,8 @@ def _by_another_method(flight: Reconstructed, methods: list[MethodEstimate], fir
 
 
 def _uncertainty_by_assumptions(flight: Reconstructed, method: str = "") -> AssumptionUncertainty | None:
-    """Uncertainty by what the aircraft file lacks, and by errors of the transducers that no residual shows: the
-    analysis is run again with each. method: of the curve, where that is not the dynamic one."""
+    """Uncertainty due to keys that the aircraft file lacks, errors of the transducers that no residual shows, and steps
+    of motor speed. The analysis is repeated with each of them. method: method of the curve, if not the dynamic one"""
     rerun, aircraft = EstimateRerun(flight, method), flight.aircraft
     by_file = assumption_uncertainty(rerun, aircraft, flight.propeller, flight.condition, flight.flown_CL)
     by_transducers = with_transducer_uncertainty(by_file, rerun.values_with_air, flight.table, aircraft)
@@ -198,8 +198,8 @@ DYNAMIC_TITLE = "dynamic method"
 
 
 def estimate_by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, MethodTried, AssumptionUncertainty | None]:
-    """The dynamic method's estimate, or None and the reason if it gives no curve. With the uncertainty by
-    assumptions."""
+    """The dynamic method's estimate (None if it gives no curve), the method with its reason, and the uncertainty due to
+    assumptions, which the estimate contains."""
     runs = flight.maneuvers.level_runs
     if not runs:
         return None, tried(DYNAMIC, DYNAMIC_TITLE, MethodRejection.NOT_FLOWN, "accelerations or decelerations"), None
@@ -213,8 +213,10 @@ def estimate_by_runs(flight: Reconstructed) -> tuple[DynamicEstimate | None, Met
 
 
 def without_model_errors(table: pd.DataFrame, trajectory: Trajectory) -> pd.DataFrame:
-    """Air data corrected for errors that runs alone cannot separate from drag: those that grow with motor speed and
-    load factor, as estimated from the whole flight. table: as from `air_data`."""
+    """Correct air data for errors that grow with motor speed and load factor, as estimated from the whole flight.
+
+    Runs alone cannot separate them from drag. table: as from `air_data`
+    """
     shaken = vibration(table["n_revps"].to_numpy())
     excess_load = -table["az_mps2"] / GRAVITY_MPS2 - 1
     return table.assign(
@@ -225,7 +227,7 @@ def without_model_errors(table: pd.DataFrame, trajectory: Trajectory) -> pd.Data
 
 
 def _cross_check(flight: Reconstructed) -> tuple[CrossCheck | None, list[str]]:
-    """The cross-check on the runs alone, None where there is none, and a warning if it failed."""
+    """The cross-check on the runs alone, and a warning if it failed."""
     runs, trajectory = flight.maneuvers.level_runs, flight.trajectory
     if not runs or trajectory.as_measured:
         return None, []

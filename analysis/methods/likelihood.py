@@ -1,15 +1,15 @@
 """The source's own estimators on the runs of a log: two maximum-likelihood estimators by output error.
 
 Two states (3.37)-(3.44): airspeed and angle of attack are integrated; pitch attitude, thrust, elevator and body rates
-are inputs; biases and scales of Table 3.1 are estimated. Force models (2.14)-(2.17): polynomials of CX and CZ, with the
-pitch attitude as a third state. The source took the pitch attitude of its autopilot; here it is that of the
-reconstructed trajectory, and the pitch rate is without the gyro's bias by that trajectory. The pitch rate is also
-smoothed: white noise of an input enters the response through the equations of motion, and with the gyro's noise as
-measured the power of six runs together was 14 to 62 % too high. More smoothing lags behind fast runs. C_Lq is estimated
-with the pitch rate as measured, as in the source: it would take up the errors of the smoothed one.
+are inputs; biases and scales of Table 3.1 are estimated. Force models (2.14)-(2.17): CX and CZ are polynomials, and the
+pitch attitude is a third state. The source used the pitch attitude of its autopilot. Here pitch attitude and the errors
+of the pitch rate gyro, which are corrected, come from the reconstructed trajectory. The pitch rate is also smoothed,
+because white noise of an input enters the response through the equations of motion: with the gyro's noise as measured,
+the power from six runs together was 14 to 62 % too high. More smoothing would lag behind fast runs. C_Lq is estimated
+with the unsmoothed pitch rate, as in the source, because it would absorb the errors of a smoothed one.
 
-The estimates depend on inputs that have errors: the trajectory, the propeller table, and the airspeed that the table is
-read at. Each is changed by one standard deviation, and few more steps give the change of the estimates.
+The estimates depend on inputs that have errors: the trajectory, the propeller table, and the airspeed at which the
+table is read. Each is changed by one standard deviation, and a few more iterations give the change of the estimates.
 """
 
 from collections.abc import Callable, Mapping
@@ -60,9 +60,9 @@ TABLE_AS_IT_IS = {"thrust_scale": {"free": False}, "thrust_slope": {"free": Fals
 
 @dataclass(frozen=True)
 class LikelihoodEstimates:
-    """methods : TWO_STATE and FORCE_MODELS     pitch_rate : None where its estimation failed
+    """Estimates by TWO_STATE and FORCE_MODELS. pitch_rate : None where its estimation failed
 
-    fits : by method name, where there is one, and those for C_Lq, AS_MEASURED_FIT and CLQ_FIT
+    fits : the fits by name of the method, where there is one, and for C_Lq those named AS_MEASURED_FIT and CLQ_FIT
     """
 
     methods: list[MethodEstimate]
@@ -71,9 +71,9 @@ class LikelihoodEstimates:
 
 
 def estimate(flight: Reconstructed, wanted: tuple[MethodDescription, ...] = METHODS) -> LikelihoodEstimates:
-    """The estimators on all level runs at once. wanted: one or both of METHODS.
+    """Apply the estimators to all level runs at once. wanted: one or both of METHODS
 
-    Where an estimator fails, its estimate has no polar but a note.
+    If one estimator fails, no estimate has a polar, and each has a note instead.
     """
     aircraft, level = flight.aircraft, flight.maneuvers.level_runs
     fits: dict[str, Fit] = {}
@@ -110,7 +110,7 @@ def estimate(flight: Reconstructed, wanted: tuple[MethodDescription, ...] = METH
 
 
 class _Data:
-    """The runs as segments, with the pitch attitude of the trajectory, and the same with other errors."""
+    """The runs as segments with the pitch attitude of the trajectory, and the same segments with other errors."""
 
     def __init__(self, flight: Reconstructed):
         table, runs, propeller = flight.table, flight.maneuvers.level_runs, flight.propeller
@@ -130,7 +130,7 @@ class _Data:
         self.segments = self._along(no_error, self._smoothed)
 
     def _along(self, error: Array, segments: list[Segment]) -> list[Segment]:
-        """Along the trajectory with sensor errors that are `error` (m,) larger."""
+        """Segments along the trajectory with sensor errors that are larger by `error` (m,)."""
         states = self._trajectory.states
         theta = states["theta"].to_numpy() + self._trajectory.state_sensitivity[:, STATES.index("theta")] @ error
         bias, scale = (
@@ -144,18 +144,18 @@ class _Data:
         return changed
 
     def along_other_trajectories(self) -> list[list[Segment]]:
-        """Along the trajectory with each independent error of one standard deviation."""
+        """Segments along the trajectory perturbed by each independent error of one standard deviation."""
         return [self._along(error, self._smoothed) for error in np.linalg.cholesky(self._trajectory.covariance).T]
 
     def with_error_removed(self, name: str) -> list[Segment]:
-        """Segments with one error of AS_MEASURED removed, as if it were one standard deviation."""
+        """Segments corrected for one error of AS_MEASURED, as if it were one standard deviation large."""
         return [
             replace(segment, u={**segment.u, "thrust": _thrust_without(name, self.error_sigma[name], segment)})
             for segment in self.segments
         ]
 
 
-# Derivative of the true thrust (n,) [N] with respect to each of AS_MEASURED. u: inputs of a segment
+# Derivative of the true thrust (n,) [N] with respect to each error of AS_MEASURED, from the inputs of a segment.
 THRUST_BY: dict[str, Callable[[Mapping[str, Array]], Array]] = {
     "airspeed_scale": lambda u: -u["thrust_per_speed"] * u["V_ref"],
     "thrust_scale": lambda u: u["thrust"],
@@ -170,7 +170,7 @@ def _thrust_without(name: str, sigma: float, segment: Segment) -> Array:
 def _method_estimate(
     method: MethodDescription, fit: Fit, polar_of: PolarOf, data: _Data, flown_CL: tuple[float, float]
 ) -> MethodEstimate:
-    """The polar of a fit, with noise, floor and the errors of its inputs in the covariance."""
+    """The polar of a fit, with a covariance due to noise, floor and the errors of its inputs."""
     derived = uncertainty.delta_method(
         replace(uncertainty.cramer_rao(fit), covariance=covariance.of_noise(fit)), polar_of
     )
@@ -180,7 +180,7 @@ def _method_estimate(
             fit.model,
             segments,
             start=_values(fit),
-            # A change of one standard deviation, and of R with it: the search begins at an optimum and needs no other.
+            # Inputs change by one standard deviation, and R with them. One start, which is an optimum, is enough.
             options=FitOptions(max_iterations=3, second_start=False),
         )
         return np.asarray(polar_of(once_more.shared()) - derived.value)
@@ -218,14 +218,14 @@ def _alpha_and_elevator(segments: list[Segment]) -> tuple[Array, Array]:
 
 
 def _polar_of_forces(alpha_measured: Array, elevator: Array, p: NamedValues) -> Array:
-    """The parabola (3,) through C_D (2.16) over C_L at measured angles of attack."""
+    """The least-squares parabola (3,) of C_D (2.16) over C_L at measured angles of attack."""
     alpha = (alpha_measured - p.alpha_bias) / (1 + p.alpha_scale)
     CL, CD = stability_axes(*aircraft_models.force_coefficients(alpha, elevator, p), alpha)
     return np.asarray(np.polyfit(CL, CD, 2)[::-1])
 
 
 def pitch_rate_of(table: pd.DataFrame, runs: list[Maneuver], fit: Fit) -> PitchRateResult:
-    """Signal to noise of the pitch rate as measured, and the significance of C_Lq by its fit."""
+    """Signal-to-noise ratio of the measured pitch rate, and the significance of C_Lq in its fit."""
     rates = {run.name: table["q_radps"].to_numpy()[run.rows] for run in runs}
     noise = float(np.sqrt(np.mean([sample_variance(q) for q in rates.values()])))
     white, corrected = uncertainty.cramer_rao(fit), covariance.of_noise(fit)
@@ -243,5 +243,5 @@ def pitch_rate_of(table: pd.DataFrame, runs: list[Maneuver], fit: Fit) -> PitchR
 
 
 def sample_variance(signal: Array) -> float:
-    """Variance of white noise (n,) in a smooth signal: a sample less the mean of its neighbors has 1.5 times it."""
+    """Variance of white noise in a smooth signal (n,): a sample less the mean of its neighbors has 1.5 times that."""
     return float(np.nanmean((signal[1:-1] - (signal[:-2] + signal[2:]) / 2) ** 2) / 1.5)

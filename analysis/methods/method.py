@@ -1,7 +1,7 @@
-"""What all methods have in common: what a method is, how it is applied, and what it estimates.
+"""The parts that all methods share: the definition of a method, its application, and the form of its estimate.
 
-A method turns a table (of `input_tables`) and runs into a linear regression for the drag polar. Solving
-it and propagating noise, sensor errors and trajectory errors are the same for all methods.
+A method turns a table (from `input_tables`) and runs into a linear regression for the drag polar. All methods solve it
+in the same way, and propagate noise, sensor errors and trajectory errors in the same way.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -35,16 +35,16 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2 as g
 
 MEASURED = ("alpha_rad", "V_mps", "height_m", "static_Pa", "temperature_K", "propeller_covered")  # means of blocks
-ALONG = ("V", "alpha", "gamma", "climb", "bank", "Vdot", "rho", "J")  # as the forces have them
+ALONG = ("V", "alpha", "gamma", "climb", "bank", "Vdot", "rho", "J")  # columns of the forces that tables contain
 
 
 @dataclass(frozen=True)
 class MethodInputs:
-    """The runs of one flight and the tables (of `input_tables`) that methods are applied to, in their rows.
+    """The runs of one flight, and the tables (from `input_tables`) over the rows of the runs to which methods apply.
 
-    tables : first along the trajectory, nothing corrected; then along the trajectory perturbed by each independent
-    error of one standard deviation; then with each of `errors` removed, as if it were one standard deviation; then with
-    the estimated errors of each of `causes` removed
+    tables : the first is along the trajectory, without corrections; the next are along the trajectory perturbed by each
+        independent error of one standard deviation; the next are each corrected for one of `errors`, as if it were one
+        standard deviation large; the last are each corrected for the estimated errors of one of `causes`
     errors : names of `error_prior_sigma`
     """
 
@@ -56,7 +56,7 @@ class MethodInputs:
 
     @cached_property
     def nominal(self) -> Tables:
-        """The table along the trajectory alone."""
+        """The first table, which is along the trajectory without corrections."""
         return self.tables.first()
 
 
@@ -85,10 +85,10 @@ def method_inputs(
 
 
 class PathAlong(NamedTuple):
-    """What methods take from a trajectory, in some rows of the flight's blocks.
+    """The data that methods use along a trajectory, in some rows of the flight's blocks.
 
     rows : (n,)     forces : columns (n,) of `FlightForces.forces` by name, with alpha_dot [rad/s], and the specific
-    force ax, az [m/s^2] less the accelerometers' errors     sensor_errors : by name
+        force ax, az [m/s^2] less the accelerometers' errors     sensor_errors : by name
     """
 
     rows: NDArray[np.intp]
@@ -99,7 +99,7 @@ class PathAlong(NamedTuple):
 def path_along(
     flight_forces: FlightForces, forces: pd.DataFrame, sensor_errors: Array, rows: NDArray[np.intp]
 ) -> PathAlong:
-    """The path with these forces (of `FlightForces.forces`) and sensor errors (len(SENSOR_ERRORS),)."""
+    """The path with these forces (from `FlightForces.forces`) and sensor errors (len(SENSOR_ERRORS),)."""
     ax, az = flight_forces.corrected_force(NamedArrays(SENSOR_ERRORS, sensor_errors))
     columns = {name: forces[name].to_numpy() for name in (*ALONG, "theta", "n")}
     columns |= {"ax": ax, "az": az, "alpha_dot": np.gradient(columns["alpha"], flight_forces.t_s)}
@@ -110,8 +110,7 @@ def path_along(
 def _perturbed_path(
     flight_forces: FlightForces, trajectory: Trajectory, error: Array, rows: NDArray[np.intp]
 ) -> PathAlong:
-    """The path with one independent error of the trajectory, `error` (m,) in the sensor errors, and the states moved by
-    it."""
+    """The path if the sensor errors are larger by `error`, which the trajectory cannot exclude."""
     states, sensor_errors = trajectory.states.to_numpy(), trajectory.sensor_errors + error
     moved = trajectory.state_sensitivity.reshape(-1, len(error)) @ error
     forces = flight_forces.forces(states + moved.reshape(states.shape), sensor_errors)
@@ -124,18 +123,19 @@ def input_tables(
     removed: Sequence[Mapping[str, float]],
     gusts: tuple[GaussMarkov, GaussMarkov],
 ) -> Tables:
-    """The data that methods work on, a table for each of the k paths, with errors subtracted from measured quantities.
+    """The data that methods use, as a table for each of the k paths, with errors subtracted from measured quantities.
 
-    removed : for each table, the errors to subtract, by the names of `error_prior_sigma`. Each table has
-    V, alpha, gamma, climb, bank, Vdot, rho, J; specific force ax, az [m/s^2]; qS_over_m_mps2; thrust_x_over_m_mps2, the
-    thrust of the table along body x.
-    As measured: alpha_measured [rad]; theta_measured [rad], pitch attitude leveled by the accelerometer;
-    height_measured [m]; V_measured [m/s], with the qS_over_m and thrust_x_over_m computed from it; static_Pa [Pa],
-    temperature_K [K]. lagged: airspeed as measured with its estimated scale error corrected, so that only the error by
-    air-data lag remains.
+    removed : for each table, the errors to subtract, by names of `error_prior_sigma`
+    gusts : vertical gusts and gusts along the flight path
+    Columns along the path: V, alpha, gamma, climb, bank, Vdot, rho, J; specific force ax, az [m/s^2]; qS_over_m_mps2;
+    thrust_x_over_m_mps2, which is the propeller table's thrust along body x.
+    Columns as measured: alpha_measured [rad]; theta_measured [rad], a pitch attitude leveled by the accelerometer;
+    height_measured [m]; V_measured [m/s], and qS_over_m and thrust_x_over_m computed from it; static_Pa [Pa];
+    temperature_K [K]. Columns named "lagged" use the measured airspeed corrected for its estimated scale error, so that
+    only the error of the air-data lag remains.
     covered: share of the block within the propeller table.
-    Standard deviation and correlation time of vertical gusts (gust_mps, gust_s) and of those along the flight path
-    (gust_along_mps, gust_along_s), the same in all rows. gusts: these two.
+    gust_mps, gust_s, gust_along_mps, gust_along_s: standard deviations and correlation times of `gusts`, the same in
+    all rows.
     """
     vertical_gust, longitudinal_gust = gusts
     rows, names = along[0].rows, [name for names in CAUSES.values() for name in names]
@@ -145,7 +145,7 @@ def input_tables(
     mean = {name: flight_forces.block_means[name][rows] for name in MEASURED}
     m, S = flight_forces.aircraft.mass_kg, flight_forces.aircraft.geometry.wing_area_m2
     V, alpha, theta, Vdot, rho, n = (f[name] for name in ("V", "alpha", "theta", "Vdot", "rho", "n"))
-    # Flow angles are pressures over dynamic pressure: the estimated airspeed scale corrects them too.
+    # Flow angles are computed from pressures over dynamic pressure, so the estimated airspeed scale corrects them too.
     alpha_measured = mean["alpha_rad"] + 2 * errors["V_scale"] * alpha
     alpha_measured = alpha_measured - e["alpha_bias"] - e["alpha_scale"] * alpha + e["lag"] * f["alpha_dot"]
     V_measured = mean["V_mps"] / (1 + e["airspeed_scale"]) + e["lag"] * Vdot
@@ -162,7 +162,7 @@ def input_tables(
 
     columns = {
         **{name: f[name] for name in ALONG},
-        "ax": f["ax"] + flight_forces.cov_az_alpha[rows],  # without the force of gusts
+        "ax": f["ax"] + flight_forces.cov_az_alpha[rows],  # excludes the force of gusts
         "az": f["az"],
         "qS_over_m_mps2": qS_over_m(V),
         "thrust_x_over_m_mps2": thrust_over_m(V),
@@ -186,7 +186,7 @@ def input_tables(
 
 
 class SteadyPoint(NamedTuple):
-    """Lift and drag coefficient of one steady point, the standard error of the latter, and its start."""
+    """Lift and drag coefficient of one steady point, the standard error of the drag coefficient, and the start [s]."""
 
     CL: float
     CD: float
@@ -196,10 +196,10 @@ class SteadyPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class MethodDescription:
-    """One way to power required.
+    """A method for power required, without its computation.
 
-    kinds : of runs that it uses
-    taken_as_measured : the errors that it does not correct, names of `error_prior_sigma`
+    kinds : the kinds of runs that it uses
+    taken_as_measured : the errors that it does not correct, by names of `error_prior_sigma`
     """
 
     name: str
@@ -213,9 +213,9 @@ class MethodDescription:
 class Method(MethodDescription):
     """A method that is a linear regression.
 
-    regression : of (table, runs, aircraft); raises InputError where the runs do not allow one
-    points : of (table, runs, aircraft); the measured points, None for most methods
-    two_term : its form lacks CL_minD
+    regression : function of (table, runs, aircraft); raises InputError where the runs do not allow a regression
+    points : function of (table, runs, aircraft) that gives the measured points; None for most methods
+    two_term : whether its form lacks CL_minD
     """
 
     regression: Callable[[Table, list[Maneuver], Aircraft], PolarRegression]
@@ -227,11 +227,12 @@ class Method(MethodDescription):
 class MethodEstimate:
     """A drag polar by one method, and the range of lift coefficients of its data.
 
-    noise, systematic : the two parts of the polar's covariance (3, 3); systematic is common to all runs
-    sensitivities : derivative of A (3,) by each error of `Method.taken_as_measured`
-    trajectory_deviations : (3, m) change of A with each independent trajectory error of one standard deviation
-    cause_effects : the part of A (3,) that is due to the estimated errors of each of CAUSES
-    polar : None where there is no estimate; `notes` then say why     not_flown : kinds of runs, where none was flown
+    noise, systematic : the two parts of the polar's covariance (3, 3); systematic errors are common to all runs
+    sensitivities : derivative of A (3,) with respect to each error of `Method.taken_as_measured`
+    trajectory_deviations : (3, m) change of A by each independent trajectory error of one standard deviation
+    cause_effects : the part of A (3,) that is due to the estimated errors of each cause
+    polar : None where there is no estimate; `notes` then say why
+    not_flown : the kinds of runs that the method needs, if none of them was flown
     """
 
     method: MethodDescription
@@ -248,7 +249,7 @@ class MethodEstimate:
 
 
 def estimate_with(method: Method, inputs: MethodInputs) -> MethodEstimate:
-    """A method's estimate. Where the flight lacks something it needs, the estimate has no polar but a note."""
+    """A method's estimate. If the flight lacks something that the method needs, it has a note instead of a polar."""
     runs = [run for run in inputs.runs if run.kind in method.kinds]
     if not runs:
         return not_flown(method)
@@ -259,7 +260,7 @@ def estimate_with(method: Method, inputs: MethodInputs) -> MethodEstimate:
 
 
 def not_flown(method: MethodDescription) -> MethodEstimate:
-    """No estimate, because no run was flown of any kind that the method can use."""
+    """An estimate without a polar, because no run of the kinds that the method needs was flown."""
     note = f"no run of the required kind was flown: {' or '.join(method.kinds)}"
     return MethodEstimate(method, not_flown=method.kinds, notes=(note,))
 
@@ -306,9 +307,9 @@ def _outer(x: Array) -> Array:
 
 
 def _missing_term(CL: Array, A: Array) -> Array:
-    """Covariance (3, 3) of a fit of A0 and A2 alone to a polar that has a CL_minD, of `REGRESSION.CL_minD_sigma`.
+    """Covariance (3, 3) of a fit of only A0 and A2 to a polar whose CL_minD has the size `REGRESSION.CL_minD_sigma`.
 
-    (3.36): CL_minD adds -2 K CL_minD CL to C_D; the fit takes it for a change of A0 and A2, and lacks it in A1.
+    By (3.36), CL_minD adds -2 K CL_minD CL to C_D. The fit lacks this term in A1 and changes A0 and A2 instead.
     """
     _, _, K = A
     A1 = -2 * K * REGRESSION.CL_minD_sigma

@@ -1,4 +1,4 @@
-"""All methods on one flight, each run alone, and the pairs of methods that disagree; the curve without runs."""
+"""Estimates of one flight by all methods and from each run alone, pairs that disagree, and the curve by a fallback."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,7 +42,7 @@ ALL_METHODS: tuple[Method, ...] = (
 
 
 class MethodEstimates(NamedTuple):
-    """The estimates of all methods. single_runs: from each acceleration and deceleration alone."""
+    """The estimates of all methods. single_runs: estimates from each acceleration and deceleration alone"""
 
     by_method: list[MethodEstimate]
     single_runs: list[MethodEstimate]
@@ -59,9 +59,9 @@ def every_method(
     dynamic: DynamicEstimate | None = None,
     dynamic_CL: tuple[float, float] = (0.0, 0.0),
 ) -> MethodEstimates:
-    """ALL_METHODS on the runs of any kind, each run alone, and the pairs that disagree at one weight and density.
+    """Apply ALL_METHODS to runs of any kind and to each run alone, and compare them at one weight and density.
 
-    dynamic: None where the flight has no run for it, or it is not compared. dynamic_CL: its lift coefficients.
+    dynamic: None if the flight has no run for it, or it is not to be compared. dynamic_CL: its lift coefficients.
     """
     inputs, errors = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
     by_method = [estimate_with(method, inputs) for method in ALL_METHODS]
@@ -78,7 +78,7 @@ def _inputs(flight_forces: FlightForces, runs: list[Maneuver]) -> tuple[MethodIn
 
 
 def _single_run_estimates(method: Method, inputs: MethodInputs) -> list[MethodEstimate]:
-    """One estimate for each acceleration and deceleration alone."""
+    """An estimate from each acceleration and deceleration alone."""
     return [
         estimate_with(replace(method, title=run.name, kinds=(run.kind,)), replace(inputs, runs=[run]))
         for run in inputs.runs
@@ -87,7 +87,7 @@ def _single_run_estimates(method: Method, inputs: MethodInputs) -> list[MethodEs
 
 
 class EnergyOfRuns(NamedTuple):
-    """Estimates by energy: of each run alone, of the accelerations, of the decelerations."""
+    """Estimates by the energy method: from each run alone, from all accelerations, and from all decelerations."""
 
     single_runs: list[MethodEstimate]
     accelerations: MethodEstimate
@@ -97,7 +97,7 @@ class EnergyOfRuns(NamedTuple):
 def energy_of_runs(
     trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller
 ) -> EnergyOfRuns:
-    """The energies that show whether runs agree. runs: accelerations and decelerations."""
+    """Estimates by the energy method that show whether runs agree. runs: accelerations and decelerations"""
     inputs, _ = _inputs(FlightForces(trajectory, aircraft, propeller), runs)
     accelerations, decelerations = (
         estimate_with(replace(ENERGY, title=f"{kind}s", kinds=(kind,)), inputs) for kind in (ACCELERATION, DECELERATION)
@@ -114,12 +114,13 @@ def one_method(
     return estimate_with(method, inputs)
 
 
-# The methods below the dynamic one: the energy of runs needs only speed and height, the rest need other maneuvers.
+# The methods below the dynamic one, the best first. The energy of runs needs only speed and height as measured; the
+# others need other maneuvers.
 LADDER = (ENERGY.name, PIW_VIW_THREE.name, VARIED_LIFT.name)
 
 
 def rejection_of(polar: Polar | None, flown_CL: tuple[float, float]) -> MethodRejection:
-    """Why a polar is no curve over these lift coefficients."""
+    """The reason why a polar gives no curve over these lift coefficients; NONE if it gives one."""
     if polar is None:
         return MethodRejection.NO_ESTIMATE
     if unphysical(polar, flown_CL):
@@ -134,8 +135,8 @@ def informative(polar: Polar, flown_CL: tuple[float, float]) -> bool:
 
 
 def narrower(polars: tuple[Polar, tuple[float, float]], other: tuple[Polar, tuple[float, float]]) -> bool:
-    """Whether one polar has the narrower interval of drag, averaged over the lift coefficients of both. Each with its
-    own range."""
+    """Whether the first polar's relative interval of drag is narrower, averaged over the lift coefficients common to
+    both. Each polar comes with its range of lift coefficients."""
     (a, of_a), (b, of_b) = polars, other
     common = max(of_a[0], of_b[0]), min(of_a[1], of_b[1])
     CL = np.linspace(*common, CURVES.points)
@@ -144,13 +145,13 @@ def narrower(polars: tuple[Polar, tuple[float, float]], other: tuple[Polar, tupl
 
 
 def tried(name: str, title: str, reason: MethodRejection, details: str = "") -> MethodTried:
-    """A method on the ladder with its reason in words. details: what the reason does not contain."""
+    """A method on the ladder, with its reason in words. details: cause to add to the reason"""
     text = f"{reason}: {details}" if reason and details else str(reason)
     return MethodTried(name=name, title=title, reason=reason, text=text)
 
 
 class NoMethod(InputError):
-    """No method of the ladder gives a curve. tried: all, with their reasons, the best first."""
+    """Error for a flight of which no method of the ladder gives a curve. tried: all, with reasons, the best first"""
 
     def __init__(self, text: str, tried: Sequence[MethodTried]):
         super().__init__(text)
@@ -158,9 +159,9 @@ class NoMethod(InputError):
 
 
 class Fallback(NamedTuple):
-    """The power curve by another method, and the range of lift coefficients of its data.
+    """The power curve by another method than the dynamic one, and the range of lift coefficients of its data.
 
-    tried : the methods of the ladder down to it, the best first
+    tried : the methods of the ladder down to this method, the best first
     """
 
     estimate: DynamicEstimate
@@ -169,10 +170,10 @@ class Fallback(NamedTuple):
 
 
 def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: Aircraft, log: str) -> Fallback:
-    """The power curve of a flight by the best of the LADDER that gives one.
+    """The power curve of a flight by the best method of the LADDER that gives one.
 
-    It has the form of the dynamic method's estimate; the corrections of thrust are those of their prior.
-    Raises NoMethod, beginning with `log`, with the reasons when none gives a polar.
+    It has the form of the dynamic method's estimate, with prior means as corrections of thrust. If no method gives a
+    curve, raises NoMethod with the reasons; its message begins with `log`.
     """
     by_method = {estimate.method.name: estimate for estimate in estimates}
     candidates = [by_method[name] for name in LADDER if name in by_method]
@@ -189,7 +190,7 @@ def fallback(estimates: list[MethodEstimate], trajectory: Trajectory, aircraft: 
         flown = any(reason.name == ENERGY.name and reason.reason is not MethodRejection.NOT_FLOWN for reason in reasons)
         without = "" if flown else "no acceleration or deceleration to analyze, and "
         raise NoMethod(f"{log}: {without}no method gives a curve: {listed}", reasons)
-    # The method's own covariance assumes independent errors of the table.
+    # The method's own covariance assumes that the errors of the table are independent.
     prior = thrust_prior(aircraft)
     sensitivity = np.stack([best.sensitivities[name] for name in THRUST], axis=1)
     independent = np.diag([aircraft.uncertainty.thrust_scale_fraction**2, aircraft.uncertainty.thrust_slope**2])

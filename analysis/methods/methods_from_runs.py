@@ -1,17 +1,21 @@
 """Methods that use runs as measured, to compare with the dynamic method: direct drag, and the energy of a run.
 
-Direct drag is the drag at every instant of a run, regressed on lift (2.18)-(2.21). From the accelerometers (2.16), with
-the angle of attack as measured: a difference from the dynamic method shows that this angle is not aligned with the IMU.
-From speed (2.22), with the pitch attitude that the accelerometer alone would level: a difference shows that the
-accelerometer is biased. Accelerations and decelerations apart, with the airspeed not corrected for lag: a difference
-between them shows an air-data lag or a wrong propeller table. The observation is drag over mass [m/s^2], whose errors
-are of one size; those of C_D are not.
+Direct drag is the drag at every instant of a run, regressed on lift (2.18)-(2.21). Three of its forms each test a
+quantity:
+From the accelerometers (2.16), with the angle of attack as measured. A difference from the dynamic method shows that
+this angle is not aligned with the IMU.
+From speed (2.22), with the pitch attitude that the accelerometer alone would level. A difference shows that the
+accelerometer is biased.
+From accelerations and from decelerations separately, with the airspeed not corrected for lag. A difference between them
+shows an air-data lag or a wrong propeller table.
+The observation is drag over mass [m/s^2], whose errors all have one size, unlike those of C_D.
 
 Energy: work of thrust less the gain of kinetic and potential energy is the work of drag (2.23)-(2.26).
-Edot = (T cos(alpha) - D) V is used in its integral, E(t) - E(0): nothing noisy is differentiated. Speed and height are
-taken as measured. Accelerometers, gyros and angles serve only for the part of the weight that thrust carries. A
-difference from the dynamic method that errors of airspeed, lag and thrust do not explain shows a wrong pitch attitude
-of the trajectory. Energies and work are over mass [m^2/s^2].
+Edot = (T cos(alpha) - D) V is used in its integral, E(t) - E(0), so nothing noisy is differentiated. Speed and height
+are used as measured. Accelerometers, gyros and angles only give the part of the weight that thrust carries. If errors
+of airspeed, lag and thrust do not explain a difference from the dynamic method, the trajectory's pitch attitude is
+wrong.
+Energies and work are divided by mass [m^2/s^2].
 """
 
 from collections.abc import Callable, Mapping
@@ -31,7 +35,7 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.runs import ACCELERATION, DECELERATION
 from flightpower.flight.units import GRAVITY_MPS2 as g
 
-# The quantities of the force balance, and the columns of the methods' table that they are taken from.
+# The quantities of the force balance, and the columns of the methods' table that they come from.
 ALONG_TRAJECTORY = {
     "ax": "ax",
     "az": "az",
@@ -55,7 +59,7 @@ def from_accelerometers(f: Mapping[str, Array]) -> tuple[Array, Array]:
 
 
 def from_speed(f: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Drag (2.22), its flight path angle from pitch attitude and angle of attack, and lift as above [m/s^2]."""
+    """Drag (2.22), with the flight path angle from pitch attitude and angle of attack, and lift (2.19) [m/s^2]."""
     _, lift = from_accelerometers(f)
     alpha, theta = f["alpha"], f["theta"]
     sin_gamma = np.cos(alpha) * np.sin(theta) - np.sin(alpha) * np.cos(theta) * np.cos(f["bank"])
@@ -71,7 +75,7 @@ def _direct_method(
     columns: Mapping[str, str],
     drag_and_lift: Callable[[Mapping[str, Array]], tuple[Array, Array]] = from_accelerometers,
 ) -> Method:
-    """A regression of drag on lift, with the propeller table as it is. taken_as_measured: other errors than its own."""
+    """A regression of drag on lift with the uncorrected propeller table. taken_as_measured: other uncorrected errors"""
 
     def regression(table: Table, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
         regressions = []
@@ -117,7 +121,7 @@ COLUMNS = (
 
 
 def regression(table: Table, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
-    """Work of drag since the start of a run on the integrals of qS V, qS V CL, qS V CL^2, all over mass."""
+    """Regress the work of drag since the start of a run on integrals of qS V, qS V CL, qS V CL^2, all over mass."""
     if _constant(table, "gust_mps") > SHOWN.turbulent_mps:
         raise InputError("too turbulent for the energy method: gusts change the speed as slowly as the run does")
     regressions = []
@@ -127,7 +131,7 @@ def regression(table: Table, runs: list[Maneuver], _: Aircraft) -> TimeSeriesReg
         energy = V**2 / 2 + g * height  # (2.23)
         work = _integral(thrust_over_m * np.cos(alpha) * V, t) - energy
         X = np.stack([_integral(qS_over_m * V * CL**i, t) for i in range(3)], axis=-1)
-        # The energy at the start is not known better than at any other instant: only differences count.
+        # The energy at the start is not known better than at any other instant, so only differences count.
         X, work = X - X.mean(axis=-2, keepdims=True), work - work.mean(axis=-1, keepdims=True)
         regressions.append(RunRegression(run.name, t, X, work, CL, partial(_work_of_gusts, table, t, V)))
     return TimeSeriesRegression(regressions)
@@ -136,7 +140,7 @@ def regression(table: Table, runs: list[Maneuver], _: Aircraft) -> TimeSeriesReg
 def _work_of_gusts(table: Table, t: Array, V: Array) -> Array:
     """Covariance (n, n) of the work that gusts add over a run, about its mean [(m^2/s^2)^2].
 
-    Air rising at w adds g w per second; a gust u along the flight path adds V times its change.
+    Air rising at w adds g w per second; a gust u along the flight path adds V times the change of u.
     """
     apart_s = np.abs(t[:, None] - t)
     vertical, along = (_gust_covariance(table, name, apart_s) for name in ("gust", "gust_along"))
@@ -147,7 +151,7 @@ def _work_of_gusts(table: Table, t: Array, V: Array) -> Array:
 
 
 def _constant(table: Table, name: str) -> float:
-    """A column that is the same in all rows."""
+    """The value of a column that is the same in all rows."""
     _, (column,) = columns_of(table, [name])
     return float(column.flat[0])
 
@@ -159,7 +163,7 @@ def _gust_covariance(table: Table, name: str, apart_s: Array) -> Array:
 
 
 def _integral(rate: Array, t: Array) -> Array:
-    """The integral (…, n) since the first of the times t (n,), by the trapezoidal rule."""
+    """The integral (…, n) of a rate (…, n) from the first of the times t (n,), by the trapezoidal rule."""
     steps = np.diff(t) * (rate[..., 1:] + rate[..., :-1]) / 2
     return np.concatenate([np.zeros((*rate.shape[:-1], 1)), np.cumsum(steps, axis=-1)], axis=-1)
 

@@ -1,9 +1,10 @@
-"""Motor speed that is counted wrong: pulses lost above some speed, or a wrong number of poles.
+"""Motor speed that is counted wrong, because pulses are lost above some speed or the number of poles is wrong.
 
 The table's thrust varies as the square of motor speed. Accelerations are flown with fast motors and decelerations with
-slow ones, at the same speeds of flight: an error of the counter above some motor speed is a step of drag between them,
-which scale and slope of thrust do not follow. It is tested in every flight, at each of several motor speeds and at
-zero, which is a wrong number of poles; what the flight shows beyond doubt is corrected and estimated with the rest.
+slow motors, at the same airspeeds. An error of the counter above some motor speed therefore makes a step of drag
+between them, which scale and slope of thrust cannot describe. Every flight is tested for an error above each of several
+motor speeds, and above zero, which means a wrong number of poles. An error that the flight shows beyond doubt is
+corrected and estimated with the other parameters.
 """
 
 from collections.abc import Sequence
@@ -22,9 +23,9 @@ PARAMETER = "motor_speed"
 
 
 def suspect(fit: Fit, flight_forces: FlightForces) -> MotorSpeedError | None:
-    """The error of motor speed that the runs show most clearly, by a linear estimate; None where none is possible.
+    """The error of motor speed that the runs show most clearly, by a linear estimate; None if none improves the fit.
 
-    fit: of the drag model along the nominal forces, without such an error.
+    fit: fit of the drag model along the nominal forces, without such an error
     """
     forces = flight_forces.nominal
     rows = np.concatenate([np.searchsorted(forces.index, segment_fit.segment.t_s) for segment_fit in fit.segment_fits])
@@ -51,13 +52,13 @@ def suspect(fit: Fit, flight_forces: FlightForces) -> MotorSpeedError | None:
 
 
 def with_motor_speed(model: Model) -> Model:
-    """The drag model with what is left of the error of motor speed, a share of it."""
+    """The drag model with the remaining error of motor speed, as a fraction of motor speed, as another parameter."""
     share = Parameter(name=PARAMETER, start=0.0, prior_sigma=MOTOR_SPEED.least_pole_share)
     return with_thrust_error(model, THRUST_BY_MOTOR_SPEED, share)
 
 
 def with_thrust_error(model: Model, derivative: str, parameter: Parameter) -> Model:
-    """The drag model with one more error, by which thrust over mass is larger. derivative: the input, by the error"""
+    """The drag model with another error that raises thrust. derivative: the input d(thrust/mass)/d(error)"""
 
     def drag(x: NamedValues, u: NamedValues, p: NamedValues) -> Sequence[Any]:
         (without,) = model.output_function(x, u, p)

@@ -1,4 +1,4 @@
-"""Linear least squares for a drag polar (2.18), from time series or from steady points, and its covariance by noise."""
+"""Linear least squares for a drag polar (2.18) from time series or steady points, and its covariance due to noise."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ from flightpower.flight.errors import InputError
 
 @dataclass(frozen=True)
 class Tables:
-    """Tables with the same rows, from one flight analyzed with one error after another: times t_s (n,) and columns.
+    """Tables with the same rows, for the analysis of one flight with different errors: times t_s (n,) and columns.
 
-    columns : by name, (k, n) of k tables, or (n,) where all have the same
+    columns : by name, (k, n) for k tables, or (n,) if the column is the same in all tables
     """
 
     t_s: Array
@@ -50,7 +50,7 @@ def rows_of(t_s: Array, run: Maneuver) -> slice:
 
 
 class RunData(NamedTuple):
-    """A run, its times (n,) [s], and columns of the table over it by name, each (n,), or (k, n) of k tables."""
+    """A run, its times (n,) [s], and the table's columns over the run by name, each (n,), or (k, n) for k tables."""
 
     run: Maneuver
     t_s: Array
@@ -58,7 +58,7 @@ class RunData(NamedTuple):
 
 
 def run_data(table: Table, runs: list[Maneuver], columns: tuple[str, ...]) -> list[RunData]:
-    """The columns over each run, gaps interpolated. Raises InputError when no run has all columns."""
+    """The columns over each run, with gaps interpolated. Raises InputError when no run has all columns."""
     t, values = columns_of(table, columns)
     run_data = []
     for run in runs:
@@ -80,8 +80,7 @@ def _interpolated(values: Array) -> Array:
 
 
 def least_squares(X: Array, z: Array) -> Array:
-    """The coefficients (…, m) that solve X (…, n, m) A = z (…, n) best; if several do, those of least norm with columns
-    of X scaled to a mean square of one."""
+    """The least-squares solution A (…, m) of X (…, n, m) A = z (…, n); the smallest one if there are several."""
     scale = np.sqrt(np.mean(X**2, axis=-2))
     columns = np.concatenate([X / scale[..., None, :], z[..., None]], axis=-1)
     R, m = np.asarray(np.linalg.qr(columns, mode="r")), X.shape[-1]
@@ -92,7 +91,7 @@ def least_squares(X: Array, z: Array) -> Array:
 COEFFICIENTS = ("A0", "A1", "A2")
 THREE_TERM: Array = np.eye(len(COEFFICIENTS))
 TWO_TERM: Array = THREE_TERM[:, [0, 2]]  # A1 = 0: least drag at zero lift
-# The same regression as a model, for the covariance by colored residuals; it is compiled once for all methods.
+# The regression as a model, for the covariance due to colored residuals; it is compiled once for all methods.
 POLAR_FIT = Model(
     name="polar",
     inputs=("X0", "X1", "X2"),
@@ -105,7 +104,7 @@ POLAR_FIT = Model(
 class PolarRegression(Protocol):
     """A linear problem for the polar's A (3,), from data at lift coefficients CL (n,); or k such problems at once.
 
-    The covariance by noise is that of a single problem.
+    Only a single problem gives the covariance due to noise.
     """
 
     @property
@@ -115,11 +114,11 @@ class PolarRegression(Protocol):
 
 
 class RunRegression(NamedTuple):
-    """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,). With k tables,
-    all but t_s have a first axis (k,).
+    """One run: X (n, 3) A = z (n,), at times t_s (n,), flown at lift coefficients CL (n,). For k tables, each array
+    except t_s has a first axis (k,).
 
-    absorbed : gives the covariance (n, n) of errors of z that the fit largely absorbs, so that residuals do not show
-    them
+    absorbed : function that gives the covariance (n, n) of those errors of z that the fit largely absorbs, so that
+        residuals do not show them
     """
 
     name: str
@@ -132,7 +131,7 @@ class RunRegression(NamedTuple):
 
 @dataclass(frozen=True)
 class TimeSeriesRegression:
-    """Runs, sample by sample, with colored residuals."""
+    """A regression on all samples of runs, with colored residuals."""
 
     runs: Sequence[RunRegression]
 
@@ -146,7 +145,7 @@ class TimeSeriesRegression:
         return least_squares(X, np.concatenate([run.z for run in self.runs], axis=-1))
 
     def noise_covariance(self) -> Array:
-        """Covariance (3, 3) of A by colored residuals, and by errors that the fit absorbs."""
+        """Covariance (3, 3) of A due to colored residuals and to errors that the fit absorbs."""
         start = dict(zip(COEFFICIENTS, self.coefficients().tolist(), strict=True))
         segments = [
             Segment(
@@ -161,7 +160,7 @@ class TimeSeriesRegression:
 
 @dataclass(frozen=True)
 class PointRegression:
-    """Points X (n, 3), z (n,) with standard errors sigma (n,); with k tables, each has a first axis (k,).
+    """A regression on points X (n, 3), z (n,) with standard errors sigma (n,); for k tables each has a first axis (k,).
 
     terms : (3, m) the columns of A that are fitted
     """
@@ -183,10 +182,10 @@ class PointRegression:
         return np.asarray(theta @ self.terms.T)
 
     def noise_covariance(self) -> Array:
-        """Covariance (3, 3) of A: by the points' standard errors, or by their scatter about the fit if that is larger.
+        """Covariance (3, 3) of A from the points' standard errors, or from their scatter about the fit if larger.
 
-        The scatter of few points is uncertain itself. The covariance by scatter is enlarged by (t / 1.96)^2 with
-        Student's t, so that estimate +- 1.96 standard errors is a 95 % interval for any number of points.
+        The scatter of few points is uncertain itself. So the covariance from scatter is enlarged by (t / 1.96)^2 with
+        Student's t, which makes estimate +- 1.96 standard errors a 95 % interval for any number of points.
         """
         X, z, theta = self._weighted_fit()
         dof = len(z) - X.shape[1]

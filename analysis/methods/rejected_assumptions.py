@@ -1,9 +1,9 @@
-"""What the runs themselves contradict: a parabolic polar, and a propeller table as good as assumed.
+"""Assumptions that the runs themselves may contradict: a parabolic polar, and a propeller table as good as assumed.
 
-Each assumption is tested by an estimate without it. Where the test rejects it, the change of the estimate is added to
-the interval, with a warning. A thrust that the priors of its table hardly allow need not be the propeller's: a wrong
-weight, density or airspeed looks the same in runs, and then the correction of thrust is wrong. The interval contains
-the estimate without the correction, and as much beyond it.
+Each assumption is tested by an estimate without it. If the test rejects it, the change of the estimate is added to the
+interval, with a warning. An error of thrust that the priors of the table hardly allow need not be the propeller's: a
+wrong weight, density or airspeed looks the same in runs, and then the correction of thrust is wrong. The interval
+therefore contains the estimate without the correction, and extends as far beyond it.
 """
 
 from collections.abc import Mapping
@@ -42,7 +42,7 @@ class Assumption(StrEnum):
 
 
 class RejectedAssumption(NamedTuple):
-    """change : (m,) of the estimates without the assumption     warning : for the reader"""
+    """A rejected assumption. change : (m,) change of the estimates without it     warning : for the reader"""
 
     assumption: Assumption
     change: Array
@@ -55,9 +55,9 @@ def rejected_assumptions(fit: Fit) -> list[RejectedAssumption]:
 
 
 def thrust_beyond_prior(model: Model, values: Mapping[str, float]) -> dict[str, float]:
-    """Errors of thrust outside the 95 % of their prior, or of the stand, in prior standard deviations.
+    """Errors of thrust outside the 95 % interval of their prior or of the stand measurement, in standard deviations.
 
-    values : of the parameters of the model
+    values : values of the parameters of the model, by name
     """
     sigma = {q.name: q.prior_sigma for q in model.parameters if q.name in THRUST_TITLES}
     estimated = {name: values[name] / s for name, s in sigma.items() if s and abs(values[name]) > NORMAL_95 * s}
@@ -66,9 +66,9 @@ def thrust_beyond_prior(model: Model, values: Mapping[str, float]) -> dict[str, 
 
 
 def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
-    """Thrust errors beyond the 95 % of their prior, or a stand measurement that the flight contradicts by as much.
+    """Test for thrust errors larger than the prior allows, or a stand measurement that the flight contradicts.
 
-    The estimate is repeated with the thrust of the table, as if something else than the propeller were wrong.
+    The estimate is repeated with the table's thrust, as if something other than the propeller were wrong.
     """
     rejected = thrust_beyond_prior(fit.model, dict(zip(fit.names, fit.values, strict=True)))
     if not rejected:
@@ -91,8 +91,8 @@ def _thrust_rejected(fit: Fit) -> list[RejectedAssumption]:
 
 
 def _shape_rejected(fit: Fit) -> list[RejectedAssumption]:
-    """A quartic term of lift that the residuals require. The change is that to the parabola through the quartic polar
-    at the ends and in the middle of the lift coefficients flown."""
+    """Test for a quartic term of lift that the residuals require. The change leads to the parabola through the quartic
+    polar at the ends and in the middle of the lift coefficients flown."""
     with_quartic = fit_output_error(_quartic(fit.model), _segments(fit))
     i = with_quartic.names.index("A4")
     error = float(np.sqrt(covariance.of_noise(with_quartic)[i, i]))

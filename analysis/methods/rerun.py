@@ -1,8 +1,8 @@
-"""The estimate of a flight again, with another aircraft file, propeller or air data.
+"""Repeats the estimate of a flight with another aircraft file, propeller or air data.
 
-An error in an assumed value, such as the position of the probe, shows in no residual. It acts on everything from
-the synchronized channels on: its effect on the polar is found by running all of that again with the error made by one
-standard deviation. Maneuvers, weight and density stay as in the flight, so nothing else changes.
+An error in an assumed value, such as the position of the probe, shows in no residual. It acts on all steps from the
+synchronized channels on, so all of these are repeated with an error of one standard deviation to get its effect on the
+polar. Maneuvers, weight and density stay as in the flight, so nothing else changes.
 """
 
 from dataclasses import replace
@@ -23,11 +23,11 @@ from flightpower.flight.propeller import Propeller
 
 
 class EstimateRerun(NamedTuple):
-    """Runs the analysis of a flight again, from the channels to the polar.
+    """Repeats the analysis of a flight, from the channels to the polar.
 
-    method: another than the dynamic one, by its name, where the curve is from it
-    slope_sigma, an argument of `estimate` and `values`: prior standard deviation of the slope of angle of attack by
-    upwash
+    method: name of the method that gives the curve, if it is not the dynamic method
+    slope_sigma, an argument of `estimate` and `values`: prior standard deviation of the error in the slope of angle of
+        attack that upwash makes
     """
 
     flight: Reconstructed
@@ -45,7 +45,7 @@ class EstimateRerun(NamedTuple):
         return self._values(self._trajectory(aircraft, slope_sigma), aircraft, propeller)
 
     def values_with_air(self, air: pd.DataFrame) -> Array:
-        """Repeats the estimate with other air data; the flight's own table needs no new trajectory."""
+        """Repeat the estimate with other air data; the flight's own table needs no new trajectory."""
         flight, trajectory = self.flight, self.flight.trajectory
         if air is not flight.table:
             flight.progress("repeating the estimate with other air data")
@@ -53,7 +53,7 @@ class EstimateRerun(NamedTuple):
         return self._values(trajectory, flight.aircraft, flight.propeller)
 
     def _values(self, trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> Array:
-        """Other methods have no cheaper way: this runs the full estimate."""
+        """The values (5,) alone. Methods other than the dynamic one need the full estimate for that."""
         if self.method:
             return self._by_another_method(trajectory, aircraft, propeller).values
         return dynamic.estimate_values(trajectory, self.flight.maneuvers.level_runs, aircraft, propeller)
@@ -64,7 +64,7 @@ class EstimateRerun(NamedTuple):
         return fallback([estimate], trajectory, aircraft, flight.name).estimate
 
     def _trajectory(self, aircraft: Aircraft, slope_sigma: float) -> Trajectory:
-        """It does not depend on the propeller, and is the flight's own where nothing has changed."""
+        """The trajectory, which does not depend on the propeller. It is the flight's own if nothing has changed."""
         flight = self.flight
         if aircraft is flight.aircraft and slope_sigma == upwash_slope_sigma(flight.aircraft):
             return flight.trajectory

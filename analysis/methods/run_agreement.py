@@ -1,10 +1,10 @@
-"""Each acceleration and deceleration compared with the others of its kind: the flight tests itself.
+"""Compares each acceleration and deceleration with the others of its kind, so that the flight tests itself.
 
-At one lift coefficient the power from each run alone is compared with the mean of the other runs of its kind. Their
-difference has the noise of both, an error of the path's slope in each, which residuals of some seconds do not show (D
-changes by L times the slope), and the effects of errors that they share (trajectory, propeller's table): runs of one
-kind are flown alike, so that most of these cancel, whatever their size. A defect that is not the same in all runs does
-not cancel.
+Each run alone gives power at a lift coefficient, which is compared with that from the other runs of its kind. The
+difference contains the noise of both and an error of the path's slope in each run, which residuals of a few seconds do
+not show (D changes by L times the slope). It also contains the effects of shared errors (trajectory, propeller's
+table). Most of these cancel, whatever their size, because runs of one kind are flown alike. A defect that is not the
+same in all runs does not cancel.
 """
 
 from collections.abc import Sequence
@@ -24,8 +24,8 @@ from flightpower.flight.arrays import Array
 
 
 class _Differences(NamedTuple):
-    """Drag coefficients by one run and by the others at lift coefficients, and standard errors of the differences, each
-    (k,)."""
+    """Drag coefficients from one run and from the others at lift coefficients CL, and the standard errors of their
+    differences, each (k,)."""
 
     CL: Array
     CD: Array
@@ -36,12 +36,12 @@ class _Differences(NamedTuple):
 def runs_against_others(
     runs: Sequence[MethodEstimate], condition: Condition, uncertainty: Uncertainty
 ) -> list[RunAgainstOthers]:
-    """The comparison of each run that shares lift coefficients with another of its kind; of others there is none."""
+    """Compare each run with the others of its kind, if it shares lift coefficients with one of them."""
     with_polar = [run for run in runs if run.polar is not None]
     compared = []
     for run in with_polar:
         others = [other for other in with_polar if other is not run and other.method.kinds == run.method.kinds]
-        lift = np.linspace(*run.flown_CL, 2 * len(with_polar) + 1)  # finer than the ends of the others' ranges
+        lift = np.linspace(*run.flown_CL, 2 * len(with_polar) + 1)  # finer than the spacing of the other runs' ends
         if comparison := _compared(run, others, lift, condition, uncertainty):
             compared.append(comparison)
     return compared
@@ -50,8 +50,8 @@ def runs_against_others(
 def one_kind_against_another(
     method_estimate: MethodEstimate, other: MethodEstimate, condition: Condition, uncertainty: Uncertainty
 ) -> RunAgainstOthers | None:
-    """The accelerations compared with the decelerations: errors of thrust or lag make them differ. None without
-    both."""
+    """Compare the accelerations with the decelerations, which differ if thrust or lag is wrong. None unless both have a
+    polar."""
     if method_estimate.polar is None or other.polar is None:
         return None
     return _compared(
@@ -62,7 +62,10 @@ def one_kind_against_another(
 def _compared(
     run: MethodEstimate, others: list[MethodEstimate], lift: Array, condition: Condition, uncertainty: Uncertainty
 ) -> RunAgainstOthers | None:
-    """Compares a run with the others at the value of `lift` where they differ most certainly; None without one."""
+    """Compare a run with the others at the value of `lift` where their difference is known best, relative to drag.
+
+    None if they share no lift coefficient.
+    """
     differences = _differences(run, others, lift, uncertainty)
     if differences is None:
         return None
@@ -84,8 +87,9 @@ def _compared(
 def _differences(
     run: MethodEstimate, others: list[MethodEstimate], lift: Array, uncertainty: Uncertainty
 ) -> _Differences | None:
-    """The run and the mean of the others, weighted by the inverse variance of their noise, at the lift coefficients
-    that others cover; None if they cover none. Shared errors change the difference by the difference of their effects.
+    """The run and the mean of the others, weighted by noise, at the lift coefficients that one of the others covers.
+
+    Shared errors change the difference by the difference of their effects. None if no lift coefficient is covered.
     """
     if not others:
         return None
@@ -102,7 +106,7 @@ def _differences(
     weighed = (weight[:, :, None] * rows[:, None, :]).reshape(len(CL), -1)
 
     def by_others(values: list[Array]) -> Array:
-        """The weighted mean (k, n) of changes of the polars, (3, n) each."""
+        """The effect (k, n) on the weighted mean of the others, from polars or their changes, (3, n) for each run."""
         return np.asarray(weighed @ np.concatenate([value.reshape(3, -1) for value in values]))
 
     CD, CD_others = rows @ _polar(run), by_others([_polar(method_estimate) for method_estimate in others])[:, 0]

@@ -15,7 +15,7 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class Regression(Settings):
-    """Data of a regression of drag on lift."""
+    """Limits and priors for a regression of drag on lift."""
 
     level_margin_rad: float = setting(
         np.radians(1.0), "rad", "above the largest angle of attack of level flight, for turns and heave"
@@ -24,18 +24,18 @@ class Regression(Settings):
 
     @property
     def fewest_blocks(self) -> int:
-        """How many blocks a run, or a steady point, must have."""
+        """The number of blocks that a run, or a steady point, must have at least."""
         return FLIGHT.fewest_samples // BLOCK
 
     @property
     def fewest_blocks_of_flight(self) -> int:
-        """How many blocks a whole flight must have to fit a line: those of two runs."""
+        """The number of blocks that a whole flight must have to fit a line: those of two shortest runs."""
         return 2 * self.fewest_blocks
 
 
 @dataclass(frozen=True)
 class SteadyPoints(Settings):
-    """Steady level points, for the classic methods."""
+    """Settings for steady level points, which the classic methods use."""
 
     correlation_s: float = setting(2.0, "s", "readings closer than this are correlated")
 
@@ -55,31 +55,31 @@ class Covariance(Settings):
 
 @dataclass(frozen=True)
 class MotorSpeed:
-    """Errors of the counter of the motor's pulses: what follows from other settings."""
+    """Limits for errors of the motor's pulse counter, which follow from other settings."""
 
     @property
     def least_errors(self) -> float:
-        """How many standard errors an error must exceed to be accepted as real: twice the usual limit, because many
-        motor speeds are tested and the residuals are correlated. Sound flights reach 2; flights with 2 % of the pulses
-        lost reach 7 or more.
+        """The number of standard errors that an error must exceed to be accepted as real. It is twice the usual limit,
+        because many motor speeds are tested and the residuals are correlated. Sound flights reach 2; flights with 2 %
+        of the pulses lost reach 7 or more.
         """
         return 2 * STATISTICS.sigmas
 
     @property
     def least_pole_share(self) -> float:
-        """The smallest error of motor speed from a wrong number of poles, which come in pairs: two of 24. Also the
-        prior standard deviation of an error that the runs show."""
+        """The smallest error of motor speed from a wrong number of poles: two of 24, because poles come in pairs. It is
+        also the prior standard deviation of an error of motor speed."""
         return 2 / 24
 
     @property
     def tested(self) -> NDArray[np.float64]:
-        """Shares of the samples of the runs below the motor speeds that are tested."""
+        """The motor speeds to test, each given by the share of the runs' samples that are below it."""
         return np.linspace(0.02, 0.98, 49)
 
 
 @dataclass(frozen=True)
 class ComparisonLimits(Settings):
-    """Methods against each other, and single runs."""
+    """Limits for the comparison of methods with each other and of single runs."""
 
     installation_sigma: Mapping[str, float] = setting(
         {
@@ -103,13 +103,13 @@ class ComparisonLimits(Settings):
 
     @property
     def different(self) -> float:
-        """Standard errors of a difference of two parabolas: one test over all speeds (Scheffe 1953)."""
+        """Standard errors by which two parabolas differ significantly, in one test over all speeds (Scheffe 1953)."""
         return float(np.sqrt(special.chdtri(3, STATISTICS.false_alarm_rate)))
 
 
 @dataclass(frozen=True)
 class CrossCheckSettings(Settings):
-    """Output error on the runs alone."""
+    """Settings for the output-error fit on the runs alone."""
 
     priors: Mapping[str, tuple[float, float]] = setting(
         {
@@ -142,7 +142,7 @@ class CrossCheckSettings(Settings):
 
 @dataclass(frozen=True)
 class LikelihoodSettings(Settings):
-    """The two maximum-likelihood methods of the source."""
+    """Settings for the two maximum-likelihood methods of the source."""
 
     smoothing_s: float = setting(1.24, "s", "window of the Savitzky-Golay filter of the pitch rate, of degree 3")
 

@@ -1,14 +1,14 @@
-"""The classic methods, from steady level points: means over steady runs, PIW-VIW (2.1)-(2.6) and W/delta (2.11).
+"""The classic methods from steady level points, which are means over steady runs: PIW-VIW (2.1)-(2.6), W/delta (2.11).
 
-Speed comes from the trajectory, power from the uncorrected propeller table: a difference between these points and the
-dynamic method shows a wrong table.
+Speed comes from the trajectory and power from the uncorrected propeller table, so a difference between these points and
+the dynamic method shows a wrong table.
 
 PIW-VIW makes power and speed independent of weight and density. PIW VIW = m0 VIW^4 + b0 is a straight line only for a
 polar with least drag at zero lift; a CL_minD adds a term m1 VIW^2. Both forms are linear in the polar:
 m0 = rho_sl S A0/2, m1 = W_s A1, b0 = 2 W_s^2 A2/(rho_sl S).
 
-W/delta: drag and weight over the pressure ratio form one curve over Mach number. The low-subsonic form (2.13) is the
-same in speed and temperature; both lack a CL_minD.
+W/delta: drag and weight, each over the pressure ratio, form one curve over Mach number. The low-subsonic form (2.13)
+uses speed and temperature instead; both forms lack a CL_minD.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ COLUMNS = (
 
 
 class SteadyMeans(NamedTuple):
-    """Means over each of n steady runs, each (n,), or (k, n) of k tables."""
+    """Means over n steady runs; each array is (n,), or (k, n) for k tables."""
 
     V: Array  # true airspeed [m/s]
     power_W: Array  # T V cos(alpha) (3.47), less the rates of kinetic and potential energy
@@ -81,7 +81,7 @@ def steady_means(table: Table, runs: list[Maneuver], aircraft: Aircraft) -> Stea
 
 
 def _mean(x: Array) -> Array:
-    """The mean (…) of the values (…, n) that are not NaN."""
+    """The mean (…) of those values (…, n) that are not NaN."""
     mean = x.mean(axis=-1)
     return np.asarray(mean if np.isfinite(mean).all() else np.nansum(x, axis=-1) / np.isfinite(x).sum(axis=-1))
 
@@ -93,7 +93,7 @@ def _slope(t: Array, x: Array) -> Array:
 
 
 def require_speeds(points: SteadyMeans, terms: int) -> None:
-    """Raises InputError unless there are as many different speeds as terms to fit, and all powers are positive."""
+    """Raises InputError unless all powers are positive and there are as many different speeds as terms to fit."""
     if np.any(points.power_W <= 0):
         raise InputError("by the propeller table a steady point has no positive power")
     different = min(_different(V) for V in np.atleast_2d(points.V))
@@ -102,7 +102,7 @@ def require_speeds(points: SteadyMeans, terms: int) -> None:
 
 
 def _different(speeds: Array) -> int:
-    """How many of these (n,) speeds are different."""
+    """The number of clearly different speeds among these (n,)."""
     different, last = 0, 0.0
     for V in np.sort(speeds):
         if V > last * (1 + 2 * FLOWN.nearby):
@@ -124,15 +124,15 @@ def steady_points(table: Table, runs: list[Maneuver], aircraft: Aircraft) -> lis
 
 
 def mean_gust_mps(gust_mps: float, gust_s: float, seconds: float) -> float:
-    """Standard deviation of the mean vertical gust over so many seconds [m/s], for the power W w that it lifts with.
+    """Standard deviation [m/s] of the vertical gust w averaged over `seconds`; such a gust adds the power W w.
 
-    The mean of a first-order process of standard deviation sigma and time constant T: sigma sqrt(2 T/seconds).
+    For a first-order process with standard deviation sigma and time constant T it is sigma sqrt(2 T/seconds).
     """
     return float(gust_mps * np.sqrt(min(1.0, 2 * gust_s / seconds)))
 
 
 def _error_of_mean(x: Array, step_s: float) -> Array:
-    """Standard error (…) of the mean of colored records (…, n), with Bartlett's window over
+    """Standard error (…) of the mean of colored records (…, n), with a Bartlett window over
     `STEADY_POINTS.correlation_s`."""
     e, n = x - x.mean(axis=-1, keepdims=True), x.shape[-1]
     window = min(n - 1, round(STEADY_POINTS.correlation_s / step_s))
@@ -149,10 +149,10 @@ def steady_method(
     terms: Array,
     regression: Callable[[SteadyMeans, Aircraft], tuple[Array, Array]],
 ) -> Method:
-    """A classic method: a straight regression of power or drag at steady points, with the propeller table as it is.
+    """A classic method: a linear regression of power or drag at steady points, with the uncorrected propeller table.
 
     terms : columns (3, k) of the polar's A that it fits
-    regression : of (points, aircraft); X (n, 3) and z (n,), proportional to power
+    regression : function of (points, aircraft) that gives X (n, 3) and z (n,), which is proportional to power
     """
 
     def point_regression(table: Table, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
@@ -194,7 +194,7 @@ PIW_VIW_TWO = steady_method("piw-viw-two-term", "PIW-VIW, two terms", "(2.1)-(2.
 
 
 def _w_delta_regression(points: SteadyMeans, qS_over_delta_N: Array) -> tuple[Array, Array]:
-    """D/delta = A0 (q S/delta) + A2 (W/delta)^2 / (q S/delta)."""
+    """The regression D/delta = A0 (q S/delta) + A2 (W/delta)^2 / (q S/delta)."""
     delta = points.static_Pa / SEA_LEVEL_PRESSURE_PA
     lift_over_delta = points.lift_N / delta
     X = np.stack([qS_over_delta_N, lift_over_delta, lift_over_delta**2 / qS_over_delta_N], axis=-1)
@@ -202,14 +202,14 @@ def _w_delta_regression(points: SteadyMeans, qS_over_delta_N: Array) -> tuple[Ar
 
 
 def mach_form(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
-    """(2.11): over Mach number."""
+    """The regression (2.11), over Mach number."""
     gamma = 1.4  # ratio of specific heats of air
     M = points.V / np.sqrt(gamma * GAS_CONSTANT_AIR * points.temperature_K)
     return _w_delta_regression(points, gamma * SEA_LEVEL_PRESSURE_PA * M**2 * aircraft.geometry.wing_area_m2 / 2)
 
 
 def speed_form(points: SteadyMeans, aircraft: Aircraft) -> tuple[Array, Array]:
-    """(2.13): over true airspeed and temperature."""
+    """The regression (2.13), over true airspeed and temperature."""
     q_over_delta_Pa = SEA_LEVEL_PRESSURE_PA * points.V**2 / (2 * GAS_CONSTANT_AIR * points.temperature_K)
     return _w_delta_regression(points, q_over_delta_Pa * aircraft.geometry.wing_area_m2)
 

@@ -1,8 +1,8 @@
 """The prior of thrust: errors of the propeller table, and thrust at rest from a stand.
 
-The table is corrected by 1 + thrust_scale + thrust_slope (J - J_REFERENCE). The priors of the two errors are
-independent. A stand measures this factor at J = 0: a linear combination of the two, so that their joint prior is a
-normal distribution with correlation.
+The table's thrust is corrected by the factor 1 + thrust_scale + thrust_slope (J - J_REFERENCE). The priors of the two
+errors are independent. A stand measures this factor at J = 0, which is a linear combination of the two errors, so their
+joint prior is then a normal distribution with correlation.
 """
 
 import math
@@ -33,12 +33,12 @@ class ThrustPrior(NamedTuple):
 
     @property
     def second_moment(self) -> Array:
-        """(2, 2), of the errors of a table that is not corrected."""
+        """Second moment (2, 2) about zero: the uncertainty of a table that is not corrected by the mean."""
         return self.covariance + np.outer(self.mean, self.mean)
 
 
 def stand_measurements(aircraft: Aircraft) -> tuple[PriorMeasurement, ...]:
-    """The measurement on a stand, with the error of the straight line from rest to flight; empty without a stand."""
+    """The measurement on a stand, if there is one. Its error includes that of the straight line from rest to flight."""
     measured = aircraft.static_thrust_excess
     if measured is None:
         return ()
@@ -79,7 +79,7 @@ def thrust_prior(aircraft: Aircraft) -> ThrustPrior:
 
 
 def stand_conflict(ratio: float, error: float, uncertainty: Uncertainty) -> str:
-    """A sentence if a ratio on a stand is further from one than the priors of the table allow; else empty."""
+    """A sentence if a stand's ratio of thrust to the table is further from one than priors allow; else empty."""
     scale, slope = uncertainty.thrust_scale_fraction, J_REFERENCE * uncertainty.thrust_slope
     expected = math.hypot(scale, slope, error, uncertainty.thrust_curvature_fraction)
     z = (ratio - 1) / expected

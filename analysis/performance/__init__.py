@@ -1,1 +1,1 @@
-"""Endurance, range, climb, ceiling and battery power: what follows from a drag polar and the power train."""
+"""Endurance, range, climb, ceiling and battery power, computed from a drag polar and the power train."""

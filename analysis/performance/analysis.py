@@ -1,4 +1,4 @@
-"""Performance of the aircraft from its drag polar, its power train and the flight: the order of the steps."""
+"""The steps that lead from drag polar, power train and flight to the performance of the aircraft."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -65,8 +65,9 @@ from flightpower.flight.units import FOOT_M
 class ConditionPerformance:
     """Performance at one weight and density.
 
-    sustained : full throttle holds level flight at some of the speeds. Where it does not, endurance and range of `case`
-    ignore full throttle.     level_flight : at the speeds flown     full_throttle : None where it is not known
+    sustained : full throttle holds level flight at some of the speeds, or is not known. If false, endurance and range
+        of `case` ignore full throttle.
+    level_flight : at the speeds flown     full_throttle : None where it is not known
     """
 
     case: PerformanceCase
@@ -77,7 +78,7 @@ class ConditionPerformance:
 
 @dataclass(frozen=True)
 class Performance:
-    """Performance of a flight as it is written, with the model that computes it at any other weight and density."""
+    """Performance of a flight as results.json has it, and the model that computes it at any weight and density."""
 
     result: PerformanceResult
     battery: BatteryResult
@@ -103,17 +104,20 @@ def compute(request: Request, flight: Estimated) -> Performance | None:
 
 
 def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:
-    """What the power train did along the trajectory, five rows a second; index t_s.
+    """Data of the power train along the trajectory, five rows per second, with index t_s.
 
-    V [m/s], alpha [rad], CL, n [rev/s], rho [kg/m^3], J, throttle (0 to 1), battery_V, battery_A, battery_W, height_m,
-    covered (inside the propeller's table and above `least_height_m`); NaN gaps.
+    Columns: V [m/s], alpha [rad], CL, n [rev/s], rho [kg/m^3], J, throttle (0 to 1), battery_V, battery_A, battery_W,
+    height_m, covered (inside the propeller's table and above `least_height_m`). Gaps are NaN.
     """
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     return _with_battery_and_coverage(flight_forces.nominal, flight_forces.block_means.means, propeller)
 
 
 def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], propeller: Propeller) -> pd.DataFrame:
-    """forces : of `FlightForces.forces`     mean : measurements by name, in the same rows; NaN where missing"""
+    """Add battery and `covered` to the forces, which are those of `FlightForces.forces`.
+
+    mean : measurements by name, in the same rows; NaN where missing
+    """
     data = forces[["V", "alpha", "CL", "n", "rho", "J"]].copy()
     for name in ("throttle", "battery_V", "battery_A", "height_m"):
         data[name] = mean.get(name, np.nan)
@@ -133,7 +137,10 @@ def performance_model(
     propeller: Propeller,
     flown_CL: tuple[float, float],
 ) -> PerformanceModel:
-    """Polar and thrust correction as estimated, with power train and full throttle. data : of `power_train_data`"""
+    """Combine the estimated polar and thrust correction with models of power train and full throttle.
+
+    data : from `power_train_data`
+    """
     polar = ParameterVector((*POLAR, *THRUST), estimate.values, estimate.noise + estimate.systematic)
     scale, slope = (float(estimate.values[polar.names.index(name)]) for name in THRUST)
     propulsion = with_assumed_motor(aircraft.propulsion, data, propeller)
@@ -184,7 +191,7 @@ def flight_performance(
 def performance_at(
     model: PerformanceModel, titled: TitledCondition, energy_J: float, speeds: int = CURVES.fine_points
 ) -> ConditionPerformance:
-    """Performance at one weight and density, at `speeds` speeds of the flown lift coefficients."""
+    """Performance at one weight and density, at `speeds` evenly spaced speeds over the lift coefficients flown."""
     condition = titled.condition
     flight = level_flight(model, condition, _flown_speeds(model, condition, speeds))
     full, everywhere = None, np.ones(speeds, dtype=bool)
@@ -207,7 +214,7 @@ def performance_case(
     full: FullThrottlePerformance | None,
     battery: tuple[float, NDArray[np.bool_]],
 ) -> PerformanceCase:
-    """Endurance, range and full throttle. battery: its energy [J], and the speeds to choose from, (k,)."""
+    """Endurance, range and performance at full throttle. battery: its energy [J], and a mask (k,) of speeds to use."""
     endurance, range_ = best_endurance(flight, *battery), best_range(flight, *battery)
     slowest = float(flight.V[0])
     return PerformanceCase(
@@ -239,21 +246,21 @@ def _flown_speeds(model: PerformanceModel, condition: Condition, speeds: int) ->
 
 
 def _whole_speeds(V: Array) -> Array:
-    """Whole speeds within V [m/s], at most ten, so that the table for the field fits on a card."""
+    """At most ten whole numbers of m/s within V, so that the table for the field fits on a card."""
     slowest, fastest = np.ceil(V[0]), np.floor(V[-1])
     step = max(1.0, np.ceil((fastest - slowest + 1) / 10))
     return np.arange(slowest, fastest + 0.5, step)
 
 
 def _is_single_change(as_flown: PerformanceCase, case: PerformanceCase) -> bool:
-    """Whether a case changes the weight or the air density, but not both."""
+    """Whether a case differs from the flight in weight or in air density, but not in both."""
     same_weight = abs(case.weight_N / as_flown.weight_N - 1) < EVIDENCE.negligible
     same_density = abs(case.air_density_kgpm3 / as_flown.air_density_kgpm3 - 1) < EVIDENCE.negligible
     return same_weight != same_density
 
 
 def _cost(as_flown: PerformanceCase, case: PerformanceCase) -> str:
-    """The change of endurance, range and its speed from the flight's own condition, in a sentence."""
+    """A sentence on how endurance, range and the speed of best range change from the flight's own condition."""
 
     def change(before: float, after: float, unit: str, digits: int) -> str:
         return f"{before:.{digits}f} to {after:.{digits}f} {unit} ({100 * (after / before - 1):+.0f} %)"
@@ -268,7 +275,7 @@ def _cost(as_flown: PerformanceCase, case: PerformanceCase) -> str:
 
 
 def _power_train(model: PerformanceModel, condition: Condition) -> PowerTrainResult:
-    """Losses and measured efficiencies, and the efficiencies of level flight as flown."""
+    """Losses, efficiencies measured in flight, and efficiencies of level flight at the flight's own condition."""
     flight = level_flight(model, condition, _flown_speeds(model, condition, 31))
     train = model.power_train
     return PowerTrainResult(
@@ -281,7 +288,7 @@ def _power_train(model: PerformanceModel, condition: Condition) -> PowerTrainRes
 
 
 def field_rows(flight: LevelFlight, full: FullThrottlePerformance | None, energy_J: float) -> Iterator[FieldRow]:
-    """The table for the field: a row for each speed at which battery power is known. energy_J: of the battery."""
+    """Rows of the table for the field, one for each speed at which battery power is known. energy_J: of the battery"""
     for i, v in enumerate(flight.V):
         battery_W = float(flight.battery.value[i])
         if np.isfinite(battery_W):

@@ -1,7 +1,7 @@
-"""Values to type into an autopilot, as far as they follow from a flight, with interval and versions of the firmware.
+"""Values to type into an autopilot that follow from a flight, with their intervals and the versions of the firmware.
 
-Names and units: parameter references of PX4 (docs.px4.io) and ArduPilot (ardupilot.org/plane), Settings.md of INAV.
-Airspeeds are equivalent airspeeds, which the autopilots call calibrated.
+Names and units come from the parameter references of PX4 (docs.px4.io) and ArduPilot (ardupilot.org/plane) and from
+Settings.md of INAV. Airspeeds are equivalent airspeeds, which the autopilots call calibrated.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -35,13 +35,12 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 @dataclass(frozen=True)
 class FlightValues:
-    """Values from a flight for an autopilot; None for those that it does not give.
+    """Values that a flight gives for an autopilot; None where it gives none. Airspeeds are equivalent airspeeds [m/s].
 
-    Airspeeds are equivalent airspeeds [m/s].
-
-    cruise: of best range among the speeds flown; cruise_power: from the battery there [W]; sink: with the motor off
-    there [m/s]. CD0, B: of C_D = CD0 + B C_L^2 over the lift coefficients flown. wing_loading: 2 W / (rho_0 S)
-    [m^2/s^2]. airspeed_factor: true airspeed over that shown. logged: the autopilot's parameters, by name.
+    cruise: best range among the speeds flown; cruise_power: power from the battery at cruise [W]; sink: sink at cruise
+    with the motor off [m/s]. CD0, B: coefficients of C_D = CD0 + B C_L^2 over the lift coefficients flown.
+    wing_loading: 2 W / (rho_0 S) [m^2/s^2]. airspeed_factor: true airspeed over the airspeed shown. logged: the
+    autopilot's parameters, by name.
     """
 
     cruise: Interval
@@ -58,7 +57,7 @@ class FlightValues:
 
     @property
     def airspeed_ratio(self) -> Interval | None:
-        """Interval of ARSPD_RATIO; indicated airspeed varies as its root."""
+        """Interval of ARSPD_RATIO; indicated airspeed varies as the square root of this parameter."""
         logged, factor = self.logged.get("ARSPD_RATIO"), self.airspeed_factor
         if not logged or factor is None:
             return None
@@ -67,7 +66,7 @@ class FlightValues:
 
 
 class _Entry(NamedTuple):
-    """value: name in FlightValues          factor: from its unit to that of the parameter"""
+    """A parameter of an autopilot. value: field of FlightValues     factor: converts its unit to the parameter's"""
 
     firmware: str
     name: str
@@ -131,11 +130,11 @@ WITHOUT = {
     " parameter.",
     "cruise_power": "{takes} the battery's power at cruise speed.",
 }
-TOGETHER = {"CD0": ("CD0", "B")}  # values that are useless alone
+TOGETHER = {"CD0": ("CD0", "B")}  # values that are of use only together
 
 
 def _withheld(value: str, firmware: str | None = None) -> str:
-    """Why the parameters of a value are withheld, those of one firmware or of all; empty where it has none."""
+    """A sentence on why the parameters of a value are withheld, for one firmware or all; empty if there are none."""
     names = [
         entry.name
         for entry in ENTRIES
@@ -146,7 +145,7 @@ def _withheld(value: str, firmware: str | None = None) -> str:
 
 
 def withheld_of(firmware: str, written: Collection[str]) -> list[str]:
-    """Sentences on parameters that the results cannot give for one firmware. written: names of the parameters they do
+    """Sentences on the parameters of one firmware that the results cannot give. written: names of those that they do
     give"""
     missing = {entry.value for entry in ENTRIES if entry.firmware == firmware and entry.name not in written}
     withheld = [_withheld(value, firmware) for value in WITHOUT if value in missing]
@@ -156,7 +155,7 @@ def withheld_of(firmware: str, written: Collection[str]) -> list[str]:
 def typed_in(values: FlightValues) -> tuple[list[AutopilotParameter], list[str]]:
     """The parameters that follow from a flight, and sentences on those that do not."""
     entered = {name: interval for name in BASIS if (interval := getattr(values, name)) and _is_determined(interval)}
-    if not {"CD0", "B"} <= entered.keys():  # neither is of use alone
+    if not {"CD0", "B"} <= entered.keys():  # one is of no use without the other
         entered = {name: entered[name] for name in entered.keys() - {"CD0", "B"}}
     parameters = [_parameter(entry, entered[entry.value], values.logged) for entry in ENTRIES if entry.value in entered]
     return parameters, [*(_withheld(name) for name in WITHOUT if name not in entered), *ALWAYS_WITHHELD]
@@ -193,7 +192,7 @@ def wing_loading_of(weight_N: float, wing_area_m2: float) -> Interval:
 
 
 def around(value: float, half: float, least: float = -np.inf) -> Interval:
-    """An interval of this half width, not below `least`."""
+    """An interval around a value with half width `half`, whose lower end is at least `least`."""
     return Interval(value=value, lo=max(value - half, least), hi=value + half)
 
 
@@ -244,9 +243,9 @@ def _equivalent_per_true(results: WithCurves) -> float:
 def of_electrical_pool(pool: WithCurves, flights: Sequence[Results]) -> tuple[list[AutopilotParameter], list[str]]:
     """Parameters from the electrical power of several flights together.
 
-    Cruise, slowest and fastest airspeed, and the power at cruise are those of the pooled curve. Sink at that cruise,
-    the polar, idle power and the airspeed's factor are means of the flights that show them, with the means of their
-    intervals: how far their errors are shared is not known, and no mean has a larger error than the mean of the errors.
+    Cruise, slowest and fastest airspeed, and the power at cruise come from the pooled curve. Sink at that cruise, the
+    polar, idle power and the airspeed's factor are means over the flights that show them, with mean intervals: it is
+    not known which errors the flights share, and the error of a mean never exceeds the mean of the errors.
     """
     curve, best = pool.electrical_power, pool.curves[Kind.ELECTRICAL].best_range_speed or UNKNOWN_SPEED
     V = [point.speed_mps for point in curve]
@@ -259,7 +258,7 @@ def of_electrical_pool(pool: WithCurves, flights: Sequence[Results]) -> tuple[li
         return mean_interval([values[name] for values in of_flights if name in values])
 
     def airspeed(true_mps: float, name: str) -> Interval:
-        """The equivalent airspeed, with the relative error of the mean of the flights' own."""
+        """The equivalent airspeed, with the flights' mean relative error of the value `name`."""
         own = mean_of(name)
         share = (own.hi - own.lo) / (2 * own.value) if own else 0.0
         return around(true_mps * to_equivalent, share * true_mps * to_equivalent)
@@ -275,7 +274,7 @@ def of_electrical_pool(pool: WithCurves, flights: Sequence[Results]) -> tuple[li
     )
     logged = [{p.name: p.logged for p in flight.autopilot_parameters if p.logged is not None} for flight in flights]
     alike = {name: value for name, value in logged[0].items() if all(each.get(name) == value for each in logged)}
-    ratios = {each.get("ARSPD_RATIO") for each in logged}  # the factor is over what the pitot's ratio has made of it
+    ratios = {each.get("ARSPD_RATIO") for each in logged}  # the factor refers to airspeed computed with this ratio
     return typed_in(
         FlightValues(
             cruise=Interval(
@@ -298,7 +297,7 @@ def of_electrical_pool(pool: WithCurves, flights: Sequence[Results]) -> tuple[li
 
 
 def _values_of(parameters: Sequence[AutopilotParameter]) -> dict[str, Interval]:
-    """The values in `FlightValues` that a flight's parameters were made from, by name."""
+    """Convert a flight's parameters back to the values of `FlightValues` that they came from, by name."""
     entries = {(entry.firmware, entry.name): entry for entry in ENTRIES}
     values = {}
     for parameter in parameters:
@@ -309,7 +308,7 @@ def _values_of(parameters: Sequence[AutopilotParameter]) -> dict[str, Interval]:
 
 
 def mean_interval(intervals: Sequence[Interval]) -> Interval | None:
-    """The mean of values and ends: what is right if all errors are shared, and too wide if not. None for none."""
+    """The mean of values and ends, which is right if all errors are shared and too wide otherwise. None without any."""
     if not intervals:
         return None
     value, lo, hi = np.mean([(each.value, each.lo, each.hi) for each in intervals], axis=0).tolist()
@@ -317,9 +316,9 @@ def mean_interval(intervals: Sequence[Interval]) -> Interval | None:
 
 
 def _sink_ratio(values: Mapping[str, Interval], to_mps: float, to_loading: float) -> float | None:
-    """Equivalent sink at an equivalent airspeed and wing loading over that at a flight's own; None without a polar.
+    """Ratio of equivalent sink at the given equivalent airspeed [m/s] and wing loading K to a flight's own sink.
 
-    Sink is V C_D / C_L with C_L = K / V^2.
+    Sink is V C_D / C_L with C_L = K / V^2. None without a polar.
     """
     if not values.keys() >= {"CD0", "B", "cruise", "wing_loading"}:
         return None
@@ -334,11 +333,12 @@ def flight_values(
     logged: Mapping[str, float],
     drag: DragEstimate | None = None,
 ) -> FlightValues:
-    """What an autopilot can use of a flight. best_range: among the speeds flown; logged: its parameters.
+    """The values of a flight that an autopilot can use. best_range: among the speeds flown; logged: its parameters.
 
-    Sink and polar are those of the propeller's table where it gives drag (without an idling propeller), or else of the
-    electrical balance, with the propeller idling. Both are None where level flight would take more power against drag
-    at the cruise speed than the motor takes from the battery: mass or current is wrong, or the propulsion simulated.
+    Sink and polar come from the propeller's table if it gives drag; they are then without an idling propeller.
+    Otherwise they come from the electrical balance and include it. Both are None if level flight at cruise speed would
+    need more power against drag than the motor takes from the battery. In that case mass or current is wrong, or the
+    propulsion is simulated.
     """
     V, c, airspeed = estimate.V_mps, estimate.conditions, estimate.airspeed
     to_equivalent = float(np.sqrt(c.rho / SEA_LEVEL_DENSITY))
@@ -346,7 +346,7 @@ def flight_values(
     by_density = airspeed.by_gps * estimate.rho_sigma / 2
 
     def equivalent(speed_mps: float) -> Interval:
-        """Equivalent airspeed with the errors of airspeed and, if GPS shows true airspeed, of density."""
+        """Equivalent airspeed with the errors of airspeed and, if GPS gave the true airspeed, of density."""
         by_zero = 1 / (c.rho * speed_mps**2)
         by_wind = 0.0 if airspeed.mean_wind_covariance is None else np.trace(airspeed.mean_wind_covariance) / 2
         variance = np.array([1.0, by_zero]) @ airspeed.covariance @ [1.0, by_zero] + by_wind / speed_mps**2
@@ -367,7 +367,7 @@ def flight_values(
         return drag_W / (conditions.mass_kg * GRAVITY_MPS2)
 
     def two_term_polar(p: NamedValues, conditions: FlightConditions) -> Array:
-        """(2,): the nearest C_D0 + B C_L^2 over the speeds of level flight."""
+        """C_D0 and B (2,) of the least-squares fit C_D0 + B C_L^2 over the speeds of level flight."""
         qS = conditions.rho * V**2 / 2 * conditions.wing_area_m2
         CL = conditions.mass_kg * GRAVITY_MPS2 / qS
         CD = drag_power(V, 1.0, 1.0, polar_of(p), conditions) / (qS * V)

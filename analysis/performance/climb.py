@@ -1,8 +1,8 @@
 """Power available at full throttle: highest level speed, rate of climb, ceilings (Fig. 1.2).
 
 The motor's model is that of `full_throttle`; with the propeller's table it gives the speed of rotation, thrust and
-power at any speed and density. Limit: the table knows Reynolds number by speed of rotation alone; the lower Reynolds
-numbers of thin air are left out.
+power at any speed and density. Limit: in the table Reynolds number depends on the speed of rotation alone, so the lower
+Reynolds numbers of thin air are neglected.
 
 Units: V and climb in m/s, thrust in N, power in W, n in rev/s.
 """
@@ -33,7 +33,7 @@ class FullThrottlePerformance:
 
     V : (k,) [m/s]     thrust_N : along the propeller's axis, (k,)     power : available [W], (k,)
     climb : rate of climb [m/s], (k,)
-    covered : by the propeller's table, (k,)     maximum_speed, best_climb : [m/s]; NaN where there is none
+    covered : whether the propeller's table covers it, (k,)     maximum_speed, best_climb : [m/s]; NaN if there is none
     """
 
     V: Array
@@ -46,7 +46,7 @@ class FullThrottlePerformance:
     best_climb_speed: float
 
     def covers_maximum(self) -> bool:
-        """Whether the propeller's table covers the highest level speed; true where that speed is not known."""
+        """Whether the propeller's table covers the highest level speed; true if that speed is not known."""
         maximum = self.maximum_speed.interval_if_known()
         return maximum is None or bool(self.covered[np.argmin(np.abs(self.V - maximum.value))])
 
@@ -54,7 +54,7 @@ class FullThrottlePerformance:
 def full_throttle_performance(
     model: PerformanceModel, condition: Condition, speeds: int = CURVES.fine_points
 ) -> FullThrottlePerformance:
-    """Power available, climb and highest level speed, of a model whose full throttle is known."""
+    """Power available, climb and highest level speed from a model that has parameters of full throttle."""
     (performance,) = full_throttle_performances(model, [condition], speeds)
     return performance
 
@@ -62,7 +62,7 @@ def full_throttle_performance(
 def full_throttle_performances(
     model: PerformanceModel, conditions: Sequence[Condition], speeds: int
 ) -> list[FullThrottlePerformance]:
-    """`full_throttle_performance` for each condition, computed in one step."""
+    """Compute `full_throttle_performance` for all conditions in one step."""
     smallest_CL, largest_CL = model.flown_CL
     slowest, fastest = (np.array([speed_at(CL, c) for c in conditions]) for CL in (largest_CL, smallest_CL))
     V = np.linspace(slowest, PERFORMANCE.fastest_sought * fastest, speeds, axis=1)
@@ -77,14 +77,14 @@ def full_throttle_performances(
 def _performance(
     V: Array, thrust_N: Array, power_W: Array, climb: Array, covered: NDArray[np.bool_]
 ) -> FullThrottlePerformance:
-    """The performance at one condition. power_W, climb: (2m + 1, k)"""
+    """Full throttle at one condition, from power available and climb at the sigma points, each (2m + 1, k)."""
     return FullThrottlePerformance(
         V=V,
         thrust_N=thrust_N,
         power=from_sigma_points(power_W),
         climb=from_sigma_points(climb),
         covered=covered,
-        # At the highest level speed the climb turns into a descent for the last time.
+        # The highest level speed is the last speed at which climb turns into descent.
         maximum_speed=from_sigma_points(_last_crossings(V, climb)),
         best_climb=from_sigma_points(np.fmax.reduce(climb, axis=1)),
         best_climb_speed=float(V[np.argmax(np.nan_to_num(climb[0], nan=-np.inf))]),
@@ -103,7 +103,7 @@ def _climb(
 
 
 def full_throttle_thrust(model: PerformanceModel, V: Array, rho: float) -> Array:
-    """Thrust [N] along the propeller's axis at V (k,) [m/s], of a model whose full throttle is known; NaN as above."""
+    """Thrust [N] along the propeller's axis at full throttle and V (k,) [m/s]; NaN if the motor does not turn it."""
     estimate = {name: points[:1] for name, points in model.sigma_points.items()}
     return np.asarray(_thrust(estimate, model.propeller, V, rho)[1][0])
 
@@ -117,10 +117,10 @@ def _thrust(parameters: SigmaPoints, propeller: Propeller, V: Array, rho: float)
 
 
 def _last_crossings(x: Array, y: Array) -> Array:
-    """Where each sigma point's y (2m + 1, k) falls through zero for the last time over x (k,), linear between points.
+    """The last x at which each sigma point's y (2m + 1, k) falls through zero over x (k,), linear between points.
 
-    A sigma point that does not cross within x is taken to first order: the estimate's crossing shifted by the
-    difference of y over the slope there. NaN where the estimate itself does not cross.
+    A sigma point that does not cross within x gets a first-order value: the estimate's crossing, shifted by the
+    difference of y over the slope there. It is NaN if the estimate itself does not cross.
     """
     falls = (y[:, :-1] > 0) & (y[:, 1:] <= 0)
     crosses, rows = np.asarray(falls.any(axis=1)), np.arange(len(y))
@@ -137,10 +137,10 @@ def _last_crossings(x: Array, y: Array) -> Array:
 
 
 def ceilings_m(model: PerformanceModel, condition: Condition, climbs_mps: tuple[float, ...]) -> list[UncertainValue]:
-    """Density altitudes [m] of the standard atmosphere at which the best climb has fallen to each of `climbs_mps`.
+    """Density altitudes [m] in the standard atmosphere at which the best climb has fallen to each of `climbs_mps`.
 
-    NaN above the troposphere and below sea level. The climb is the best over the lift coefficients flown; the motor's
-    voltage is that of the flight. condition: its weight counts, its density does not.
+    They are NaN above the troposphere and below sea level. The climb is the best over the lift coefficients flown, with
+    the motor's voltage as in the flight. condition: its weight and wing area are used, its density is not
     """
     heights_m = np.linspace(0.0, TROPOPAUSE_M, 23)  # 500 m apart: climb is linear between
     rhos = density(pressure_at(heights_m), temperature_at(heights_m))
@@ -162,9 +162,9 @@ NOT_KNOWN = AvailableResult(
 def available_result(
     full: FullThrottlePerformance, ceilings: list[UncertainValue], basis: str, fastest_mps: float
 ) -> AvailableResult:
-    """Performance at full throttle, with the notes that a reader needs.
+    """Performance at full throttle as results.json has it, with notes for the reader.
 
-    ceilings: service and absolute. basis: what the motor was fitted to. fastest_mps: speed flown.
+    ceilings: service and absolute. basis: what the motor was fitted to, in words. fastest_mps: fastest speed flown.
     """
     maximum = full.maximum_speed.interval_if_known()
     service, absolute = (ceiling.interval_if_known() for ceiling in ceilings)
@@ -191,7 +191,7 @@ def available_result(
 
 
 def _notes_on_speed(full: FullThrottlePerformance, maximum: Interval | None, fastest_mps: float) -> list[str]:
-    """Notes on the highest level speed: why there is none, or why it is an extrapolation."""
+    """Notes on a highest level speed that does not exist or is an extrapolation."""
     if maximum is None and np.nanmax(full.climb.value) > 0:
         return [f"No highest level speed: excess power remains up to {full.V[-1]:.1f} m/s."]
     if maximum is None:

@@ -4,8 +4,8 @@ Model: n = n_0 - n_Q Q. The speed of rotation falls in proportion to the motor's
 the back-EMF falls with the current. Just below full throttle n_0 is smaller in proportion to the throttle. Q is the
 propeller's torque by its table at the measured n, plus the torque that accelerates the rotor.
 
-Limits: n_0 is that of the battery's charge in those stretches (an empty battery has less) and of the motor's
-temperature then.
+Limits: n_0 holds for the battery's charge in those stretches (it is lower with an empty battery) and for the motor's
+temperature in them.
 
 Units: torque in N m, n in rev/s.
 """
@@ -34,7 +34,7 @@ class FullThrottle:
     """The motor at full throttle.
 
     parameters : n_0 (`unloaded_revps` [rev/s]) and n_Q (`revps_per_Nm` [rev/s/(N m)]); None where they are not known
-    basis : what they were fitted to, in words     reason : why they are not known, in words; empty where they are
+    basis : what they were fitted to, in words     reason : why they are not known, in words; else empty
     """
 
     parameters: ParameterVector | None
@@ -84,9 +84,9 @@ def fit_full_throttle(data: pd.DataFrame, propulsion: CompletePropulsion, propel
 
 
 def speed_over_motor_constant(table: pd.DataFrame, propulsion: Propulsion) -> float | None:
-    """Motor speed at full throttle over kV (V - I R), the median; 1 where speed, meter and constants are right.
+    """Median of motor speed at full throttle over kV (V - I R); it is 1 if speed, meter and constants are right.
 
-    table: of `air_data`. None without throttle, voltage, current, or these constants.
+    table: from `air_data`. None without throttle, voltage, current, or these constants.
     """
     kv, resistance = propulsion.motor_kv_rpm_per_volt, propulsion.motor_resistance_ohm
     columns = ["n_revps", "throttle", "battery_V", "battery_A"]
@@ -103,7 +103,7 @@ def speed_over_motor_constant(table: pd.DataFrame, propulsion: Propulsion) -> fl
 def _full_throttle_stretches(
     data: pd.DataFrame, step_s: float, propulsion: CompletePropulsion, propeller: Propeller
 ) -> list[Segment]:
-    """Stretches at full throttle, without what it takes to settle, with the motor's torque [N m]."""
+    """Stretches at full throttle, without the time that the motor needs to settle, with the motor's torque [N m]."""
     full = float(data["throttle"].max())
     at_full = data["throttle"] >= max(FULL_THROTTLE.least, full - EVIDENCE.negligible)
     at_full &= data[["V", "n", "rho"]].notna().all(axis=1) & data["covered"]

@@ -1,14 +1,14 @@
-"""Balance of forces in steady flight, with the part of the weight that thrust carries.
+"""Balance of forces in steady flight, in which thrust carries part of the weight.
 
 L + T sin(alpha) = W cos(gamma) and T cos(alpha) = D + W sin(gamma): (3.21) and (3.22) without accelerations. Power
 required is D V at L = W by its definition (1.3). The thrust of level flight and the climb at full throttle follow from
-the balance here.
+this balance.
 
-The angle of attack is a straight line over C_L, fitted by `incidence` and taken as exact: a quarter of a degree changes
-a climb by 0.1 %.
+The angle of attack is a straight line over C_L, fitted by `incidence` and treated as exact, because an error of a
+quarter of a degree changes a climb by only 0.1 %.
 
-In level flight drag determines thrust, thrust and speed determine the speed of rotation, that the shaft power, and that
-the battery power; best endurance and range with a battery follow, in still air.
+In level flight drag determines thrust; thrust and speed determine the speed of rotation, which gives the shaft power,
+which gives the battery power. Best endurance and range on a battery, in still air, follow from that.
 
 Units: thrust and drag in N, V in m/s, angles in rad.
 """
@@ -45,7 +45,7 @@ class PerformanceModel:
     """Inputs for computing performance.
 
     parameters : A0, A1, A2, thrust_scale, thrust_slope, alpha_0, alpha_CL, shaft_scale, friction, copper, meter_scale;
-    then unloaded_revps and revps_per_Nm, where full throttle is known
+        then unloaded_revps and revps_per_Nm if full throttle is known
     """
 
     parameters: ParameterVector
@@ -56,15 +56,15 @@ class PerformanceModel:
 
     @cached_property
     def sigma_points(self) -> SigmaPoints:
-        """Sigma points of the parameters, as every function of performance takes them."""
+        """Sigma points of the parameters, the input of every function of performance."""
         return self.parameters.sigma_points()
 
 
 def incidence(data: pd.DataFrame) -> ParameterVector:
     """alpha_0 and alpha_CL of alpha [rad] = alpha_0 + alpha_CL C_L, fitted to the flight.
 
-    data : columns CL, alpha, covered (inside the propeller's table, well above the ground); NaN gaps. With fewer than
-    REGRESSION.fewest_blocks_of_flight rows both are zero: thrust along the flight path.
+    data : columns CL, alpha, covered (inside the propeller's table, well above the ground); gaps are NaN. With fewer
+    than REGRESSION.fewest_blocks_of_flight rows both are zero, so thrust acts along the flight path.
     """
     flown = data.loc[data["covered"], ["CL", "alpha"]].dropna()
     if len(flown) < REGRESSION.fewest_blocks_of_flight:
@@ -74,22 +74,22 @@ def incidence(data: pd.DataFrame) -> ParameterVector:
 
 
 def drag(parameters: SigmaPoints, V: Array, CL: Array, condition: Condition) -> Array:
-    """Drag [N] of the polar at V (k,) [m/s] and C_L, (2m + 1, k). parameters : A0, A1, A2"""
+    """Drag [N], (2m + 1, k), of the polar at V (k,) [m/s] and C_L. parameters : A0, A1, A2"""
     return _qS(V, condition) * (parameters["A0"] + parameters["A1"] * CL + parameters["A2"] * CL**2)
 
 
 def steady_thrust(
     parameters: SigmaPoints, V: Array, condition: Condition, sine: Floats = 0.0, load_factor: Floats = 1.0
 ) -> Array:
-    """Thrust [N] of steady flight at V (k,) [m/s], (2m + 1, k). parameters : A0, A1, A2, alpha_0, alpha_CL
+    """Thrust [N], (2m + 1, k), of steady flight at V (k,) [m/s]. parameters : A0, A1, A2, alpha_0, alpha_CL
 
-    Level and straight, or at a climb angle of this sine and a load factor (of a turn: 1/cos of the bank). 1/cos(alpha)
-    makes it larger than drag; the weight that it carries reduces lift, and with it drag. It is below zero in a descent
-    steeper than a glide.
+    Flight is level and straight by default; `sine` is that of the climb angle, and a turn has a load factor of 1/cos of
+    the bank. In level flight thrust exceeds drag by the factor 1/cos(alpha), but the weight that it carries reduces
+    lift, and thereby drag. Thrust is below zero in a descent steeper than a glide.
     """
     carried_N = np.zeros(1)
     normal_N = condition.weight_N * load_factor * np.sqrt(1 - np.square(sine))
-    for _ in range(6):  # each changes the result by a tenth of the change before
+    for _ in range(6):  # each pass changes the result by a tenth of the change in the pass before
         CL = (normal_N - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
         thrust_N = (drag(parameters, V, CL, condition) + condition.weight_N * sine) / np.cos(alpha)
@@ -98,17 +98,17 @@ def steady_thrust(
 
 
 def climb_angle(parameters: SigmaPoints, thrust_N: Array, V: Array, condition: Condition) -> tuple[Array, Array]:
-    """sin(gamma), and thrust along the flight path [N], each (2m + 1, k), at V (k,) [m/s].
+    """The sine of the climb angle and the thrust along the flight path [N], each (2m + 1, k), at V (k,) [m/s].
 
     parameters : A0, A1, A2, alpha_0, alpha_CL     thrust_N : (2m + 1, k), along the propeller's axis
     """
     carried_N, sine = np.zeros(1), np.zeros(1)
-    for _ in range(6):  # each changes the result by a tenth of the change before
+    for _ in range(6):  # each pass changes the result by a tenth of the change in the pass before
         CL = (condition.weight_N * np.sqrt(1 - sine**2) - carried_N) / _qS(V, condition)
         alpha = parameters["alpha_0"] + parameters["alpha_CL"] * CL
         along_path_N, carried_N = thrust_N * np.cos(alpha), thrust_N * np.sin(alpha)
         excess_N = along_path_N - drag(parameters, V, CL, condition)
-        sine = np.clip(excess_N / condition.weight_N, -0.99, 0.99)  # of a climb, not of a steep one
+        sine = np.clip(excess_N / condition.weight_N, -0.99, 0.99)  # never quite vertical
     return sine, along_path_N
 
 
@@ -121,9 +121,9 @@ def _qS(V: Array, condition: Condition) -> Array:
 class LevelFlight:
     """Steady level flight at speeds V (k,) [m/s]; NaN where the propeller cannot give the thrust.
 
-    required : power required, drag at lift = weight times speed [W]     shaft, battery : power [W]
-    propeller, motor, overall : efficiencies (0 to 1); the motor's with its speed controller
-    inside : lift coefficient flown, and propeller's table not extrapolated, (k,)
+    required : power required [W], which is speed times the drag at lift = weight     shaft, battery : power [W]
+    propeller, motor, overall : efficiencies (0 to 1); the motor's includes its speed controller
+    inside : (k,) whether the lift coefficient was flown and the propeller's table is not extrapolated
     battery_at_sigma_points : battery power [W], (2m + 1, k)
     """
 
@@ -138,7 +138,7 @@ class LevelFlight:
     battery_at_sigma_points: Array
 
     def efficiencies(self) -> list[LevelEfficiencyPoint]:
-        """Efficiencies at the speeds at which the propeller gives the thrust, as results.json has them."""
+        """Efficiencies as results.json has them, at the speeds at which the propeller can give the thrust."""
         return [
             LevelEfficiencyPoint(
                 speed_mps=float(v),
@@ -153,18 +153,18 @@ class LevelFlight:
 
 
 def level_flight(model: PerformanceModel, condition: Condition, V: Array) -> LevelFlight:
-    """Power at speeds V (k,) [m/s]."""
+    """Level flight at one weight and density and at speeds V (k,) [m/s]."""
     (flight,) = level_flights(model, [condition], V[None])
     return flight
 
 
 def at_each_speed(conditions: Sequence[Condition], V: Array) -> Condition:
-    """Weights, densities and wing areas (c k,) of conditions (c,) that have the speeds V (c, k)."""
+    """Repeat the weights, densities and wing areas of conditions (c,) for each of their speeds V (c, k), as (c k,)."""
     return Condition(*np.repeat(np.array(conditions), V.shape[1], axis=0).T)
 
 
 def level_flights(model: PerformanceModel, conditions: Sequence[Condition], speeds: Array) -> list[LevelFlight]:
-    """Power at speeds (c, k) [m/s] for each of c conditions, computed in one step."""
+    """Compute level flight for c conditions, each at its own speeds (c, k) [m/s], in one step."""
     condition, V = at_each_speed(conditions, speeds), speeds.ravel()
     parameters, propeller, train = model.sigma_points, model.propeller, model.power_train
     CL, thrust_N = lift_coefficient(V, condition), steady_thrust(parameters, V, condition)
@@ -202,7 +202,7 @@ class Optimum:
     """The best speed among those of a `LevelFlight`.
 
     speed_mps : the best speed     best : endurance [s] or range [m] there     power_W : from the battery there
-    at_slowest, at_fastest : the best speed lies at that end     inside : as `LevelFlight.inside` there
+    at_slowest, at_fastest : whether the best speed is at that end     inside : `LevelFlight.inside` there
     """
 
     speed_mps: UncertainValue
@@ -214,19 +214,19 @@ class Optimum:
 
 
 def best_endurance(flight: LevelFlight, energy_J: float, sustained: NDArray[np.bool_]) -> Optimum:
-    """The speed of best endurance. energy_J : from the battery     sustained : (k,) speeds to choose from"""
+    """The speed of best endurance. energy_J : from the battery     sustained : (k,) mask of speeds to choose from"""
     return _optimum(flight, sustained, energy_J / flight.battery_at_sigma_points)
 
 
 def best_range(flight: LevelFlight, energy_J: float, sustained: NDArray[np.bool_]) -> Optimum:
-    """The speed of best range. energy_J : from the battery     sustained : (k,) speeds to choose from"""
+    """The speed of best range. energy_J : from the battery     sustained : (k,) mask of speeds to choose from"""
     return _optimum(flight, sustained, energy_J / flight.battery_at_sigma_points * flight.V)
 
 
 def _optimum(flight: LevelFlight, sustained: NDArray[np.bool_], objective: Array) -> Optimum:
     """The speed at which the objective (2m + 1, k) is largest.
 
-    Every sigma point has its own optimum: the value there is known better than the speed.
+    Every sigma point has its own optimum, because the value at the optimum is known better than its speed.
     """
     speed, best = (from_sigma_points(values) for values in _maxima(flight.V, np.where(sustained, objective, np.nan)))
     power_W = [np.interp(float(speed.value), flight.V, values) for values in flight.battery_at_sigma_points]
@@ -242,9 +242,9 @@ def _optimum(flight: LevelFlight, sustained: NDArray[np.bool_], objective: Array
 
 
 def _maxima(x: Array, y: Array) -> tuple[Array, Array]:
-    """Place and height (m,) of the maximum of each row of y (m, k) over even x (k,), NaN where none is known.
+    """Place and height (m,) of the maximum of each row of y (m, k) over evenly spaced x (k,); NaN for rows of NaN.
 
-    Each by a parabola through the highest point and its neighbors, where it has both.
+    The maximum is that of a parabola through the highest point and its neighbors, if it has both.
     """
     rows = np.arange(len(y))
     highest = np.argmax(np.where(np.isnan(y), -np.inf, y), axis=1)

@@ -1,4 +1,4 @@
-"""Endurance and range of a curve of electrical power at other weights, in sentences: no propeller's table is needed."""
+"""Sentences on endurance and range at other weights, from a curve of electrical power; no propeller table is needed."""
 
 from collections.abc import Iterable
 
@@ -18,9 +18,9 @@ NO_MODEL = (
 
 
 def electrical_at_weights(curve: Curve, weights_N: Iterable[float], battery: BatteryResult | None) -> list[str]:
-    """A sentence for each weight [N]: least power and least energy per distance, by equal lift coefficients.
+    """A sentence for each weight [N] on least power and least energy per distance, at equal lift coefficients.
 
-    battery : with it also endurance and range
+    battery : adds endurance and range; None if it is not known
     """
     return [_sentence(curve.at(curve.condition._replace(weight_N=W)), battery) for W in weights_N]
 

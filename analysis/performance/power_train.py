@@ -1,10 +1,10 @@
-"""Propeller, motor and battery: speed of rotation for a thrust or at full throttle, and losses fitted to the flight.
+"""Models of motor and battery: losses between propeller shaft and battery, fitted to the flight or assumed.
 
-Thrust is the table's times 1 + thrust_scale + thrust_slope (J - J_REFERENCE), the correction that the dynamic method
-estimates in flight. Shaft power comes from the speed of rotation and the propeller's table (3.48). Where the log has
-voltage and current of the battery, the losses between shaft and battery are fitted to slow stretches of the flight.
-Otherwise they come from the motor in the aircraft file, with wide standard errors, and `basis` says so; if the file has
-no motor, a typical motor is assumed, which loses a tenth of the highest power in friction and iron and a tenth in
+Thrust is the table's thrust times 1 + thrust_scale + thrust_slope (J - J_REFERENCE), the correction that the dynamic
+method estimates in flight. Shaft power comes from the speed of rotation and the propeller's table (3.48). Where the log
+has voltage and current of the battery, the losses between shaft and battery are fitted to slow stretches of the flight.
+Otherwise they come from the motor in the aircraft file, with wide standard errors, and `basis` says so. If the file has
+no motor, a typical motor is assumed, which loses a tenth of the highest power to friction and iron and another tenth to
 copper.
 
 Units: V in m/s, n in rev/s, thrust in N, power in W, torque in N m, rho in kg/m^3.
@@ -34,7 +34,7 @@ from flightpower.flight.runs import STANDING
 
 
 def torque_constant(propulsion: CompletePropulsion) -> float:
-    """Torque by current [N m/A], which is also voltage by speed of rotation [V s/rad]."""
+    """Torque per current [N m/A], which is also voltage per speed of rotation [V s/rad]."""
     return float(60 / (2 * np.pi * propulsion.motor_kv_rpm_per_volt))
 
 
@@ -43,8 +43,8 @@ class PowerTrainModel:
     """Losses from the shaft to the battery: P_battery = (s P_shaft + f n + c (Q + Q_0)^2) / (1 + meter_scale).
 
     parameters : s `shaft_scale`, true shaft power over the table's; f `friction` [W s/rev]; c `copper` [W/(N m)^2];
-    `meter_scale`, relative error of the measured battery power, which is also in s, f and c
-    no_load_torque_Nm : Q_0, of the motor's no-load current
+        `meter_scale`, relative error of the measured battery power, which s, f and c contain too
+    no_load_torque_Nm : Q_0, torque of the motor's no-load current
     measured : whether s, f and c are fitted to battery data     basis : where they come from, in words
     """
 
@@ -64,21 +64,22 @@ class PowerTrainModel:
         ]
 
     def battery_power(self, shaft_W: Array, n: Array, parameters: SigmaPoints) -> Array:
-        """Battery power [W], (2m + 1, k), at the table's shaft power [W] and n [rev/s]. parameters : those above"""
+        """Battery power [W], (2m + 1, k), at the table's shaft power [W] and n [rev/s]. parameters : this model's"""
         losses = (parameters[name] for name in ("shaft_scale", "friction", "copper"))
         torque_Nm = shaft_W / (2 * np.pi * n) + self.no_load_torque_Nm
         measured_W: Array = _measured_battery_power(shaft_W, torque_Nm, n, losses)
         return measured_W / (1 + parameters["meter_scale"])
 
     def shaft_power(self, shaft_W: Array, parameters: SigmaPoints) -> Array:
-        """True shaft power [W], (2m + 1, k), of the table's [W]. parameters : shaft_scale, meter_scale"""
+        """True shaft power [W], (2m + 1, k), from the table's [W]. parameters : shaft_scale, meter_scale"""
         return shaft_W * parameters["shaft_scale"] / (1 + parameters["meter_scale"])
 
 
 def _measured_battery_power(shaft_W: Any, torque_Nm: Any, n: Any, losses: Any) -> Any:
-    """Battery power [W] as its meter shows it: shaft power, friction in proportion to n, heat of the current.
+    """Battery power [W] as the meter shows it: shaft power, friction in proportion to n, and heat of the current.
 
-    Of arrays, or of CasADi symbols. torque_Nm: with that of the no-load current. losses: shaft_scale, friction, copper
+    It works on arrays or CasADi symbols. torque_Nm: includes the torque of the no-load current. losses: shaft_scale,
+    friction, copper
     """
     shaft_scale, friction, copper = losses
     return shaft_scale * shaft_W + friction * n + copper * torque_Nm**2
@@ -96,7 +97,8 @@ def fit_power_train(
     """Fit the losses between shaft and battery to slow stretches of a flight.
 
     data : index t_s, even steps; columns V, n, rho, covered (by the propeller's table), battery_W (NaN: not measured)
-    thrust_scale, thrust_slope : correction of the table's thrust as estimated, for the measured efficiencies
+    thrust_scale, thrust_slope : estimated correction of the table's thrust, used for the measured efficiencies
+    motor_source : where the motor's constants come from, as words for `basis`
     """
     k = torque_constant(propulsion)
     friction = 2 * np.pi * k * propulsion.motor_no_load_current_A
@@ -166,7 +168,7 @@ def _slow_stretches(data: pd.DataFrame, propulsion: CompletePropulsion, propelle
         piece = data.iloc[rows]
         V, n, rho = (piece[name].to_numpy() for name in ("V", "n", "rho"))
         thrust_N, shaft_W = propeller.thrust_and_power(V, n, rho)
-        # The power that accelerates the rotor comes from the battery too.
+        # The power that accelerates the rotor also comes from the battery.
         inertia_kgm2 = propulsion.propeller_inertia_kgm2
         shaft_W = shaft_W + (2 * np.pi) ** 2 * inertia_kgm2 * n * acceleration.iloc[rows].to_numpy()
         if np.min(shaft_W) > 0 and np.min(thrust_N) > 0:
@@ -179,7 +181,7 @@ def _slow_stretches(data: pd.DataFrame, propulsion: CompletePropulsion, propelle
 def _efficiencies(
     segment: Segment, propeller: Propeller, shaft_scale: float, thrust_scale: float, thrust_slope: float
 ) -> list[MeasuredEfficiencyPoint]:
-    """Means over parts of a slow stretch of some seconds each."""
+    """Mean efficiencies over parts of a slow stretch, each a few seconds long."""
     efficiencies = []
     parts = max(1, round(len(segment) * segment.step_s / STEADY_POINT.smoothing_s))
     for rows in np.array_split(np.arange(len(segment)), parts):
@@ -210,12 +212,12 @@ WHY_ASSUMED = (
 
 
 def motor_is_known(propulsion: Propulsion) -> bool:
-    """Whether the aircraft file has the three constants of the motor."""
+    """Whether the aircraft file has all three constants of the motor."""
     return all(getattr(propulsion, name) is not None for name in MOTOR)
 
 
 def with_assumed_motor(propulsion: Propulsion, data: pd.DataFrame, propeller: PropellerModel) -> CompletePropulsion:
-    """The power train of the aircraft file, with assumptions for what it lacks.
+    """The power train of the aircraft file, with assumed values for keys that it lacks.
 
     data : columns V [m/s], n [rev/s], rho [kg/m^3], covered (by the propeller's table)
     """
@@ -231,14 +233,14 @@ def with_assumed_motor(propulsion: Propulsion, data: pd.DataFrame, propeller: Pr
         assumed["motor_no_load_current_A"] = ASSUMED_MOTOR.loss_share * power_W / (2 * np.pi * n * k)
         assumed["motor_resistance_ohm"] = ASSUMED_MOTOR.loss_share * power_W * (k / torque_Nm) ** 2
     given_values = {name: value for name, value in vars(propulsion).items() if value is not None}
-    if not motor_is_known(propulsion):  # one constant says little without the others
+    if not motor_is_known(propulsion):  # one constant is of little use without the others
         given_values = {name: value for name, value in given_values.items() if name not in MOTOR}
     unused = {"propeller": "", "max_rpm": 0.0, "pole_pairs": 1, "battery_energy_Wh": 0.0}
     return CompletePropulsion(**{**unused, **assumed, **given_values})
 
 
 def _highest_power(data: pd.DataFrame, propeller: PropellerModel) -> tuple[float, float]:
-    """Highest shaft power of the flight by the propeller's table [W], and its speed of rotation [rev/s]."""
+    """Highest shaft power in the flight by the propeller's table [W], and the speed of rotation there [rev/s]."""
     turning = data[data["covered"] & (data["n"] > STANDING.motor_revps)]
     if turning.empty:
         return 100.0, 100.0

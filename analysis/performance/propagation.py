@@ -1,4 +1,4 @@
-"""Propagation of uncertainty: estimated parameters and their covariance, carried through any function by sigma points.
+"""Propagation of estimated parameters and their covariance through any function, by sigma points.
 
 The function is evaluated at the estimate and at one standard error up and down each principal direction of the
 covariance. The standard error is exact where the function is linear, and first order elsewhere. Nothing is drawn at
@@ -16,7 +16,7 @@ from flightpower.analysis.estimation.noise import NORMAL_95
 from flightpower.analysis.records.flight import Interval
 from flightpower.flight.arrays import Array
 
-SigmaPoints = dict[str, Array]  # by name of the parameter, each (2m + 1, 1)
+SigmaPoints = dict[str, Array]  # sigma points (2m + 1, 1) of each parameter, by its name
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class ParameterVector:
     covariance: Array
 
     def sigma_points(self) -> SigmaPoints:
-        """Each parameter as (2m + 1, 1).
+        """The sigma points (2m + 1, 1) of each parameter.
 
-        First the estimate, then m points one standard error up and m points one standard error down each principal
-        direction of the covariance. `from_sigma_points` takes what is computed from them, in the same order.
+        The first is the estimate; m points one standard error up and m points one standard error down each principal
+        direction of the covariance follow. Pass results computed from them to `from_sigma_points`, in the same order.
         """
         variance, directions = np.linalg.eigh(self.covariance)
         steps = (directions * np.sqrt(np.maximum(variance, 0.0))).T
@@ -40,7 +40,7 @@ class ParameterVector:
 
 
 def combine_independent(*parts: ParameterVector) -> ParameterVector:
-    """One vector of parameters whose parts are uncorrelated with one another."""
+    """Join vectors of parameters into one, in which the parts are uncorrelated with one another."""
     return ParameterVector(
         tuple(name for part in parts for name in part.names),
         np.concatenate([part.values for part in parts]),
@@ -55,7 +55,7 @@ def exact(**values: float) -> ParameterVector:
 
 
 class UncertainValue(NamedTuple):
-    """A quantity and its standard error, of the same shape; NaN where it does not exist."""
+    """A quantity and its standard error, both of the same shape, and NaN where the quantity does not exist."""
 
     value: Array
     standard_error: Array
@@ -71,7 +71,7 @@ class UncertainValue(NamedTuple):
         return self.value + NORMAL_95 * self.standard_error
 
     def at(self, i: int | slice) -> "UncertainValue":
-        """Element i, or some, of a quantity of shape (k,)."""
+        """Element i, or a slice, of a quantity with shape (k,)."""
         return UncertainValue(self.value[i], self.standard_error[i])
 
     def interval_if_known(self) -> Interval | None:
@@ -81,8 +81,8 @@ class UncertainValue(NamedTuple):
         return Interval(value=float(self.value), lo=float(self.lo), hi=float(self.hi))
 
     def interval(self, least: float = -np.inf) -> Interval:
-        """The interval; zero width if the standard error is unknown. Its lower end is clipped at `least`, but
-        never above the value."""
+        """The 95 % interval, or one of zero width if the standard error is unknown. Its lower end is at least `least`,
+        unless the value itself is lower."""
         finite_interval = self.interval_if_known()
         value = float(self.value)
         lo, hi = (finite_interval.lo, finite_interval.hi) if finite_interval else (value, value)
@@ -90,7 +90,7 @@ class UncertainValue(NamedTuple):
 
 
 def from_sigma_points(values: ArrayLike) -> UncertainValue:
-    """Value and standard error (…) of a quantity that was computed at sigma points, (2m + 1, …)."""
+    """Value and standard error (…) of a quantity that was computed at the sigma points, as (2m + 1, …)."""
     values = np.asarray(values, dtype=float)
     m = len(values) // 2
     half = (values[1 : m + 1] - values[m + 1 :]) / 2

@@ -1,4 +1,4 @@
-"""What the user asks of performance: battery, weights, density altitudes; checked before anything is computed."""
+"""The user's request for performance: battery, weights and density altitudes, checked before anything is computed."""
 
 import math
 import re
@@ -32,7 +32,7 @@ CHARGE_AND_VOLTAGE = re.compile(r"(?P<charge>.*[hHC])\s*(?:,|at|@|[xX×*])?\s*(?
 class Request:
     """Battery energy [Wh] (None: the aircraft file's), its usable share, and the conditions to compute.
 
-    Empty weights or density altitudes: those of the flight, and some around them.
+    If weights or density altitudes are empty, the flight's own and some larger ones are used.
     """
 
     battery_Wh: float | None = None
@@ -41,7 +41,7 @@ class Request:
     density_altitudes_m: tuple[float, ...] = ()
 
     def battery(self, aircraft: Aircraft | None) -> BatteryResult | None:
-        """The battery of this request, else of the aircraft file; None if neither gives its energy."""
+        """The battery, with energy from this request or else the aircraft file; None if neither has it."""
         in_file = aircraft.propulsion.battery_energy_Wh if aircraft else None
         energy_Wh = in_file if self.battery_Wh is None else self.battery_Wh
         return None if energy_Wh is None else BatteryResult(energy_Wh=energy_Wh, usable=self.usable)
@@ -57,13 +57,13 @@ class Request:
         ]
 
     def questions(self, flown_weight_N: float) -> list[str]:
-        """Requests far from the aircraft's values, each as a question."""
+        """Questions about requested values that are far from the aircraft's own."""
         questions = [unusual_weight("--weights", weight_N, flown_weight_N) for weight_N in self.weights_N]
         return [question for question in (*questions, unusual_battery(self.battery_Wh, flown_weight_N)) if question]
 
 
 def unusual_weight(option: str, weight_N: float, flown_weight_N: float) -> str:
-    """A question about a weight three times that flown or more, or a third of it or less; else empty."""
+    """A question about a weight at least three times the weight flown or at most a third of it; else empty."""
     most = 3.0  # batteries and payload of small aircraft double the weight at most
     ratio = weight_N / flown_weight_N
     if 1 / most < ratio < most:
@@ -79,7 +79,7 @@ def unusual_battery(energy_Wh: float | None, weight_N: float) -> str:
     """A question about a battery that the aircraft cannot carry, or that lasts for seconds; else empty."""
     if energy_Wh is None:
         return ""
-    least, most = 1.0, 300.0  # Wh/kg: a minute of hover takes more; the best cells, without any aircraft, have as much
+    least, most = 1.0, 300.0  # Wh/kg: a minute of hover needs the former; only the best bare cells have the latter
     share = energy_Wh * GRAVITY_MPS2 / weight_N
     if least < share < most:
         return ""
@@ -97,9 +97,9 @@ def parse_request(
 ) -> Request:
     """Request from the options' text: "74 Wh" or "5000 mAh, 14.8 V", "80 %", "3.8 kg, 4.1 kg", "0 m, 5000 ft".
 
-    Plain numbers are watt hours, and a share between 0 and 1.
+    A plain number is an energy in watt hours, or a usable share between 0 and 1.
 
-    Raises InputError naming the option and what it should be.
+    Raises InputError that names the option and what it should be.
     """
     return Request(
         battery_Wh=None if battery_Wh is None else _battery_Wh(battery_Wh),
@@ -112,7 +112,7 @@ def parse_request(
 
 
 def _battery_Wh(text: str) -> float:
-    """Energy [Wh] of "74", "74 Wh", or of charge and voltage as printed on a battery: "5000 mAh, 14.8 V"."""
+    """Energy [Wh] from "74", "74 Wh", or charge and voltage as printed on a battery: "5000 mAh, 14.8 V"."""
     match = CHARGE_AND_VOLTAGE.fullmatch(text)
     value = _si_or_nan(match["charge"], "A h") * _si_or_nan(match["voltage"], "V") if match else _number(text, "W h")
     if math.isnan(value) and not math.isnan(_si_or_nan(text, "A h")):
@@ -127,7 +127,7 @@ def _battery_Wh(text: str) -> float:
 
 
 def voltage_of(text: str) -> float | None:
-    """The voltage [V] of a battery given by charge and voltage; None of one given by energy."""
+    """The voltage [V] if the text gives the battery by charge and voltage; None if it gives an energy."""
     match = CHARGE_AND_VOLTAGE.fullmatch(text)
     return _si_or_nan(match["voltage"], "V") if match else None
 
@@ -156,7 +156,7 @@ def _si_or_nan(text: str, unit: str) -> float:
 
 
 def parse_weight(text: str, option: str = "--weights") -> float:
-    """The weight [N] of a text such as "4.1 kg" or "40 N". Raises InputError naming the option."""
+    """The weight [N] from a text such as "4.1 kg" or "40 N". Raises InputError that names the option."""
     wanted = InputError(
         f"{option} {text.strip()!r}: should be masses or weights above zero and below {ASKED.heaviest_kg:.0f} kg,"
         ' such as "3.8 kg, 9.5 lbf"'
@@ -205,7 +205,7 @@ def density_altitude_m(rho: ArrayLike) -> NDArray[np.float64]:
 
 
 def requested_conditions(request: Request, flight: FlownCondition) -> list[TitledCondition]:
-    """Every requested weight in every requested air, without the flight's own condition."""
+    """Every requested weight combined with every requested density, without the flight's own condition."""
     return [
         TitledCondition(
             ", ".join(part for part in (weight_title, air_title) if part),

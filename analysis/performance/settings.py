@@ -1,4 +1,4 @@
-"""Priors, limits and steps for performance that the flight itself does not determine."""
+"""Priors, limits and steps that the computation of performance uses and a flight does not determine."""
 
 from dataclasses import dataclass
 
@@ -24,18 +24,18 @@ class PowerTrain(Settings):
 
     @property
     def shortest_s(self) -> float:
-        """A slow stretch that is shorter is left out: three windows of the average."""
+        """Shorter slow stretches are left out; this is three windows of the moving average."""
         return 3 * LOADS.smoothing_s
 
     @property
     def needed_s(self) -> float:
-        """Time of slow flight required in all, two points of efficiency; with less, losses stay as assumed."""
+        """Total time of slow flight required, which gives two points of efficiency; with less, losses are assumed."""
         return 2 * STEADY_POINT.smoothing_s
 
 
 @dataclass(frozen=True)
 class AssumedMotor(Settings):
-    """The motor that stands in where the aircraft file lacks its constants; its losses have wide priors anyway."""
+    """The motor that is assumed if the aircraft file lacks its constants; the losses have wide priors in any case."""
 
     loss_share: float = setting(
         0.1, "1", "a motor that fits its propeller loses a tenth of the highest power each to friction and to copper"
@@ -48,19 +48,19 @@ class AssumedMotor(Settings):
 
 @dataclass(frozen=True)
 class FullThrottleFlown(Settings):
-    """What counts as full throttle in the flight."""
+    """Limits for stretches of the flight to count as full throttle."""
 
     least: float = setting(0.97, "1", "of the stick's travel; less is not full throttle")
     settling_s: float = setting(0.6, "s", "after the stick moves: ramp of the speed controller, inertia of the motor")
 
     @property
     def needed_s(self) -> float:
-        """Time of settled full throttle required in all, two stretches; with less it is unknown."""
+        """Total time of settled full throttle required, two shortest stretches; with less, full throttle is unknown."""
         return 2 * self.shortest_s
 
     @property
     def shortest_s(self) -> float:
-        """A settled stretch that is shorter is left out: one window of the average of motor speed."""
+        """Shorter settled stretches are left out; this is one window of the moving average of motor speed."""
         return LOADS.smoothing_s
 
 
@@ -73,7 +73,7 @@ class Performance(Settings):
 
 @dataclass(frozen=True)
 class Asked(Settings):
-    """Conditions that performance is computed for where the user asks for none, and limits of what can be asked."""
+    """Conditions that performance is computed for by default, and limits for the user's requests."""
 
     usable: float = setting(0.8, "1", "share of a battery's energy: common for lithium polymer")
     payload_kg: float = setting(0.3, "kg", "added once and twice to the weight flown")
@@ -91,7 +91,7 @@ ASKED = Asked()
 
 @dataclass(frozen=True)
 class ParameterSettings(Settings):
-    """Which values an autopilot is given."""
+    """Limits for a value to be given to an autopilot."""
 
     widest_share: float = setting(
         0.4, "1", "half width of an interval over its value beyond which a value for an autopilot is withheld"

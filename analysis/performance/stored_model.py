@@ -1,4 +1,4 @@
-"""The model of performance as `results.json` holds it, so that it is computed from again without the log."""
+"""The model of performance in `results.json`, from which performance can be computed again without the log."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ FULL_THROTTLE = ("unloaded_revps", "revps_per_Nm")
 
 
 def model_result(model: PerformanceModel) -> ComputationModel:
-    """The form of `results.json`."""
+    """The model in the form of `results.json`."""
     parameters, propeller = model.parameters, model.propeller
     rows = [PropellerRow(rpm=row.rpm, J=list(row.J), cT=list(row.cT), cP=list(row.cP)) for row in propeller.rows]
     return ComputationModel(
@@ -34,7 +34,7 @@ def model_result(model: PerformanceModel) -> ComputationModel:
 
 
 def model_of(result: ComputationModel) -> PerformanceModel:
-    """The model read back, without parts that only the page shows. Raises InputError for an impossible propeller."""
+    """The model from `results.json`, without parts only for pages. Raises InputError for an impossible propeller."""
     parameters = ParameterVector(
         tuple(result.names), np.array(result.values), np.array(result.covariance).reshape(2 * (len(result.names),))
     )
