@@ -1,7 +1,7 @@
-"""Scale and zero of the airspeed, and the wind, from airspeed against GPS ground speed on changing headings.
+"""Scale and zero of the airspeed, and the wind, from airspeed compared with GPS ground speed on changing headings.
 
 The horizontal wind is constant except for a linear trend. Its other changes are in the residuals, which are correlated
-over seconds; their most likely standard deviation and correlation time are estimated too (`most_likely_noise`).
+over seconds; their most likely standard deviation and correlation time are also estimated (`most_likely_noise`).
 
 `most_probable` gives the maximum a posteriori parameters here, and those of the energy balance in `fit`.
 """
@@ -21,12 +21,12 @@ from flightpower.analysis.sources.autopilot_settings import READABLE
 from flightpower.analysis.sources.grid_settings import FLIGHT
 from flightpower.flight.arrays import Array
 
-TOLERANCE = 1e-6  # of the cost and of the parameters, relative
-ROOT_EPS = float(np.sqrt(np.finfo(float).eps))  # step of a derivative by differences, relative
+TOLERANCE = 1e-6  # relative tolerance of the cost and of the parameters
+ROOT_EPS = float(np.sqrt(np.finfo(float).eps))  # relative step of a numerical derivative
 
 
 def correlation(apart_s: Array, time_s: float) -> Array:
-    """Correlation matrix of first-order noise at instants `apart_s` (n, n) from each other."""
+    """Correlation matrix (n, n) of first-order noise at instants that are `apart_s` (n, n) apart."""
     return np.asarray((1 - GPS.white_share) * np.exp(-apart_s / time_s) + GPS.white_share * np.eye(len(apart_s)))
 
 
@@ -41,9 +41,9 @@ def most_probable(
 ) -> tuple[Array, Array]:
     """Maximum a posteriori parameters (m,), and the derivative (n + m + k, m) of whitened residuals and priors there.
 
-    residual: of (m,), (n,). factor: (n, n), the lower Cholesky factor of its covariance. mean, sigma: (m,) of the
-    prior; infinite for a parameter without one. measured: rows (k, m) and values (k,) of combinations that were
-    measured before, in units of their errors.
+    residual: function of parameters (m,) that gives (n,). factor: (n, n), the lower Cholesky factor of its covariance.
+    mean, sigma: (m,) of the prior; sigma is infinite for a parameter without a prior. measured: rows (k, m) and values
+    (k,) of linear combinations that were measured before the flight, in units of their errors.
     """
     rows, values = measured or (np.zeros((0, len(mean))), np.zeros(0))
 
@@ -53,7 +53,7 @@ def most_probable(
         return np.concatenate([whitened(factor, residual(x)), (x - mean) / sigma, rows @ x - values])
 
     def derivative(x: Array) -> Array:
-        """Numerical, of the residuals before they are whitened, which is then done to all columns at once."""
+        """Differentiate the residuals numerically, and whiten all columns of the derivative at once."""
         base, columns = residual(x), []
         for i in range(len(x)):
             moved = x.copy()
@@ -67,19 +67,17 @@ def most_probable(
 
 
 def root(covariance: Array) -> Array:
-    """The lower Cholesky factor (n, n). Raises LinAlgError where it is not positive definite."""
+    """The lower Cholesky factor (n, n) of a covariance. Raises LinAlgError if this is not positive definite."""
     return np.asarray(np.linalg.cholesky(covariance), dtype=float)
 
 
 def whitened(factor: Array, values: Array) -> Array:
-    """Residuals (n,), or columns (n, k), in units of their errors; factor: the lower Cholesky factor (n, n) of their
-    covariance.
-    """
+    """Whiten residuals (n,), or columns (n, k). factor: the lower Cholesky factor (n, n) of their covariance"""
     return np.asarray(solve_triangular(factor, values, lower=True, check_finite=False))
 
 
 def most_likely_noise(residual: Array, apart_s: Array, times_s: Sequence[float]) -> tuple[float, float]:
-    """Standard deviation and correlation time of greatest likelihood, the latter out of `times_s`."""
+    """The most likely standard deviation and correlation time of residuals; the time is one of `times_s`."""
     best = (np.inf, 1.0, times_s[0])
     for time_s in times_s:
         factor = root(correlation(apart_s, time_s))
@@ -93,8 +91,8 @@ def most_likely_noise(residual: Array, apart_s: Array, times_s: Sequence[float])
 class AirspeedErrors(NamedTuple):
     """scale : fraction by which airspeed reads high; zero_Pa : remaining zero of the pitot; covariance (2, 2) of both.
 
-    wind_mps, wind_from_deg : mean over the flight; None where the log has no GPS
-    wind, wind_covariance : (4,) of `ground_velocity.WIND`, (4, 4), where airspeed is the velocity by GPS less the wind
+    wind_mps, wind_from_deg : mean wind over the flight; None where the log has no GPS
+    wind, wind_covariance : (4,) of `parameters.WIND` and (4, 4), if airspeed is GPS velocity less the wind; else None
     """
 
     scale: float
@@ -102,13 +100,14 @@ class AirspeedErrors(NamedTuple):
     covariance: Array
     wind_mps: float | None
     wind_from_deg: float | None
-    prior_sigma: float = GPS.scale_sigma  # of the scale
+    prior_sigma: float = GPS.scale_sigma  # prior standard deviation of the scale
     wind: Array | None = None
     wind_covariance: Array | None = None
 
     @property
     def by_gps(self) -> float:
-        """How far GPS determines true airspeed, 0 to 1: to that part an error of density changes the scale instead."""
+        """The share, 0 to 1, to which GPS determines true airspeed; an error of density changes the scale by this share
+        and airspeed by the rest."""
         if self.wind is not None:
             return 1.0
         return 1.0 - min(1.0, self.scale_variance / self.prior_sigma**2)
@@ -119,7 +118,7 @@ class AirspeedErrors(NamedTuple):
 
     @property
     def mean_wind_covariance(self) -> Array | None:
-        """(2, 2), where airspeed is the velocity by GPS less the wind."""
+        """Covariance (2, 2) of the mean wind, if airspeed is GPS velocity less the wind; else None."""
         return None if self.wind_covariance is None else block(WIND, self.wind_covariance, MEAN_WIND)
 
 
@@ -132,12 +131,12 @@ def one_way(north_mps: Array, east_mps: Array, errors: AirspeedErrors) -> float:
 
 
 def true_airspeed(pressure_Pa: Array, rho: Array, scale: float, zero_Pa: float) -> Array:
-    """True airspeed (n,) [m/s] from the pitot's pressure."""
+    """True airspeed (n,) [m/s] from the pitot's pressure, corrected for scale and zero."""
     return np.asarray(np.sqrt(2 * np.maximum(pressure_Pa - zero_Pa, 1.0) / rho) / (1 + scale))
 
 
 def by_wind(wind: Array, covariance: Array) -> AirspeedErrors:
-    """Errors of an airspeed taken as GPS velocity less a wind (4,) with covariance (4, 4)."""
+    """Errors of an airspeed that is GPS velocity less a wind (4,) with covariance (4, 4)."""
     wind_mps, wind_from_deg = _speed_and_direction(unpack(WIND, wind))
     return AirspeedErrors(0.0, 0.0, np.zeros((2, 2)), wind_mps, wind_from_deg, wind=wind, wind_covariance=covariance)
 
@@ -167,12 +166,13 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
     apart_s = np.abs(elapsed[:, None] - elapsed)
 
     def by_pitot(x: Array) -> Array:
-        """Right where gusts and noise are in the pitot's airspeed alone: no parameter acts on it."""
+        """Residuals of the pitot's airspeed. They are right if only this airspeed contains gusts and noise."""
         p = unpack(names, x)
         return np.asarray(np.sqrt(np.maximum((1 + p.scale) ** 2 * through_air(p) + 2 * p.zero_Pa / rho, 0.1)) - seen)
 
     def by_gps(x: Array) -> Array:
-        """Right where they are in the velocity by GPS, as slow gusts are, which carry the aircraft along."""
+        """Residuals of the airspeed from GPS. They are right if only GPS velocity contains gusts and noise, as it does
+        with slow gusts, which carry the aircraft along."""
         p = unpack(names, x)
         return np.asarray(np.sqrt(through_air(p)) - true_airspeed(pressure, rho, p.scale, p.zero_Pa))
 
@@ -185,7 +185,7 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
     (x, covariance), (other, other_covariance) = (
         _solved(equations, priors, start, apart_s) for equations in (by_pitot, by_gps)
     )
-    # The truth is between both regressions (R. Frisch, 1934), evenly; no estimate is less certain than its prior.
+    # The truth lies between both regressions (R. Frisch, 1934), evenly distributed. No flight widens the prior.
     values, half = unpack(names, (x + other) / 2), pack(AIRSPEED, unpack(names, (x - other) / 2))
     before = np.diag(1 / prior_sigma**2)
     by_flight = np.linalg.inv((covariance + other_covariance) / 2) - before
@@ -196,7 +196,7 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
 
 
 def _solved(residual: Callable[[Array], Array], sigma_of: Array, start: Array, apart_s: Array) -> tuple[Array, Array]:
-    """Most probable parameters (6,), and the covariance (2, 2) of scale and zero, with the most likely noise."""
+    """Most probable parameters (6,), and the covariance (2, 2) of scale and zero, for the most likely noise."""
     x, sigma, time_s = start, 1.0, GPS.correlation_s[0]
     for _ in range(3):
         factor = root(sigma**2 * correlation(apart_s, time_s))

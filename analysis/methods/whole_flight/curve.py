@@ -2,8 +2,8 @@
 
 `flown_aircraft` takes mass, wing area and span, which the balance needs, from an aircraft file or from options.
 
-`estimate` corrects the airspeed, fits the balance with a propeller's efficiency and with a power law, of which the
-latter needs overwhelming evidence, and gives the curve between the slowest and the fastest speed flown.
+`estimate` corrects the airspeed, fits the balance with a propeller's efficiency and with a power law, which it accepts
+only on overwhelming evidence, and gives the curve between the slowest and the fastest speed flown.
 """
 
 from dataclasses import dataclass
@@ -62,9 +62,9 @@ class FlownAircraft:
 def flown_aircraft(
     aircraft: Aircraft | None, weight_N: float | None, wing_area_m2: float | None, span_m: float | None, log: str
 ) -> FlownAircraft:
-    """The aircraft of a file, with each given value in place of the file's.
+    """The aircraft of a file, in which each value given here replaces the file's.
 
-    Raises InputError, in one line, when a value is missing or the aspect ratio impossible.
+    Raises InputError, in one line, when a value is missing or the aspect ratio is impossible.
     """
     options = {"weight_N": weight_N, "wing_area_m2": wing_area_m2, "span_m": span_m}
     values = {name: value for name, value in options.items() if value is not None}
@@ -90,7 +90,7 @@ def flown_aircraft(
 
 @dataclass(frozen=True)
 class CurveOfFlight:
-    """The curve of a whole flight, and the parameters that it follows from."""
+    """The curve of a whole flight, and the parameters from which it follows."""
 
     curve: Curve
     parameters: Estimate
@@ -116,13 +116,14 @@ class CurveOfFlight:
 class ElectricalEstimate(CurveOfFlight):
     """Electrical power of level flight at the flight's weight and density.
 
-    curve : with noise as its own errors, and those that the whole flight shares by `Source`
-    among_flights : its power with the errors that differ between flights as its own, and those of the aircraft by name
-    residual_W : (k,) of the windows of time_s (k,)
-    measured_V_mps, measured_W : (k,) the windows reduced to level flight
+    curve : its own errors are noise; errors that the whole flight shares are named by `Source`
+    among_flights : the curve's power; its own errors are those that differ between flights, and errors of the aircraft
+        are shared by name
+    residual_W : (k,) residuals of the windows with centers time_s (k,)
+    measured_V_mps, measured_W : (k,) airspeed and electrical power of the windows, reduced to level flight
     gust_mps, gust_s : standard deviation and correlation time of vertical air motion
-    rho_sigma : standard deviation of the air density, relative
-    shown_efficiency : natural logarithm (n,) of that from battery to thrust, as the flight's energy alone shows it
+    rho_sigma : relative standard deviation of the air density
+    shown_efficiency : (n,) natural logarithm of the efficiency from battery to thrust, from the flight's energy alone
     """
 
     among_flights: Uncertain
@@ -148,10 +149,11 @@ def estimate(
     most_points: int = GPS.most_points,
     airspeed: AirspeedErrors | None = None,
 ) -> ElectricalEstimate:
-    """The curve of one flight. most_windows, most_points: of the energy balance and of airspeed against GPS.
-    airspeed: errors of a measured airspeed, where they are known better than by GPS alone.
+    """The curve of one flight.
 
-    Raises InputError, beginning with `log`, where the flight does not determine one.
+    most_windows, most_points: limits for the energy balance and for the comparison of airspeed with GPS
+    airspeed: errors of a measured airspeed, if they are known better than from GPS alone
+    Raises InputError, with a message that begins with `log`, if the flight does not determine a curve.
     """
     try:
         return _estimate(
@@ -186,7 +188,7 @@ def _estimate(
     else:
         ground = ground_velocity(flight.table, flight.flown, flight.first_wind_mps)
         wind = pack(WIND, {name: mean for name, (mean, _) in wind_prior(flight.first_wind_mps).items()})
-        for _ in range(2):  # the first wind may be wrong by as much as legs differ in airspeed
+        for _ in range(2):  # the first wind may be wrong by the differences of airspeed between legs
             samples = samples_of(flight, 0.0, 0.0, wind)._replace(ground=ground)
             balance, fit, by_propeller = _fitted(samples, conditions, span_m, log, most_windows)
             wind = pack(WIND, unpack(balance.names, fit.parameters))
@@ -230,11 +232,11 @@ def _estimate(
 def _among_flights(
     power: Uncertain, gradient: Array, estimate: Estimate, prior: Prior, airspeed: AirspeedErrors
 ) -> Uncertain:
-    """Power (n,) with the errors of this flight alone as its own, and those that all flights of an aircraft share.
+    """Power (n,) whose own errors are those of this flight, and whose shared errors are those of the aircraft.
 
-    The estimate lies between data and prior; the prior's share of the error has the same sign in all flights. Of the
-    airspeed's scale that is the sensor's error as known before the flight; what GPS adds is a flight's own, and so is
-    the wind. gradient : (m, n) of power by the parameters
+    The estimate lies between data and prior; the prior's share of the error has the same sign in all flights. For the
+    airspeed's scale this share is the sensor's error as known before the flight. The error that GPS adds, and that of
+    the wind, are the flight's own. gradient : (m, n) derivative of power with respect to the parameters
     """
     C = estimate.covariance
     of_aircraft = [(i, name) for i, name in enumerate(estimate.names) if name not in WIND]
@@ -257,7 +259,8 @@ def _among_flights(
 def _fitted(
     samples: Samples, conditions: FlightConditions, span_m: float, log: str, most_windows: int
 ) -> tuple[EnergyBalance, Fit, EnergyBalance]:
-    """With a propeller's efficiency, or with the power law where that is far more probable; and the former balance."""
+    """The balance with its fit, by a propeller's efficiency or, if far more probable, by the power law; and the balance
+    by a propeller's efficiency in either case."""
     balance = EnergyBalance(samples, conditions, most_windows)
     if len(balance.windows.centers_s) < len((*DRAG, *PROPELLER, *LIFT)) + 3:  # a few more than the number of parameters
         raise InputError(f"{log}: the flight is too short for an energy balance, or has too many gaps")
@@ -300,7 +303,7 @@ def drag_prior(span_m: float, wing_area_m2: float) -> Prior:
 
 
 def lift_prior(span_m: float, wing_area_m2: float) -> Prior:
-    """Prior of the parameters of sideslip and angle of attack; lift slope of a straight wing (Helmbold)."""
+    """Prior of the parameters of sideslip and angle of attack, with the lift slope of a straight wing (Helmbold)."""
     A = span_m**2 / wing_area_m2
     slope = 2 * np.pi * A / (2 + np.sqrt(4 + A**2))
     beta = PRIOR.beta_per_CY
@@ -310,7 +313,8 @@ def lift_prior(span_m: float, wing_area_m2: float) -> Prior:
 
 
 def _marginal_efficiency(V: Array, estimate: Estimate) -> Array:
-    """Derivative of useful power by electrical power in level flight (n,), from the curve at two weights of drag."""
+    """Derivative (n,) of useful power with respect to electrical power in level flight, from curves at two values of
+    CD0."""
     c, p = estimate.conditions, estimate.named()
     power = level_power(V, p, c)
     values = {name: p[name] for name in estimate.names}

@@ -1,4 +1,4 @@
-"""Power required and shaft power of level flight, where a propeller's table gives thrust."""
+"""Power required and shaft power of level flight, for flights in which a propeller's table gives thrust."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from flightpower.flight.propeller_speed import revps_for_thrust
 
 
 class DragLacks(Enum):
-    """Why drag is not known."""
+    """The thing that is missing if drag is not known."""
 
     PROPELLER = auto()
     MOTOR_SPEED = auto()
@@ -35,7 +35,7 @@ class DragLacks(Enum):
 
 
 class DragWithheld(NamedTuple):
-    """motor_efficiency : shaft power by the table over electrical power; None where it is not known"""
+    """The reason why drag is withheld. motor_efficiency : as in `DragEstimate`; None where it is not known"""
 
     lacks: DragLacks = DragLacks.PROPELLER
     motor_efficiency: float | None = None
@@ -63,8 +63,8 @@ class DragWithheld(NamedTuple):
 
 
 class ThrustSource(NamedTuple):
-    """Inputs for thrust. motor: used if motor speed is not measured; uncertainty: of the table; stand: thrust measured
-    at rest.
+    """Inputs for thrust. motor: used if motor speed is not measured. uncertainty: that of the table. stand: thrust
+    measured at rest
     """
 
     propeller: Propeller | None = None
@@ -75,10 +75,11 @@ class ThrustSource(NamedTuple):
 
 @dataclass(frozen=True)
 class DragEstimate(CurveOfFlight):
-    """Power required at the speeds of the electrical curve, and what it is made of.
+    """Power required at the speeds of the electrical curve, and shaft power.
 
-    shaft : (n,) shaft power of level flight [W]; NaN where the table does not reach
-    motor_efficiency : shaft power by the table over electrical power, mean of the flight under power
+    shaft : (n,) shaft power of level flight [W]; NaN where the propeller cannot give the thrust
+    motor_efficiency : shaft power from the table over the motor's electrical power, averaged over flight under power
+    measured_speed : whether motor speed was measured
     """
 
     shaft: Uncertain
@@ -93,7 +94,7 @@ def drag_estimate(
     source: ThrustSource,
     most_windows: int = WINDOWS.most,
 ) -> DragEstimate | DragWithheld:
-    """The estimate, or what it would take."""
+    """Return the estimate of drag, or the reason why it is withheld."""
     measured = bool(flight.table[recording.MOTOR][flight.flown].notna().mean() > FLIGHT.measured_share)
     propeller, motor, uncertainty, stand = source
     if propeller is None:

@@ -1,20 +1,20 @@
 """Energy balance of an ordinary flight: electrical power against drag and change of energy, (2.23)-(2.26).
 
-Balance: P eta = D V + dE/dt, averaged over windows. P is the motor's electrical power, eta its efficiency to thrust,
-E = m (g h + V^2/2). The derivative is moved to the window's weight (integration by parts), so nothing noisy is
-differentiated. C_L comes from the accelerometer. A second balance, m V a = dE/dt with the specific force a along the
-path, has the same gusts in its residuals and no drag: both together show the motion of the air.
+The balance is P eta = D V + dE/dt, averaged over windows. P is the motor's electrical power, eta is the efficiency from
+there to thrust, and E = m (g h + V^2/2). The derivative is moved to the window's weight (integration by parts), so
+nothing noisy is differentiated. C_L comes from the accelerometer. A second balance, m V a = dE/dt with the specific
+force a along the path, has the same gusts in its residuals but no drag, so both together show the motion of the air.
 
-Efficiency of an unknown motor and propeller (`efficiency`): propellers are alike when efficiency is drawn against
-V (rho D^2 / P)^(1/3) = J / c_P^(1/3), relative to its maximum: the APC 10x5E and 12x8E agree with the form within 0.02
-up to the maximum. Beyond it they differ, so the decrease is a parameter. The unknown diameter and the motor's losses
-are in the two scales. `PowerLaw` replaces this form where thrust is not a propeller's.
+Efficiency of an unknown motor and propeller (`efficiency`): propellers are alike when their efficiency, relative to its
+maximum, is plotted against V (rho D^2 / P)^(1/3) = J / c_P^(1/3). The APC 10x5E and 12x8E agree with the form within
+0.02 up to the maximum. Beyond it they differ, so the decrease is a parameter. The scales of both axes contain the
+unknown diameter and the motor's losses. `PowerLaw` replaces this form where no propeller gives the thrust.
 
 Covariance of the residuals (`by_air`, `by_efficiency`, `by_angle`, `of_both`): air rising at w does the work m g w per
 second, and a gust u along the path changes the kinetic energy relative to the air by m V u. Both are first-order noise,
-averaged by the windows. The efficiency is not exactly a function of its argument; that error is in proportion to the
-useful power. The balance with the accelerometer has the same motion of the air with the opposite sign, and the errors
-of an angle of attack that follows from C_L.
+averaged over the windows. The efficiency is not exactly a function of its argument; this error is in proportion to the
+useful power. The balance with the accelerometer contains the same motion of the air with the opposite sign, and the
+errors of an angle of attack that follows from C_L.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ from flightpower.flight.units import GRAVITY_MPS2 as g
 
 
 def advance(V: Array, power_W: Array, rho: Array | float) -> Array:
-    """V (rho / P)^(1/3), proportional to J / c_P^(1/3) [m^(-2/3)]."""
+    """The argument of the efficiency, V (rho / P)^(1/3) [m^(-2/3)], which is proportional to J / c_P^(1/3)."""
     return np.asarray(V * np.cbrt(rho / np.maximum(power_W, 1e-3)))
 
 
@@ -55,15 +55,17 @@ def efficiency(x: Array, maximum: float, x_at_maximum: float, fall: float) -> Ar
 
 
 def idling(x: Array, x_at_maximum: float, fall: float) -> Array:
-    """How much the propeller idles: 0 where it pulls, 1 where it absorbs hardly any power."""
+    """The degree to which the propeller idles: 0 where it pulls, 1 where it absorbs hardly any power."""
     zero_thrust = 1 + 1 / np.sqrt(fall)
     return np.asarray(np.clip((x / x_at_maximum - zero_thrust) / zero_thrust, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of one shape. centers_s : (n,)     offsets_s, weight, slope : (k,) weight and its derivative in a window,
-    each summing with the step to averages"""
+    """Windows of one shape, with centers_s (n,) and samples at offsets_s (k,) from the center.
+
+    weight, slope : (k,) values @ weight is the mean over a window, and -values @ slope is the mean rate of change
+    """
 
     centers_s: Array
     offsets_s: Array
@@ -72,7 +74,7 @@ class Windows:
 
 
 def by_air(windows: Windows, mass_kg: float, V_mps: float, sigma_w_mps: float, time_s: float) -> Array:
-    """Covariance (n, n) [W^2] by vertical and longitudinal air motion of this size and correlation time."""
+    """Covariance (n, n) [W^2] due to vertical and longitudinal air motion of this size and correlation time."""
     lags = _lags(windows)
     vertical = (mass_kg * g * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.weight, time_s)
     along = (mass_kg * V_mps * sigma_w_mps) ** 2 * _at_lags(lags, windows, windows.slope, time_s)
@@ -80,22 +82,23 @@ def by_air(windows: Windows, mass_kg: float, V_mps: float, sigma_w_mps: float, t
 
 
 def by_efficiency(windows: Windows, thrust_power_W: Array, share: float) -> Array:
-    """Covariance (n, n) [W^2] by the form of the efficiency, wrong by a share of it."""
+    """Covariance (n, n) [W^2] due to the form of the efficiency, which is wrong by the fraction `share` of it."""
     return np.asarray(
         share**2 * np.outer(thrust_power_W, thrust_power_W) * np.exp(-_lags(windows) / RESIDUALS.efficiency_s)
     )
 
 
 def by_angle(windows: Windows, mass_kg: float, V_mps: Array, sigma_rad: float, time_s: float) -> Array:
-    """Covariance (n, n) [W^2] by errors of the angle of attack, at the airspeeds V_mps (n,) of the windows."""
+    """Covariance (n, n) [W^2] due to errors of the angle of attack, at the airspeeds V_mps (n,) of the windows."""
     lift_W = mass_kg * g * V_mps * sigma_rad
     return np.asarray(np.outer(lift_W, lift_W) * _at_lags(_lags(windows), windows, windows.weight, time_s))
 
 
 def by_horizontal_gusts(windows: Windows, change: Array, sigma_w_mps: float, time_s: float) -> Array:
-    """Covariance (n, n) or (2 n, 2 n) [W^2] by gusts that go with vertical ones of this size and correlation time.
+    """Covariance (n, n) or (2 n, 2 n) [W^2] due to horizontal gusts that accompany vertical gusts.
 
-    change: of the residuals with the wind, as `EnergyBalance.by_wind`.
+    sigma_w_mps, time_s: standard deviation and correlation time of the vertical gusts. change: change of the residuals
+    with the wind, as from `EnergyBalance.by_wind`.
     """
     size, scale = gusts()
     correlation = (size * sigma_w_mps) ** 2 * _at_lags(_lags(windows), windows, windows.weight, scale * time_s)
@@ -108,7 +111,7 @@ def uncorrelated(windows: Windows) -> Array:
 
 
 def of_both(air: Array, of_drag: Array, of_force: Array) -> Array:
-    """Covariance (2 n, 2 n) of both balances: the air's motion with opposite signs, and what only one contains."""
+    """Covariance (2 n, 2 n) of both balances: the air's motion has opposite signs in them; other errors are in one."""
     return np.block([[air + of_drag, -air], [-air, air + of_force]])
 
 
@@ -117,13 +120,13 @@ def _lags(windows: Windows) -> Array:
 
 
 def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Array:
-    """Covariance of two weighted means of first-order noise of variance 1, whose windows are `lags` apart.
+    """Covariance of two weighted means of first-order noise with variance 1, whose windows are `lags` apart.
 
-    It is a valid process covariance at every lag; truncated at a long lag it would have eigenvalues far below zero.
-    Where windows no longer overlap it falls by exp(-lag / time_s).
+    Beyond lags at which windows overlap it falls as exp(-lag / time_s). It must not be truncated at a long lag, because
+    a matrix of truncated covariances would have eigenvalues far below zero.
     """
     step = float(windows.offsets_s[1] - windows.offsets_s[0])
-    overlap = np.convolve(weight, weight[::-1])  # sum over the pairs of offsets with one difference
+    overlap = np.convolve(weight, weight[::-1])  # sums over pairs of offsets with equal difference
     differences = step * (np.arange(len(overlap)) - len(weight) + 1)
     apart = step * np.arange(len(weight))  # up to windows that just touch
     values = np.exp(-np.abs(apart[:, None] + differences) / time_s) @ overlap
@@ -132,7 +135,7 @@ def _at_lags(lags: Array, windows: Windows, weight: Array, time_s: float) -> Arr
 
 
 class PowerLaw(NamedTuple):
-    """Efficiency in proportion to powers of airspeed and motor power; the speed and power where it has its value."""
+    """Efficiency in proportion to powers of airspeed and motor power. V_mps, power_W : reference speed and power"""
 
     V_mps: float
     power_W: float
@@ -141,10 +144,9 @@ class PowerLaw(NamedTuple):
 class FlightConditions(NamedTuple):
     """Quantities that are constant during a flight.
 
-    idle_sigma_W : standard deviation of idle_power_W          updraft_mps : mean over the flight
-            power_scale : true over measured electrical power
-    gust_scale : true over computed work of gusts
-    power_law : instead of a propeller's efficiency
+    idle_sigma_W : standard deviation of idle_power_W     updraft_mps : mean over the flight
+    power_scale : true over measured electrical power     gust_scale : true over computed work of gusts
+    power_law : replaces a propeller's efficiency; None for a propeller
     """
 
     mass_kg: float
@@ -162,8 +164,8 @@ class Samples(NamedTuple):
     """Measurements (n,), uniform in time within each stretch. stretches: slices of rows
 
     force_x_mps2 : specific force along the accelerometer's first axis; None where it is not measured
-    load_variance, side_variance : of load factor, and of side force over weight, within the smoothing of the samples
-    ground : where airspeed is not measured; the wind is then among the parameters, the last ones
+    load_variance, side_variance : variances of load factor and of side force over weight within a smoothing window
+    ground : ground velocity if airspeed is not measured; the last parameters are then those of the wind
     """
 
     t_s: Array
@@ -183,7 +185,7 @@ class Samples(NamedTuple):
 class QuarticPolar:
     """The parameters of drag in their usual form: CD = CD0 + K (CL - CL_minD)^2 + K4 (CL - CL_minD)^4 above CL_minD.
 
-    idle_drag : of the idling propeller, over CD0; 0 where thrust contains it
+    idle_drag : drag coefficient of the idling propeller over CD0; 0 where thrust contains this drag
     """
 
     CD0: float
@@ -198,14 +200,14 @@ class QuarticPolar:
 
 
 class Useful(NamedTuple):
-    """power_W : thrust times airspeed (n,)     idle : how far the propeller idles (n,)"""
+    """Useful power. power_W : thrust times airspeed (n,)     idle : degree to which the propeller idles (n,)"""
 
     power_W: Array
     idle: Array | float
 
 
 class _Powers(NamedTuple):
-    """The terms of a balance by its parameters. along_path_W : without the work of gusts"""
+    """The terms of a balance as functions of its parameters. along_path_W : power of the force along the path"""
 
     samples: Kept[Samples]
     useful: Kept[Useful]
@@ -215,7 +217,7 @@ class _Powers(NamedTuple):
 
 
 class EnergyBalance:
-    """The balance of one flight. windows : over which it is averaged     V_mps, power_W : (n,) their means"""
+    """The balance of one flight, averaged over `windows`. V_mps, power_W : (n,) means over the windows"""
 
     def __init__(self, samples: Samples, conditions: FlightConditions, most_windows: int = WINDOWS.most):
         self.samples, self.conditions, self.most_windows = samples, conditions, most_windows
@@ -228,7 +230,7 @@ class EnergyBalance:
         weight = 1 + np.cos(2 * np.pi * u)
         offsets_s = u * (count - 1) * step_s
         slope = np.sin(2 * np.pi * u)
-        slope = slope / -(slope @ offsets_s)  # exact for a straight line
+        slope = slope / -(slope @ offsets_s)  # makes the derivative of a straight line exact
         starts = [
             start
             for rows in samples.stretches
@@ -250,10 +252,10 @@ class EnergyBalance:
     def residual(
         self, parameters: Array, samples: Samples | None = None, conditions: FlightConditions | None = None
     ) -> Array:
-        """Useful power less that of drag and of the change of energy, mean of each window (n,) [W]; then, where the
-        accelerometer shows it, the change of energy less the power of the force along the path: (2 n,) together.
+        """Useful power less the power of drag and of the change of energy, as means (n,) [W] over the windows.
 
-        samples, conditions: perturbed ones, for the effect of an error.
+        If the force along the path is measured, the change of energy less the power of this force follows: (2 n,).
+        samples, conditions: perturbed samples and conditions, for the effect of an error.
         """
         c, p = conditions or self.conditions, unpack(self.names, parameters)
         perturbed = samples is not None or conditions is not None
@@ -280,7 +282,7 @@ class EnergyBalance:
         )
 
     def by_wind(self, parameters: Array) -> Array:
-        """Change of the residuals with the wind to the north and to the east, (n or 2 n, 2) [W s/m]."""
+        """Derivative (n or 2 n, 2) [W s/m] of the residuals with respect to the wind to the north and to the east."""
         columns = []
         for name in MEAN_WIND:
             changed = np.array(parameters)
@@ -289,12 +291,12 @@ class EnergyBalance:
         return np.stack(columns, axis=1)
 
     def thrust_power_W(self, parameters: Array) -> Array:
-        """Thrust times airspeed, mean of each window (n,) [W]."""
+        """Thrust times airspeed (n,) [W], as means over the windows."""
         useful = self._useful(unpack(self.names, parameters), self.samples, self.conditions)
         return self._mean(useful.power_W)
 
     def middle(self) -> PowerLaw:
-        """Median airspeed and motor power, the latter where the motor works."""
+        """Median airspeed, and median motor power of the windows in which the motor works."""
         motor_W = self._mean(self._motor_power(self.conditions))
         working = motor_W[motor_W > 0.2 * np.percentile(motor_W, 95)]
         return PowerLaw(float(np.median(self.V_mps)), max(float(np.median(working)) if len(working) else 0.0, 1.0))
@@ -323,8 +325,9 @@ class EnergyBalance:
 def by_gusts_W(s: Samples, p: NamedValues, c: FlightConditions) -> Array:
     """Power (n,) [W] that the aircraft gains from gusts (Katzmayr effect).
 
-    A gust turns lift forward by the angle of attack that it adds, and side force by the sideslip; the means of these
-    products follow from the variances of both forces, as far as forces follow gusts at once (`gust_scale`).
+    A gust turns lift forward by the angle of attack that it adds, and side force by the sideslip that it adds. The
+    means of these products follow from the variances of both forces, as far as forces follow gusts at once
+    (`gust_scale`).
     """
     qS = c.rho * s.V_mps**2 / 2 * c.wing_area_m2
     angles = np.exp(p.ln_alpha_per_CL) * s.load_variance + np.exp(p.ln_beta_per_CY) * s.side_variance
@@ -332,9 +335,9 @@ def by_gusts_W(s: Samples, p: NamedValues, c: FlightConditions) -> Array:
 
 
 def useful_power(V: Array, motor_W: Array, p: NamedValues, c: FlightConditions) -> tuple[Array, Array]:
-    """Thrust times airspeed [W], and how far the propeller idles, of airspeed and motor power.
+    """Thrust times airspeed [W], and the degree to which the propeller idles, from airspeed and motor power.
 
-    p : with PROPELLER, or with POWER_LAW where the conditions have one
+    p : contains PROPELLER, or POWER_LAW if the conditions have a power law
     """
     if c.power_law is None:
         x, greatest = advance(V, motor_W, c.rho), 1 / (1 + np.exp(-p.logit_efficiency))
@@ -346,12 +349,12 @@ def useful_power(V: Array, motor_W: Array, p: NamedValues, c: FlightConditions) 
 
 
 def _with_airspeed(s: Samples, p: NamedValues) -> Samples:
-    """Samples with the airspeed by GPS less the wind, where it is not measured."""
+    """Samples whose airspeed is GPS velocity less the wind, if airspeed is not measured."""
     return s if s.ground is None else s._replace(V_mps=s.ground.airspeed(pack(WIND, p)))
 
 
 def _along_path_W(s: Samples, thrust_power_W: Array, p: NamedValues, c: FlightConditions) -> Array:
-    """Power (n,) [W] of thrust less drag, by the accelerometer turned by the angle of attack, gusts included."""
+    """Power (n,) [W] of thrust less drag, gusts included, from the accelerometer turned by the angle of attack."""
     assert s.force_x_mps2 is not None
     lift_N, qS = s.load_factor * c.mass_kg * g, c.rho * s.V_mps**2 / 2 * c.wing_area_m2
     alpha = p.alpha_0 + np.exp(p.ln_alpha_per_CL) * lift_N / qS + p.alpha_per_CT * thrust_power_W / s.V_mps / qS
@@ -368,7 +371,7 @@ def drag_power(
     *,
     load_variance: Array | float = 0.0,
 ) -> Array:
-    """Drag times airspeed [W]. load_variance: of the load factor about its mean, which induces drag as well."""
+    """Drag times airspeed [W]. load_variance: variance of the load factor about its mean, which also induces drag."""
     qS = c.rho * V**2 / 2 * c.wing_area_m2
     above = load_factor * c.mass_kg * g / qS - p.CL_minD
     CL_variance = load_variance * (c.mass_kg * g / qS) ** 2
@@ -377,7 +380,7 @@ def drag_power(
 
 
 def level_power(V: Array, p: NamedValues, c: FlightConditions) -> Array:
-    """Electrical power of steady level flight (n,) [W]; NaN where the motor cannot give it."""
+    """Electrical power of steady level flight (n,) [W]; NaN where no motor power gives enough thrust."""
     drag_W = drag_power(V, 1.0, 0.0, QuarticPolar.of(p), c)
     motor = np.geomspace(0.5, 1e5, 600)
     thrust_power_W, _ = useful_power(V[:, None], motor, p, c)

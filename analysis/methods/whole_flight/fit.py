@@ -1,4 +1,4 @@
-"""Fit of an energy balance: most probable parameters, the air's motion, and the errors that the whole flight shares."""
+"""Fit of an energy balance: most probable parameters, motion of the air, and errors that the whole flight shares."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -45,14 +45,15 @@ from flightpower.analysis.uncertain import Uncertain
 from flightpower.flight.arrays import Array
 
 SIGMAS_MPS = tuple(0.02 * 1.25**i for i in range(26))  # 0.02 to 5
-ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # to 0.05: of the angle of attack
-SHARES = tuple(0.002 * 1.25**i for i in range(20))  # to 0.14
-STEP = 0.2  # of numerical derivatives, in standard deviations
+ANGLES_RAD = tuple(0.0005 * 1.25**i for i in range(22))  # 0.0005 to 0.05: errors of the angle of attack
+SHARES = tuple(0.002 * 1.25**i for i in range(20))  # 0.002 to 0.14: errors of the efficiency's form
+STEP = 0.2  # step of numerical derivatives, in standard deviations
 
 
 class Fit(NamedTuple):
-    """gain : (m, n) change of the parameters with each window's residual
-    minus_2_log_evidence : of the model, for comparison with another on the same windows
+    """The fit of a balance. gain : (m, n or 2 n) change of the parameters with each residual
+
+    minus_2_log_evidence : of the model, for comparison with another model on the same windows
     """
 
     parameters: Array
@@ -65,7 +66,7 @@ class Fit(NamedTuple):
 
 
 def samples_of(flight: FlightTable, scale: float, zero_Pa: float, wind: Array | None = None) -> Samples:
-    """Samples with airspeed by the pitot, corrected for scale and zero, or by GPS less a wind (4,)."""
+    """Samples with airspeed from the pitot, corrected for scale and zero, or from GPS less a wind (4,)."""
     table = flight.table
     if wind is None:
         V = true_airspeed(table["pressure_Pa"].to_numpy(), table["rho"].to_numpy(), scale, zero_Pa)
@@ -97,17 +98,18 @@ def most_probable_fit(
     measured: tuple[Array, Array] | None = None,
     least_share: float = RESIDUALS.efficiency_share.mean,
 ) -> Fit:
-    """Maximum a posteriori parameters, and the sizes of errors by maximum likelihood, in turns. measured: of
-    `most_probable`. least_share: error of the efficiency's form, of which a flight shows too little.
+    """Estimate maximum a posteriori parameters and the sizes of errors in turns.
 
-    Apart from the motion of the air, the balance with the accelerometer contains the error of angle of attack; apart
-    from the error of the efficiency's form, so does the sum of both balances.
+    The error of angle of attack is in the residuals of the balance with the accelerometer, together with the motion of
+    the air, and in the sum of both balances, together with the error of the efficiency's form.
+    measured: as in `most_probable`. least_share: lower limit for the error of the efficiency's form, because a flight
+    shows too little of this error.
     """
     mean, sigma = (pack(balance.names, {name: bounds[part] for name, bounds in prior.items()}) for part in (0, 1))
     windows, mass_kg, V = balance.windows, balance.conditions.mass_kg, float(np.mean(balance.V_mps))
     n, with_force = len(balance.V_mps), balance.samples.force_x_mps2 is not None
     white = uncorrelated(windows)
-    along_mps = 0.0 if balance.samples.ground is not None else V  # a gust along the path changes no velocity by GPS
+    along_mps = 0.0 if balance.samples.ground is not None else V  # a gust along the path does not change GPS velocity
     vertical = [by_air(windows, mass_kg, along_mps, 1.0, time_s) for time_s in WINDOWS.times_s]
     angles = [by_angle(windows, mass_kg, balance.V_mps, 1.0, time_s) for time_s in WINDOWS.times_s]
     unlikely = [
@@ -128,7 +130,7 @@ def most_probable_fit(
         return stacked[n:]
 
     def of_gusts(part: Callable[[Array], Array], size_mps: float, time_s: float) -> Array | float:
-        """The effect of horizontal gusts on part of the residuals; none on those of a measured airspeed."""
+        """Covariance of a part of the residuals due to horizontal gusts; zero if airspeed is measured."""
         if horizontal is None:
             return 0.0
         return by_horizontal_gusts(windows, part(horizontal), size_mps, time_s)
@@ -149,7 +151,7 @@ def most_probable_fit(
         of_drag = by_efficiency(windows, balance.thrust_power_W(parameters), share) + white
         airs = [air + of_gusts(first, 1.0, time_s) for air, time_s in zip(vertical, WINDOWS.times_s, strict=True)]
         gust_mps, gust_s = _size_and_time(residual[:n], of_drag, airs, SIGMAS_MPS, unlikely)
-        if is_last:  # the other sizes would serve only a next round
+        if is_last:  # the other sizes only matter for another round
             break
         air = by_air(windows, mass_kg, along_mps, gust_mps, gust_s)
         of_form = [by_efficiency(windows, balance.thrust_power_W(parameters), 1.0)]
@@ -160,7 +162,8 @@ def most_probable_fit(
             )[0],
         )
         if with_force:
-            # Its residual hides an error of the angle under motion of the air, the sum of both under that of the form.
+            # Motion of the air hides an error of the angle in the force's residual; the error of the efficiency's form
+            # hides it in the sum of both residuals.
             signals = (
                 (residual[n:], air + of_gusts(second, gust_mps, gust_s) + white),
                 (
@@ -186,18 +189,19 @@ def most_probable_fit(
 def _size_and_time(
     residual: Array, fixed: Array, by_time: list[Array], sizes: tuple[float, ...], unlikely: Sequence[Array | float]
 ) -> tuple[float, float]:
-    """Standard deviation and correlation time of one part of the residuals: root mean square, and geometric mean, over
-    what is probable given the residuals. A short flight leaves them uncertain, and their most likely values are too
-    small more often than too large.
+    """Standard deviation and correlation time of one part of the residuals.
 
-    fixed: covariance of the rest. by_time: of the part at size 1, for each of WINDOWS.times_s. unlikely: their
-    cost, as chi squared.
+    They are the root mean square and the geometric mean over the candidates, weighted by their probability given the
+    residuals. The most likely values would be too small more often than too large after a short flight.
+    fixed: covariance of the other parts. by_time: covariance of this part at size 1, for each of WINDOWS.times_s.
+    unlikely: prior cost of each of these, as chi squared.
     """
     costs_by_time, block = [], 64  # columns that LAPACK processes at once
     factor = root(fixed)
     white = whitened(factor, residual)
     for fitted, cost_of_time in zip(by_time, unlikely, strict=True):
-        # Relative to the rest, and turned so that three diagonals are left, whatever its size, with the rest added.
+        # The part's covariance is made relative to the other parts and turned to a tridiagonal matrix. The other parts
+        # then add the unit matrix, so the sum is tridiagonal for any size of this part.
         relative, _ = lapack.dsygst(fitted, factor, lower=1)
         reflectors, diagonal, beside, scale, _ = lapack.dsytrd(relative, lower=1, lwork=block * len(fitted))
         turned = white[:, None].copy()
@@ -213,27 +217,28 @@ def _size_and_time(
 
 
 def _misfit(diagonal: Array, beside: Array, residual: Array) -> float:
-    """Chi squared of residuals (n, 1) whose covariance is the unit matrix and three diagonals, and its logarithm of the
-    determinant.
+    """Chi squared of residuals (n, 1) plus the logarithm of their covariance's determinant. The covariance is the unit
+    matrix plus a tridiagonal matrix.
     """
     pivots, _, solved, _ = lapack.dptsv(1 + diagonal, beside, residual)
     return float(residual[:, 0] @ solved[:, 0] + np.sum(np.log(pivots)))
 
 
 class SharedError(NamedTuple):
-    """An error that the whole flight shares, of one standard deviation: change (m,) of the parameters, conditions."""
+    """The effect of one standard deviation of an error that the whole flight shares: the change (m,) of the parameters,
+    and the changed conditions."""
 
     change: Array
     conditions: FlightConditions
 
 
-Quantity = Callable[[NamedValues, FlightConditions], Array]  # (n,) of parameters and conditions
+Quantity = Callable[[NamedValues, FlightConditions], Array]  # function of parameters and conditions that gives (n,)
 
 
 class Estimate(NamedTuple):
     """Parameters of a balance with their errors.
 
-    names, values : (m,)     covariance : (m, m) by noise of this flight     shared : what the whole flight shares
+    names, values : (m,)     covariance : (m, m) due to noise     shared : errors that the whole flight shares
     """
 
     names: tuple[str, ...]
@@ -247,7 +252,7 @@ class Estimate(NamedTuple):
         return unpack(self.names, self.values)
 
     def gradient(self, quantity: Quantity) -> Array:
-        """Derivative (m, n) of a quantity by the parameters."""
+        """Derivative (m, n) of a quantity with respect to the parameters."""
         rows = []
         for i, sigma in enumerate(np.sqrt(np.diag(self.covariance))):
             step = np.zeros(len(self.values))
@@ -259,8 +264,8 @@ class Estimate(NamedTuple):
         return np.array(rows)
 
     def quantity(self, function: Quantity, gradient: Array | None = None) -> Uncertain:
-        """A quantity with its errors; errors common to the whole flight are kept by source. gradient: (m, n) of the
-        quantity, if it is known already."""
+        """A quantity with its errors; those common to the whole flight are shared errors, by source. gradient:
+        derivative of the quantity, if known"""
         gradient = self.gradient(function) if gradient is None else gradient
         p = self.named()
         value = function(p, self.conditions)
@@ -280,10 +285,10 @@ def estimate_of(
     power_sigma: float = SHARED.current,
     updraft_share: float = SHARED.updraft_share,
 ) -> Estimate:
-    """The fit with each independent error of one standard deviation that the whole flight shares.
+    """The fit, with the effect of each independent error that the whole flight shares.
 
-    power_sigma: of the electrical power, relative. updraft_share: standard deviation of the mean updraft over that of
-    the gusts.
+    power_sigma: relative standard deviation of the electrical power. updraft_share: standard deviation of the mean
+    updraft over that of the gusts.
     """
     c = balance.conditions
     nominal = balance.residual(fit.parameters)
@@ -295,12 +300,12 @@ def estimate_of(
     if airspeed.wind is None:
         for source, (scale, zero_Pa) in zip(OF_AIRSPEED, np.linalg.cholesky(airspeed.covariance).T, strict=True):
             shared[source] = error(samples_of(flight, airspeed.scale + scale, airspeed.zero_Pa + zero_Pa), c)
-    elif balance.samples.ground is None and airspeed.wind_covariance is not None:  # the wind is no parameter here
+    elif balance.samples.ground is None and airspeed.wind_covariance is not None:  # the wind is not a parameter here
         for source, change in zip(OF_WIND, np.linalg.cholesky(airspeed.wind_covariance).T, strict=True):
             shared[source] = error(samples_of(flight, 0.0, 0.0, airspeed.wind + change), c)
     heavier, warmer = 1 + SHARED.mass, 1 - flight.rho_sigma
     updraft_mps = float(np.hypot(SHARED.least_updraft_mps, updraft_share * fit.gust_mps))
-    # GPS shows true airspeed: where it determines the scale, an error of density changes the scale, not the airspeed.
+    # GPS shows true airspeed. As far as it determines the scale, an error of density changes the scale, not airspeed.
     thinner = balance.samples._replace(V_mps=balance.samples.V_mps / warmer ** ((1 - airspeed.by_gps) / 2))
     shared[Source.DENSITY] = error(thinner, c._replace(rho=c.rho * warmer))
     shared[Source.MASS] = error(balance.samples, c._replace(mass_kg=c.mass_kg * heavier))
@@ -308,6 +313,6 @@ def estimate_of(
     idle_W = c.idle_power_W + c.idle_sigma_W
     shared[Source.IDLE_POWER] = error(balance.samples, c._replace(idle_power_W=idle_W))
     shared[Source.UPDRAFT] = error(balance.samples, c._replace(updraft_mps=updraft_mps))
-    # The flight shows the angle over C_L for slow changes; for gusts it stays as uncertain as before.
+    # The flight shows the angle of attack over C_L for slow changes; for gusts it stays as uncertain as in the prior.
     shared[Source.GUSTS] = error(balance.samples, c._replace(gust_scale=1 + PRIOR.alpha_per_CL_sigma))
     return Estimate(balance.names, fit.parameters, fit.covariance, shared, c)

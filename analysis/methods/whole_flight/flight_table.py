@@ -1,9 +1,7 @@
 """The channels of an ordinary flight on one time base, and the stretches in which the aircraft was airborne.
 
-`resampled` smooths a channel and interpolates it, without bridging long gaps.
-
-`flight_table` corrects the pitot's zero by the time on the ground, takes air temperature from the thermometer that
-shows the air, and finds the flight by airspeed, GPS and height.
+`flight_table` corrects the pitot's zero from the time on the ground, takes air temperature from the thermometer that
+shows the air, and finds the flight from airspeed, GPS and height.
 """
 
 from collections.abc import Mapping, Sequence
@@ -47,14 +45,14 @@ NEEDED = (
 class FlightTable(NamedTuple):
     """One flight on a uniform grid of FLIGHT.step_s.
 
-    table : index t_s; pressure_Pa (pitot, zero corrected; or by GPS, `_first_wind`), rho, height_m, power_W,
-        load_factor, force_x_mps2, load_variance and side_variance (of load factor, and of side force over weight,
-        within a smoothing window), motor_revps, GPS, wind_factor (`height_factor`), throttle (NaN throughout where
-        power does not follow it); NaN in gaps
-    airborne : slices of rows          flown : the same as an array (n,)
-    zero_sigma_Pa : standard deviation of the pitot's zero          rho_sigma : of density, relative
-    idle_power_W, idle_sigma_W : drawn from the battery with the motor off, and its standard deviation
-    first_wind_mps : (2,), north and east, where no sensor measures the airspeed
+    table : index t_s; pressure_Pa (pitot with zero corrected, or from GPS as in `_first_wind`), rho, height_m, power_W,
+        load_factor, force_x_mps2, load_variance and side_variance (variances of load factor and of side force over
+        weight within a smoothing window), motor_revps, GPS, wind_factor (`height_factor`), throttle (all NaN if power
+        does not follow it); NaN in gaps
+    airborne : slices of rows     flown : the same rows as a mask (n,)
+    zero_sigma_Pa : standard deviation of the pitot's zero     rho_sigma : relative standard deviation of density
+    idle_power_W, idle_sigma_W : power drawn from the battery with the motor off, and its standard deviation
+    first_wind_mps : (2,) first guess of the wind, to the north and to the east; None if a sensor measures airspeed
     start_s : time of the first row on the clock of the recording
     """
 
@@ -69,10 +67,10 @@ class FlightTable(NamedTuple):
     notes: list[str]
     first_wind_mps: Array | None = None
     start_s: float = 0.0
-    airspeed_scale_sigma: float = GPS.scale_sigma  # before the flight
+    airspeed_scale_sigma: float = GPS.scale_sigma  # prior of the airspeed's scale error
 
     def thinned(self, every: int) -> "FlightTable":
-        """One sample of so many."""
+        """The same flight with every `every`-th sample."""
         airborne = [slice(-(-rows.start // every), -(-rows.stop // every)) for rows in self.airborne]
         return self._replace(table=self.table.iloc[::every], airborne=airborne, flown=self.flown[::every])
 
@@ -83,9 +81,9 @@ Stretch = tuple[float, float]  # start and end [s], from the first row of the ta
 def flight_table(
     flight: FlightRecording, weight_N: float, wing_area_m2: float, left_out_s: Sequence[Stretch] = ()
 ) -> FlightTable:
-    """The flight of a recording. left_out_s : stretches that the user leaves out of the airborne ones
+    """The flight of a recording. left_out_s : stretches that the user leaves out, which do not count as airborne
 
-    Raises InputError, in one line, where it lacks a channel or a flight.
+    Raises InputError, in one line, where the recording lacks a channel or a flight that is long enough.
     """
     t_s = _grid(flight)
     columns = _columns(flight, t_s)
@@ -158,7 +156,7 @@ def _why_too_short(columns: Mapping[str, Array], moving: BoolArray, left_out_s: 
 
 
 def _refuse_meter(path: Path, columns: Mapping[str, Array], moving: BoolArray, weight_N: float) -> None:
-    """Raises InputError where what was measured cannot be the motor's power."""
+    """Raises InputError if the measured power cannot be the motor's."""
     if moving.sum() * FLIGHT.step_s <= FLIGHT.recognized_over_s:
         return
     most_W, throttle = float(np.nanmax(columns["power_W"][moving], initial=0.0)), columns[recording.THROTTLE][moving]
@@ -177,7 +175,7 @@ def _refuse_meter(path: Path, columns: Mapping[str, Array], moving: BoolArray, w
 
 
 def _believed_throttle(columns: Mapping[str, Array], moving: BoolArray) -> tuple[Array, list[str]]:
-    """The throttle (n,), NaN where power does not follow it, and a note where it contradicts it."""
+    """The throttle (n,), which is all NaN if power does not follow it, and a note if power contradicts it."""
     throttle = meter(columns, moving)
     if throttle is Meter.FOLLOWS:
         return columns[recording.THROTTLE], []
@@ -187,16 +185,17 @@ def _believed_throttle(columns: Mapping[str, Array], moving: BoolArray) -> tuple
 
 
 def _ground_speed(columns: Mapping[str, Array]) -> Array:
-    """Ground speed (n,) [m/s], averaged over the time it takes to recognize a flight."""
+    """Ground speed (n,) [m/s], averaged over the time that it takes to recognize a flight."""
     speed_mps = pd.Series(np.hypot(columns[recording.GPS[0]], columns[recording.GPS[1]]))
     window = round(FLIGHT.recognized_over_s / FLIGHT.step_s)
     return speed_mps.rolling(window, center=True, min_periods=1).mean().to_numpy()
 
 
 def _first_wind(columns: dict[str, Array], moving: BoolArray, least_Pa: float) -> tuple[Array, BoolArray]:
-    """The wind (2,) by ground velocities alone, and the rows (n,) that fly. Adds the pressure that a pitot would show.
+    """The wind (2,) from ground velocities alone, and a mask (n,) of rows in flight. Adds the pressure of a pitot.
 
-    Again without what rolls or is carried: it does not fly at the airspeed of the rest.
+    The wind is computed twice, the second time without rows in which the aircraft rolls or is carried, because these do
+    not have the airspeed of the others.
     """
     north, east, down = (columns[name] for name in recording.GPS)
     flying, wind = moving, np.zeros(2)
@@ -213,7 +212,7 @@ def _first_wind(columns: dict[str, Array], moving: BoolArray, least_Pa: float) -
 
 
 def require_channels(flight: FlightRecording) -> None:
-    """Raises InputError, in one line, where a recording lacks a channel that no value of the aircraft replaces."""
+    """Raises InputError, in one line, if a recording lacks a channel that no value of the aircraft can replace."""
     has_gps = flight.channels.keys() >= set(recording.GPS)
     if missing := [part for part in NEEDED[has_gps:] if not flight.channels.keys() >= part.channels]:
         parts = "; ".join(part.title + flight.enabled_by.get(part.channels, "") for part in missing)
@@ -221,12 +220,12 @@ def require_channels(flight: FlightRecording) -> None:
 
 
 def require_length(flight: FlightRecording) -> None:
-    """Look whether a flight of any aircraft can be long enough, without its weight and wing area.
+    """Check whether a flight can be long enough, whatever the aircraft's weight and wing area.
 
-    A row counts if all that the balance needs was measured, and if it is above the lowest height by what clears the
-    ground, or moves over the ground: a superset of what `flight_table` takes for airborne.
+    A row counts if all channels that the balance needs were measured, and if it is clear of the lowest height or moves
+    over the ground. These rows include all that `flight_table` counts as airborne.
 
-    Raises InputError, in one line, where the log lacks a channel, or all rows together are too short.
+    Raises InputError, in one line, if the log lacks a channel, or all rows together are too short.
     """
     columns = _columns(flight, _grid(flight))
     speed_mps, static_Pa = _ground_speed(columns), columns["static_Pa"]
@@ -280,7 +279,7 @@ def _columns(flight: FlightRecording, t_s: Array) -> dict[str, Array]:
 
 
 def _variance(channel: Channel | None, t_s: Array) -> Array:
-    """Variance (n,) within the smoothing window of what is slower than vibration; zero where it is not measured."""
+    """Variance (n,) of a channel within the smoothing window, without vibration; zero where it is not measured."""
     if channel is None or len(channel.t_s) < 2:
         return np.zeros(len(t_s))
     width = round(FLIGHT.step_s / 2 / float(np.median(np.diff(channel.t_s))))
@@ -290,7 +289,7 @@ def _variance(channel: Channel | None, t_s: Array) -> Array:
 
 
 def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: bool) -> tuple[BoolArray, BoolArray]:
-    """Rows in which the aircraft stands, and in which it flies or rolls fast, before the zero is known."""
+    """Rows in which the aircraft stands, and rows in which it flies or rolls fast, before the pitot's zero is known."""
     window = round(FLIGHT.recognized_over_s / FLIGHT.step_s)
     pressure = pd.Series(columns["pressure_Pa"]).rolling(window, center=True, min_periods=1).mean().to_numpy()
     ground_speed = np.hypot(columns[recording.GPS[0]], columns[recording.GPS[1]])
@@ -301,7 +300,7 @@ def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: 
         standing &= np.nan_to_num(ground_speed, nan=np.inf) < FLIGHT.standing_mps
     on_ground = has_gps and standing.sum() * FLIGHT.step_s >= ZERO.block_s
     known_zero = 0.0 if zeroed and not on_ground and (low > least_Pa or not standing.any()) else low
-    # Airborne all along: the lowest reading is a flown one, and the zero is the autopilot's.
+    # If the whole log is airborne, the lowest pressure is one of flight, and the zero is the autopilot's.
     standing &= pressure - known_zero < least_Pa / 2
     moving = pressure - known_zero > least_Pa
     if has_gps:
@@ -313,7 +312,7 @@ def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: 
 def _zero(
     flight: FlightRecording, pressure: Array, standing: BoolArray, moving: BoolArray
 ) -> tuple[float, float, list[str]]:
-    """Zero of the pitot [Pa] and its standard deviation, from the time on the ground next to the flight."""
+    """Zero of the pitot [Pa] and its standard deviation, from the time on the ground next to the flight, and notes."""
     near = np.zeros(len(pressure), dtype=bool)
     if moving.any():
         first, last = np.flatnonzero(moving)[[0, -1]]
@@ -338,8 +337,8 @@ def _zero(
 
 
 def _air_temperature_K(flight: FlightRecording, moving: BoolArray, t_s: Array) -> tuple[float, float, str]:
-    """What the user says, the coolest believable temperature in flight, or that of the standard atmosphere; its
-    standard deviation; and a sentence on it.
+    """The air temperature, its standard deviation, and a sentence on it. The temperature is the user's, or else that of
+    the thermometer with the coolest believable median in flight, or else that of the standard atmosphere.
     """
     if flight.air_temperature_K is not None:
         given_K = flight.air_temperature_K
@@ -383,7 +382,8 @@ def _airborne(
     least_Pa: float,
     left_out: BoolArray | bool = False,
 ) -> list[slice]:
-    """Stretches clear of the ground in which everything needed was measured. left_out : rows (n,), by hand"""
+    """Stretches clear of the ground in which all needed channels were measured. left_out : mask (n,) of the user's rows
+    to leave out"""
     finite = np.isfinite(columns["pressure_Pa"] + columns["height_m"] + columns["power_W"])
     flying = moving & ~np.asarray(left_out) & finite & (columns["pressure_Pa"] > least_Pa)
     ground = _ground_height(columns["height_m"], standing)
@@ -400,7 +400,7 @@ def _airborne(
 
 
 def _ground_height(height: Array, standing: BoolArray) -> Array | None:
-    """Height of the ground by the barometer (n,), which drifts: interpolated between the times on the ground."""
+    """Barometric height of the ground (n,), interpolated between the times on the ground because barometers drift."""
     rows = np.flatnonzero(standing & np.isfinite(height))
     if not len(rows):
         return None
@@ -409,15 +409,17 @@ def _ground_height(height: Array, standing: BoolArray) -> Array | None:
 
 
 def _touches_ground(moving: BoolArray, row: int, direction: int) -> bool:
-    """Whether within a few seconds beyond a row the aircraft was on the ground, or the log ends there in flight."""
+    """Whether the aircraft was on the ground within two window lengths beyond a row; false if the log ends in flight."""
     reach = round(2 * WINDOWS.length_s / FLIGHT.step_s)
     neighbors = moving[row : row + reach] if direction > 0 else moving[max(0, row - reach) : row]
     return bool(len(neighbors)) and not bool(neighbors.all())
 
 
 def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray, off: BoolArray) -> tuple[float, float]:
-    """Power with the motor off, and its standard deviation: the median in flight with the throttle closed, or on the
-    ground, or less if less was drawn in flight. If neither is in the log, the motor may have run all the time.
+    """Power with the motor off, and its standard deviation.
+
+    It is the median in flight with the throttle closed, or else on the ground, or less if less was drawn in flight.
+    If the log has neither, the motor may have run all the time, so the power is assumed.
     """
     gliding = power[flown & off & np.isfinite(power)]
     if len(gliding) * FLIGHT.step_s > FLIGHT.recognized_over_s:
@@ -431,7 +433,7 @@ def _idle_power_W(power: Array, standing: BoolArray, flown: BoolArray, off: Bool
 
 
 class Meter(StrEnum):
-    """How the measured power varies with the throttle."""
+    """The relation between measured power and throttle."""
 
     FOLLOWS = "power follows the throttle"
     CONTRADICTS = "power varies, but not with the throttle"
@@ -440,27 +442,29 @@ class Meter(StrEnum):
 
 
 def meter(columns: Mapping[str, Array], moving: BoolArray) -> Meter:
-    """How measured power varies with the throttle, (n,) each, in flight. Power rises at least as throttle does,
-    relative to its mean, whatever the airspeed; a throttle that power contradicts is not this motor's, or was not in
-    control.
+    """Check the channels of power and throttle (n,) against each other in flight.
+
+    At any airspeed, power relative to its mean rises at least as much as throttle does. A throttle that power
+    contradicts belongs to another motor or was not in control.
     """
     throttle, power = columns[recording.THROTTLE], columns["power_W"]
     finite = moving & np.isfinite(throttle + power)
     if not finite.any():
         return Meter.UNCHECKED
     throttle, power = throttle[finite], power[finite]
-    if np.std(throttle) <= 0.1 * np.mean(throttle):  # then airspeed alone makes power vary
+    if np.std(throttle) <= 0.1 * np.mean(throttle):  # then only airspeed makes power vary
         return Meter.UNCHECKED
-    # More than half of the variance: 0.7 to 0.97 in simulated flights and in SITL.
+    # Throttle explains more than half of power's variance; in simulated flights and SITL it is 0.7 to 0.97.
     if np.std(power) > 0 and np.corrcoef(throttle, power)[0, 1] > np.sqrt(0.5):
         return Meter.FOLLOWS
-    least = np.std(throttle) / np.mean(throttle) / 2  # half, for a motor that never idles
+    least = np.std(throttle) / np.mean(throttle) / 2  # half, because a motor may never idle
     return Meter.STANDS if np.std(power) < least * np.mean(power) else Meter.CONTRADICTS
 
 
 def power_off(throttle: Array) -> BoolArray:
-    """Rows (n,) in which the throttle is closed, within half the percent that telemetry counts in, and has been for so
-    long that the motor no longer drives.
+    """Mask (n,) of rows in which the throttle has been closed for so long that the motor no longer drives.
+
+    Closed means below half a percent, because telemetry counts in percent.
     """
     closed = pd.Series(np.where(np.isfinite(throttle), np.abs(throttle) < 0.005, False).astype(float))
     return np.asarray(closed.rolling(round(FLIGHT.smoothing_s / FLIGHT.step_s), min_periods=1).min() == 1)

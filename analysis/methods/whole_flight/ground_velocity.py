@@ -1,12 +1,13 @@
-"""Airspeed without a sensor: the velocity by GPS less the wind.
+"""Airspeed without a sensor, as GPS velocity less the wind.
 
-The horizontal wind is constant apart from a linear trend and the logarithmic profile over height. `circle_center` gives
-a first wind, the center of the circle on which the ground velocities of an aircraft at one airspeed lie. The energy
-balance then estimates the wind with its other parameters: power, height and specific force say how the kinetic energy
-relative to the air changes, and on a turn, how that follows from the ground velocities depends on the wind.
+Wind is constant apart from a linear trend and the logarithmic profile over height. `circle_center` gives a first guess
+of the wind: the ground velocities of an aircraft at one airspeed lie on a circle whose center is the wind. The energy
+balance then estimates the wind together with its other parameters. Power, height and specific force show how the
+kinetic energy relative to the air changes. In a turn, the kinetic energy that follows from ground velocities depends on
+the wind.
 
-A gust along the horizon changes airspeed and energy as the wind does, over its correlation time. `gusts` has its size
-and scale over those of vertical gusts near the ground (MIL-F-8785C, sec. 3.7.3.4.1).
+A horizontal gust changes airspeed and energy as the wind does, for its correlation time. `gusts` gives its size and
+scale relative to those of vertical gusts near the ground (MIL-F-8785C, sec. 3.7.3.4.1).
 """
 
 from typing import NamedTuple
@@ -23,9 +24,9 @@ from flightpower.flight.units import FOOT_M
 
 
 class GroundVelocity(NamedTuple):
-    """GPS velocity (n,) [m/s]. height_factor : wind over that at the median height     elapsed_s : since the middle
+    """GPS velocity (n,) [m/s]. height_factor : wind over that at the median height     elapsed_s : time from mid-flight
 
-    first_wind_mps : (2,) by `circle_center`
+    first_wind_mps : (2,) from `circle_center`
     """
 
     north_mps: Array
@@ -36,7 +37,7 @@ class GroundVelocity(NamedTuple):
     first_wind_mps: Array
 
     def airspeed(self, wind: Array) -> Array:
-        """True airspeed (n,) [m/s]. wind: (4,) of `WIND` [m/s, m/s²]"""
+        """True airspeed (n,) [m/s] in a wind (4,) with the parameters `WIND` [m/s, m/s²]."""
         w = unpack(WIND, wind)
         north = self.height_factor * (w.wind_north + w.wind_north_trend * self.elapsed_s)
         east = self.height_factor * (w.wind_east + w.wind_east_trend * self.elapsed_s)
@@ -53,10 +54,10 @@ def ground_velocity(table: pd.DataFrame, flown: NDArray[np.bool_], first_wind_mp
 
 
 def circle_center(north_mps: Array, east_mps: Array, step_s: float) -> Array:
-    """Wind (2,), north and east, by ground velocities (n,) at one airspeed: |v|² = 2 v w + const.
+    """Wind (2,), north and east, from ground velocities (n,) at one airspeed, for which |v|² = 2 v w + const.
 
-    The airspeed's changes are taken to last as long as the longest of the wind's; where headings hardly change, the
-    wind is near zero.
+    Changes of airspeed are assumed to last as long as the longest changes of the wind. If headings hardly change, the
+    result is near zero.
     """
     speed_mps = np.hypot(north_mps, east_mps)
     sigma = 2 * np.mean(speed_mps) * GPS.airspeed_change_mps * np.sqrt(max(GPS.correlation_s) / step_s)
@@ -68,7 +69,7 @@ def circle_center(north_mps: Array, east_mps: Array, step_s: float) -> Array:
 
 
 def height_factor(height_m: Array, ground_m: Array | None, flown: NDArray[np.bool_]) -> Array:
-    """Wind (n,) over that at the median height flown, by the logarithmic profile; 1 where the ground is not known."""
+    """Wind (n,) over that at the median height flown, by the logarithmic profile; 1 if the ground is not known."""
     if ground_m is None or not flown.any():
         return np.ones(len(height_m))
     above_m = np.log(np.maximum(height_m - ground_m, 2 * GPS.roughness_m) / GPS.roughness_m)
@@ -76,12 +77,12 @@ def height_factor(height_m: Array, ground_m: Array | None, flown: NDArray[np.boo
 
 
 def wind_prior(start: Array) -> Prior:
-    """Prior of `WIND`, weak, centered on a first wind `start` (2,)."""
+    """A weak prior of `WIND`, centered on the first guess `start` (2,)."""
     sigma = [GPS.wind_sigma_mps, GPS.wind_sigma_mps, GPS.trend_mps2, GPS.trend_mps2]
     return dict(zip(WIND, zip([*start, 0.0, 0.0], sigma, strict=True), strict=True))
 
 
 def gusts() -> tuple[float, float]:
-    """Standard deviation and correlation time of horizontal gusts over those of vertical ones."""
+    """Standard deviation and correlation time of horizontal gusts over those of vertical gusts."""
     shape = 0.177 + 0.000823 * RESIDUALS.gust_length_m.mean / FOOT_M
     return shape**-0.4, shape**-1.2

@@ -1,7 +1,7 @@
-"""A first guess of the aircraft from its flight alone, for a picture before the user has stated what was flown.
+"""A first guess of the aircraft from its flight alone, for a plot before the user has entered the aircraft.
 
-An aircraft of the prior's drag, in the middle of possible aspect ratios, cruises at its best glide. Electrical power of
-level flight is measured, so that its curve depends on the guess by changes of height and speed alone, and roughly.
+The guess is an aircraft with the prior's drag and a medium aspect ratio that cruises at its best glide. Electrical
+power of level flight is measured, so its curve depends only roughly on the guess, through changes of height and speed.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from flightpower.flight.units import SEA_LEVEL_DENSITY
 
 
 def guessed_aircraft(flight: FlightRecording) -> FlownAircraft:
-    """Mass, wing area and span that go with airspeed and power of the faster half of a flight. Raises InputError."""
+    """Weight, wing area and span that fit airspeed and power in the faster part of a flight. Raises InputError."""
     channels = flight.channels
     needed = {recording.VOLTAGE, recording.CURRENT}
     if not channels.keys() >= needed or not (
@@ -39,7 +39,7 @@ def guessed_aircraft(flight: FlightRecording) -> FlownAircraft:
 
 
 def _dynamic_pressure(flight: FlightRecording) -> tuple[Array, Array]:
-    """Times [s] and dynamic pressure [Pa] (n,): above the least of the pitot, or of the speed over the ground."""
+    """Times [s] and dynamic pressure [Pa] (n,), from the pitot with its zero removed, or from ground speed."""
     if (pitot := flight.channels.get(recording.AIRSPEED_PRESSURE)) is not None:
         return pitot.t_s, pitot.value - (0.0 if flight.zeroed else float(np.percentile(pitot.value, 5)))
     north, east, _ = (flight.channels[name] for name in recording.GPS)

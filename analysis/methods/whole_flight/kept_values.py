@@ -1,6 +1,6 @@
 """Functions of named parameters that keep their last values.
 
-A numerical derivative moves one parameter at a time, and most terms of a balance depend on a few of them only.
+A numerical derivative changes one parameter at a time, and most terms of a balance depend on only a few parameters.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class _Noted(NamedValues):
-    """Parameters that note which of them are read, and their values, in `noted`."""
+    """Parameters that record in `noted` which of them are read, and their values."""
 
     def __init__(self, values: NamedValues):
         self._source = values
@@ -24,10 +24,10 @@ class _Noted(NamedValues):
 
 
 class Kept(Generic[T]):
-    """A function of parameters, computed again only when one that it has read has another value.
+    """A function of parameters that is computed again only if a parameter that it has read has another value.
 
-    It may call other such functions; their reads count as its own. The value at which a numerical derivative
-    starts is kept while each of the parameters read is moved once.
+    It may call other such functions; their reads count as its own. While a numerical derivative changes each parameter
+    once, the value at the unchanged parameters is kept.
     """
 
     def __init__(self, function: Callable[[NamedValues], T]):
@@ -36,7 +36,7 @@ class Kept(Generic[T]):
 
     def __call__(self, p: NamedValues) -> T:
         for noted, value in self._entries:
-            if all(p[name] == last for name, last in noted.items()):  # p[name] also counts as a read by a caller
+            if all(p[name] == last for name, last in noted.items()):  # p[name] also counts as a caller's read
                 return value
         seen = _Noted(p)
         value = self._function(seen)

@@ -1,8 +1,8 @@
 """Electrical power and drag from the energy of the whole flight in a complete log of the daemon.
 
-`whole_flight` gives the electrical curve, and one more drag polar. The balance is that of an ordinary flight, with
-longer windows and fewer samples: it costs little compared with the rest. The airspeed is that of the calibrated probe,
-with the scale error that the trajectory shows.
+`whole_flight` gives the electrical curve and another drag polar. The balance is that of an ordinary flight, but with
+longer windows and fewer samples, so that it costs little compared with the rest of the analysis. The airspeed is that
+of the calibrated probe, corrected for the scale error that the trajectory shows.
 """
 
 from typing import NamedTuple
@@ -37,14 +37,14 @@ WHOLE_FLIGHT = MethodDescription(
 
 
 class WholeFlight(NamedTuple):
-    """electrical : None where the log has no battery, or its flight does not determine the curve"""
+    """Results of the energy balance. electrical : None if the log has no battery or does not determine the curve"""
 
     electrical: ElectricalEstimate | None
     method: MethodEstimate
 
 
 def whole_flight(flight: Reconstructed) -> WholeFlight:
-    """The electrical curve and the drag polar of a complete log, or a note of what is missing."""
+    """The electrical curve and the drag polar of a complete log, or a note on the cause if one of them is missing."""
     log, aircraft, propeller = flight.log, flight.aircraft, flight.propeller
     if not log.entries.get("/battery"):
         return WholeFlight(None, MethodEstimate(WHOLE_FLIGHT, notes=("the log has no voltage and current",)))
@@ -68,8 +68,8 @@ def whole_flight(flight: Reconstructed) -> WholeFlight:
 
 
 def airspeed_by_trajectory(trajectory: Trajectory, zero_sigma_Pa: float) -> AirspeedErrors | None:
-    """Errors of the airspeed as the trajectory shows them, by GPS with its latency, wind and the inertial sensors; None
-    where no trajectory explains the measurements."""
+    """Errors of the airspeed from the trajectory, which uses GPS with its latency, wind and inertial sensors. None if
+    no trajectory explains the measurements."""
     if trajectory.as_measured:
         return None
     covariance = np.diag([trajectory.standard_error("V_scale"), zero_sigma_Pa]) ** 2
@@ -78,7 +78,7 @@ def airspeed_by_trajectory(trajectory: Trajectory, zero_sigma_Pa: float) -> Airs
 
 
 def method_estimate(drag: DragEstimate) -> MethodEstimate:
-    """The quadratic polar over the lift coefficients of the curve, with its covariance."""
+    """The estimate as a quadratic polar over the lift coefficients of the curve, with its covariance."""
     c = drag.parameters.conditions
     V = np.linspace(drag.V_mps[-1], drag.V_mps[0], 31)
     qS = c.rho * V**2 / 2 * c.wing_area_m2

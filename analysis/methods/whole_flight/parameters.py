@@ -2,10 +2,10 @@
 
 A balance lists the parameters of its vector in `names`; only `pack` and `unpack` use positions.
 
-The natural logarithms of CD0, K, x at the greatest efficiency, fall and angle over C_L, and the logit of the
-efficiency, keep them possible. LIFT are sideslip over C_Y, and those of the angle of attack, alpha_0
-+ C_L (angle over C_L) + C_T (angle over C_T). POWER_LAW has the logarithm of the efficiency and the exponents of
-speed and power.
+CD0, K, x at the greatest efficiency, fall and angle over C_L are estimated as natural logarithms, and the efficiency as
+a logit, which keeps them physically possible. LIFT are sideslip over C_Y and the parameters of the angle of attack,
+which is alpha_0 + C_L (angle over C_L) + C_T (angle over C_T). POWER_LAW has the logarithm of the efficiency and the
+exponents of speed and power.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,19 +26,19 @@ LIFT = ("ln_beta_per_CY", "alpha_0", "ln_alpha_per_CL", "alpha_per_CT")
 MEAN_WIND = ("wind_north", "wind_east")
 WIND = (*MEAN_WIND, "wind_north_trend", "wind_east_trend")
 AIRSPEED = ("scale", "zero_Pa")
-POWER_SCALE = "ln_power_scale"  # of true over measured power, where it is estimated
+POWER_SCALE = "ln_power_scale"  # ln(true power / measured power), if it is estimated
 
 Prior = Mapping[str, tuple[float, float]]  # mean and standard deviation by parameter
 
 
 class Source(StrEnum):
-    """An error that the whole flight shares, as pools of results name it.
+    """An error that the whole flight shares, by its name in pools of results.
 
-    Errors of airspeed (or of wind, without an airspeed sensor) are correlated: each source contains its own part and
+    Errors of airspeed (or of wind, without an airspeed sensor) are correlated, so each source contains its own part and
     the correlated part of the sources after it.
     """
 
-    AIRSPEED = "airspeed"  # its scale
+    AIRSPEED = "airspeed"  # the scale of the airspeed
     AIRSPEED_ZERO = "airspeed's zero"
     WIND_NORTH = "wind to the north"
     WIND_EAST = "wind to the east"
@@ -52,12 +52,12 @@ class Source(StrEnum):
     GUSTS = "work of gusts"
 
 
-OF_AIRSPEED = (Source.AIRSPEED, Source.AIRSPEED_ZERO)  # as AIRSPEED
-OF_WIND = (Source.WIND_NORTH, Source.WIND_EAST, Source.WIND_NORTH_TREND, Source.WIND_EAST_TREND)  # as WIND
-# The same in all its flights.
+OF_AIRSPEED = (Source.AIRSPEED, Source.AIRSPEED_ZERO)  # in the order of AIRSPEED
+OF_WIND = (Source.WIND_NORTH, Source.WIND_EAST, Source.WIND_NORTH_TREND, Source.WIND_EAST_TREND)  # in the order of WIND
+# These errors are the same in all flights of an aircraft.
 OF_AIRCRAFT = (Source.DENSITY, Source.MASS, Source.CURRENT, Source.IDLE_POWER, Source.GUSTS)
 
-# What the prior of a parameter is of, as pools of results name its error; alike for both laws of the efficiency.
+# Names of the priors' errors in pools of results, the same for both forms of the efficiency.
 _OF_EFFICIENCY = ("greatest efficiency", "speed of greatest efficiency", "fall of efficiency", "idle propeller's drag")
 PRIOR_OF = {
     **dict(zip(DRAG, ("zero-lift drag", "drag by lift", "lift of least drag", "drag of fourth order"), strict=True)),
@@ -68,12 +68,12 @@ PRIOR_OF = {
 
 
 def prior_error(parameter: str) -> str:
-    """The name of the error by which the mean of a parameter's prior is from the truth, which all flights share."""
+    """The name of the difference between a parameter's prior mean and the truth, which all flights share."""
     return f"prior of {PRIOR_OF[parameter]}"
 
 
 def unpack(names: Sequence[str], vector: Array) -> NamedValues:
-    """Parameters by name, of a vector (m,) with these names (m,)."""
+    """Parameters by name, from a vector (m,) with these names (m,)."""
     return NamedValues("parameter", dict(zip(names, vector, strict=True)))
 
 
@@ -83,6 +83,6 @@ def pack(names: Sequence[str], values: NamedValues | Mapping[str, float]) -> Arr
 
 
 def block(names: Sequence[str], covariance: NDArray[np.floating[Any]], chosen: Sequence[str]) -> Array:
-    """The covariance (k, k) of some, `chosen` (k,), of the parameters with these names (m,)."""
+    """The covariance (k, k) of the parameters `chosen` (k,), from that of all parameters `names` (m,)."""
     index = [names.index(name) for name in chosen]
     return np.asarray(covariance[np.ix_(index, index)], dtype=float)

@@ -15,7 +15,7 @@ class Normal(NamedTuple):
 
 @dataclass(frozen=True)
 class PitotZero(Settings):
-    """Zero of the pitot's pressure, by the time on the ground."""
+    """Settings for the zero of the pitot's pressure, which comes from the time on the ground."""
 
     block_s: float = setting(10.0, "s", "longer than gusts on the ground")
     near_s: float = setting(300.0, "s", "from the flight: a transducer drifts with its temperature")
@@ -28,7 +28,7 @@ ZERO = PitotZero()
 
 @dataclass(frozen=True)
 class AirTemperature(Settings):
-    """Which thermometer shows the air."""
+    """Limits for a thermometer to show the air, and uncertainties of air temperature."""
 
     coldest_K: float = setting(233.0, "K", "-40 °C: batteries do not fly below")
     hottest_K: float = setting(323.0, "K", "50 °C: no air near the ground is hotter")
@@ -43,7 +43,7 @@ TEMPERATURE = AirTemperature()
 
 @dataclass(frozen=True)
 class AirspeedByGps(Settings):
-    """Scale and zero of the airspeed, and the wind."""
+    """Priors and limits for scale and zero of the airspeed, and for the wind."""
 
     scale_sigma: float = setting(0.0125, "1", "of an airspeed sensor and its place, before the flight")
     trend_mps2: float = setting(0.01, "m/s²", "of the wind: 6 m/s in ten minutes are rare")
@@ -64,7 +64,7 @@ GPS = AirspeedByGps()
 
 @dataclass(frozen=True)
 class DragAndEfficiencyPrior(Settings):
-    """Prior as wide as small electric aircraft differ. Medians are given for ln and logit parameters."""
+    """Priors that cover the variety of small electric aircraft. The means of ln and logit parameters are medians."""
 
     CD0: Normal = setting(Normal(0.05, 0.6), "1, ln", "from clean sailplanes to trainers with gear")
     oswald: Normal = setting(Normal(0.75, 0.25), "1, ln", "of small straight wings with fuselage")
@@ -101,8 +101,8 @@ class BalanceWindows(Settings):
 
     @property
     def times_s(self) -> tuple[float, ...]:
-        """Candidates for correlation times, from an eighth to twice the length: much shorter ones are averaged away,
-        much longer ones look constant.
+        """Candidates for correlation times, from an eighth to twice a window's length. Noise with much shorter times is
+        averaged away, and noise with much longer times looks constant.
         """
         return tuple(self.length_s * 2.0**i for i in range(-3, 2))
 
@@ -112,7 +112,7 @@ WINDOWS = BalanceWindows()
 
 @dataclass(frozen=True)
 class Residuals(Settings):
-    """What the residuals of the balance are made of: motion of the air, form of the efficiency, angle of attack."""
+    """Settings for the parts of the balance's residuals: motion of the air, form of the efficiency, angle of attack."""
 
     efficiency_share: Normal = setting(Normal(0.05, 0.35), "1, ln", "error of the efficiency's form; estimated, too")
     efficiency_s: float = setting(10.0, "s", "how long it lasts: a maneuver")
@@ -176,7 +176,7 @@ THRUST = ThrustByTable()
 
 @dataclass(frozen=True)
 class CoarserComputation(Settings):
-    """The whole flight of a complete log is computed more coarsely: it should cost little compared with the rest."""
+    """Coarser computation of the whole flight of a complete log, which should cost little compared with the rest."""
 
     every: int = setting(3, "1", "sample of the flight's table")
 

@@ -1,8 +1,8 @@
-"""Efficiency from battery to thrust as the energy of a flight shows it, whatever power trains usually have.
+"""Efficiency from battery to thrust as the energy of a flight shows it, whatever the usual efficiency is.
 
-What the motor takes raises, accelerates and pushes the aircraft: how energy and drag change with the measured power
-gives the efficiency. The curve's own estimate has a prior of it, which a wrong current would fight. Here the measured
-power also has a scale without a prior, so the efficiency follows from the data alone.
+The motor's power raises and accelerates the aircraft and overcomes its drag, so the change of energy and drag with the
+measured power gives the efficiency. The curve's own estimate has a prior of the efficiency, which would conflict with a
+wrong current. Here the measured power also has a scale without a prior, so the efficiency follows from the data alone.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ from flightpower.flight.arrays import Array
 
 
 class ScaledPowerBalance(EnergyBalance):
-    """The balance of one flight whose useful power has any scale: in whatever unit the power is measured."""
+    """The balance of one flight with a free scale of useful power, as if power were measured in an unknown unit."""
 
     def _names(self) -> tuple[str, ...]:
         return (*super()._names(), POWER_SCALE)
@@ -41,15 +41,15 @@ class ScaledPowerBalance(EnergyBalance):
 def shown_efficiency(
     flight: FlightTable, balance: EnergyBalance, prior: Prior, airspeed: AirspeedErrors, V: Array
 ) -> Uncertain:
-    """Natural logarithm of drag times airspeed over the measured power of the motor in level flight at V (n,).
+    """Natural logarithm (n,) of drag times airspeed over the motor's measured power, in level flight at V (n,).
 
-    balance, prior: with a propeller's efficiency. Half as many windows as for a curve are enough. NaN at speeds that
-    the motor cannot fly.
+    balance, prior: those with a propeller's efficiency. Half as many windows as for a curve are enough. The result is
+    NaN at speeds for which the motor's power does not suffice.
     """
     most_windows = min(balance.most_windows, WINDOWS.most // 2)
     free = ScaledPowerBalance(balance.samples, balance.conditions, most_windows)
-    # The scale has no prior, so the result does not depend on its mean, which only starts the search: power needed over
-    # useful power, by the priors.
+    # The scale has no prior, so the result does not depend on its mean, which only starts the search. The mean is power
+    # needed over useful power, by the priors.
     usual = pack(free.names, {name: mean for name, (mean, _) in prior.items()} | {POWER_SCALE: 0.0})
     thrust_power_W, surplus_W = free.thrust_power_W(usual), free.residual(usual)[: len(free.V_mps)]
     needed = max(1 - float(np.sum(surplus_W) / np.sum(thrust_power_W)), 0.01)
@@ -58,7 +58,10 @@ def shown_efficiency(
 
 
 def _of_measured_power(V: Array, names: Sequence[str], p: NamedValues, c: FlightConditions) -> Array:
-    """Level flight takes the power at which the useful power without its scale is that part of drag."""
+    """The logarithm (n,) of the efficiency of level flight, with respect to measured power.
+
+    Drag is divided by the scale, so that useful power without the scale balances it.
+    """
     unscaled = {name: p[name] for name in names}
     for name in ("ln_CD0", "ln_K"):
         unscaled[name] -= p.ln_power_scale

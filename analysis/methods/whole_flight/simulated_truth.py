@@ -1,5 +1,5 @@
-"""Compares measurements and results with the truth in a log of ArduPilot's own simulation; the analysis does not use
-that truth."""
+"""Compares measurements and results with the truth in a log of ArduPilot's own simulation. The analysis does not use
+this truth."""
 
 from dataclasses import dataclass
 
@@ -20,9 +20,11 @@ from flightpower.flight.units import GRAVITY_MPS2 as g
 
 @dataclass(frozen=True)
 class SimulatedTruth:
-    """airspeed_error : of the mean airspeed found, relative          airspeed_half_width : of its 95 % interval
-    steady_windows, power_error : of the true state, and by how much the curve exceeds the power measured in them,
-    relative; NaN without such windows
+    """Differences between results and the truth of a simulation.
+
+    airspeed_error : relative error of the mean airspeed     airspeed_half_width : half width of its 95 % interval
+    steady_windows : number of windows with a steady true state
+    power_error : relative excess of the curve over the power measured in these windows; NaN if there are none
     """
 
     airspeed_error: float
@@ -44,13 +46,13 @@ class SimulatedTruth:
 
 
 def signed_percent(share: float) -> str:
-    """ "+0.3 %", and "0.0 %" of what rounds to zero."""
+    """Write a fraction as "+0.3 %", or as "0.0 %" if it rounds to zero."""
     percent = round(100 * share, 1)
     return f"{percent:+.1f} %" if percent else "0.0 %"
 
 
 def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEstimate) -> SimulatedTruth | None:
-    """None where the log is no simulation's."""
+    """Compare an estimate with the truth; None if the log is not that of a simulation or has no comparable sample."""
     if recording.TRUE_AIRSPEED not in flight.truth:
         return None
     t_s = table.table.index.to_numpy() + flight.channels[recording.AIRSPEED_PRESSURE].t_s[0]
@@ -68,7 +70,7 @@ def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEs
     inside = (at_V >= estimate.V_mps[0]) & (at_V <= estimate.V_mps[-1]) if len(at_V) else np.zeros(0, dtype=bool)
     measured = np.array([np.mean(rows["power_W"].to_numpy()[window]) for window in steady])[inside]
     curve = np.interp(at_V[inside], estimate.V_mps, estimate.power_W) if inside.any() else measured
-    # d ln V of the pitot's scale and zero, and of density where GPS does not show true airspeed.
+    # Derivatives of ln V with respect to the pitot's scale and zero; density adds its part unless GPS shows airspeed.
     of_pitot = np.array([1.0, 1 / (2 * np.mean(rows["pressure_Pa"].to_numpy()[finite]))])
     sigma = np.hypot(np.sqrt(of_pitot @ airspeed.covariance @ of_pitot), (1 - airspeed.by_gps) * table.rho_sigma / 2)
     return SimulatedTruth(
@@ -80,8 +82,8 @@ def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEs
 
 
 def _steady(V: Array, height: Array, rows: FlightTable, mass_kg: float) -> list[slice]:
-    """Windows of the balance's length whose change of true energy takes less than 2 % of the measured power, at an
-    airspeed that varies by less than 2 %.
+    """Windows of the balance's length in which the change of true energy takes less than 2 % of the measured power and
+    the airspeed varies by less than 2 %.
     """
     length, power = round(WINDOWS.length_s / FLIGHT.step_s), rows.table["power_W"].to_numpy()
     energy_J = mass_kg * (g * height + V**2 / 2)

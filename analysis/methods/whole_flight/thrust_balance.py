@@ -1,7 +1,7 @@
 """Energy balance with the thrust of a propeller's table: T V = D V + dE/dt.
 
-Motor speed is measured, or follows from the electrical power and the motor's constants: the motor takes
-(omega k + R I) I for the shaft torque k (I - I_0).
+Motor speed is measured, or follows from the electrical power and the motor's constants, because the motor takes the
+power (omega k + R I) I for the shaft torque k (I - I_0).
 """
 
 from dataclasses import dataclass
@@ -31,21 +31,21 @@ PARAMETERS = (*DRAG, *THRUST_ERRORS, *LIFT)
 
 @dataclass(frozen=True)
 class MotorConstants:
-    """torque_constant: N m/A, which is also V s/rad. The resistance contains the controller's."""
+    """Constants of a motor. torque_constant: N m/A, which is also V s/rad. The resistance includes the controller's."""
 
     torque_constant: float
     resistance_ohm: float
     no_load_A: float
 
     def electrical_W(self, shaft_W: Array, revps: Array) -> Array:
-        """Electrical power (n,) that the motor takes to give a shaft power; zero where the air drives it."""
+        """Electrical power (n,) that the motor takes to give a shaft power; zero where the air drives the motor."""
         omega = 2 * np.pi * revps
         current = np.maximum(shaft_W / omega / self.torque_constant + self.no_load_A, 0.0)
         return np.asarray((omega * self.torque_constant + self.resistance_ohm * current) * current)
 
 
 def motor_constants(propulsion: Propulsion) -> MotorConstants | None:
-    """None where the aircraft file lacks one of them."""
+    """The motor's constants; None if the aircraft file lacks one of them."""
     kv, resistance = propulsion.motor_kv_rpm_per_volt, propulsion.motor_resistance_ohm
     no_load = propulsion.motor_no_load_current_A
     if kv is None or resistance is None or no_load is None:
@@ -54,7 +54,7 @@ def motor_constants(propulsion: Propulsion) -> MotorConstants | None:
 
 
 class ThrustBalance(EnergyBalance):
-    """The balance of one flight by the propeller's table. motor: where motor speed is not measured."""
+    """The balance of one flight with the propeller's table. motor: given if motor speed is not measured"""
 
     def __init__(
         self,
@@ -74,13 +74,13 @@ class ThrustBalance(EnergyBalance):
         return PARAMETERS
 
     def shaft_W(self) -> Array:
-        """Shaft power by the table, mean of each window (n,)."""
+        """Shaft power (n,) [W] from the table, as means over the windows."""
         s, c = self.samples, self.conditions
         revps = np.maximum(self._revps(s, c), INSTANCES.turning_revps)
         return self._mean(self._propeller.thrust_and_power(s.V_mps, revps, c.rho)[1])
 
     def motor_W(self) -> Array:
-        """Electrical power of the motor, mean of each window (n,)."""
+        """Electrical power (n,) [W] of the motor, as means over the windows."""
         return self._mean(self._motor_power(self.conditions))
 
     def _useful(self, p: NamedValues, s: Samples, c: FlightConditions) -> Useful:
@@ -88,11 +88,11 @@ class ThrustBalance(EnergyBalance):
         return Useful(thrust_N * (1 + p.thrust_scale + p.thrust_slope * (J - J_REFERENCE)) * s.V_mps, idle=0.0)
 
     def _drag_W(self, p: NamedValues, s: Samples, c: FlightConditions, idle: Array | float) -> Array:
-        """Drag of the airframe: thrust by the table contains that of an idling propeller."""
+        """Drag of the airframe alone, because the table's thrust contains the drag of an idling propeller."""
         return drag_power(s.V_mps, s.load_factor, idle, QuarticPolar.of(p), c, load_variance=s.load_variance)
 
     def _thrust(self, s: Samples, c: FlightConditions) -> tuple[Array, Array]:
-        """Thrust by the table and advance ratio, (n,) each; they do not depend on the parameters."""
+        """Thrust from the table and advance ratio, each (n,), which do not depend on the parameters."""
         if self._cached is None or self._cached[0] is not s or self._cached[1] is not c:
             revps = self._revps(s, c)
             turning, n = np.clip(revps / INSTANCES.turning_revps, 0.0, 1.0), np.maximum(revps, INSTANCES.turning_revps)
@@ -113,7 +113,7 @@ class ThrustBalance(EnergyBalance):
         for i, V in enumerate(speed_mps):
             _, shaft_W = self._propeller.thrust_and_power(np.full_like(revps, V), revps, c.rho)
             taken_W = np.maximum.accumulate(self._motor.electrical_W(shaft_W, revps))
-            driven = max(int(np.argmax(taken_W > 0)) - 1, 0)  # the fastest rotation by the air alone
+            driven = max(int(np.argmax(taken_W > 0)) - 1, 0)  # the fastest motor speed that air alone drives
             speeds[i] = np.interp(power_W, taken_W[driven:], revps[driven:])
         grid_place = np.clip(np.nan_to_num(s.V_mps) / (speed_mps[1] - speed_mps[0]), 0, len(speed_mps) - 1.001)
         low, samples = grid_place.astype(int), np.arange(len(power_W))
@@ -122,7 +122,7 @@ class ThrustBalance(EnergyBalance):
 
 
 def _powered(samples: Samples, c: FlightConditions) -> list[slice]:
-    """Stretches of flight in which the motor draws enough power for its speed to follow from it; without idling."""
+    """The parts of the stretches in which the motor draws enough power to determine its speed."""
     power_W = samples.power_W - c.idle_power_W
     flown = np.zeros(len(power_W), dtype=bool)
     for rows in samples.stretches:
