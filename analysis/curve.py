@@ -34,7 +34,7 @@ class Condition(NamedTuple):
     wing_area_m2: float
 
 
-POLAR = ("A0", "A1", "A2")  # first in every vector of parameters with a drag polar
+POLAR = ("A0", "A1", "A2")  # these come first in every vector of parameters with a drag polar
 
 
 class Polar(NamedTuple):
@@ -93,7 +93,7 @@ def drag_and_error(polar: Polar, CL: Array) -> tuple[Array, Array]:
 
 
 def unphysical(polar: Polar, flown_CL: tuple[float, float]) -> str:
-    """Why a drag polar is unphysical over the lift coefficients flown; empty where it is not."""
+    """The reason why a drag polar is unphysical over the lift coefficients flown; empty if it is physical."""
     CL = np.linspace(*flown_CL, 61)
     if not np.isfinite(polar.covariance).all():
         return "the range of lift coefficients flown is too narrow to determine the drag polar"
@@ -297,7 +297,7 @@ def polar_curve(
     flown_CL: tuple[float, float],
     extrapolated: NDArray[np.bool_] | None = None,
 ) -> PolarCurve:
-    """The curve of a drag polar over a range of lift coefficients, at CURVES.points even steps of speed."""
+    """The curve of a drag polar over a range of lift coefficients, at CURVES.points evenly spaced speeds."""
     slowest, fastest = (float(speed_at(CL, condition)) for CL in reversed(flown_CL))
     V = np.linspace(slowest, fastest, CURVES.points)
     return PolarCurve(
@@ -312,9 +312,9 @@ def polar_curve(
 
 
 def stored_curve(result: CurveResult, wing_area_m2: float, idle_W: float | None = None) -> Curve | None:
-    """The electrical curve that results have, with the errors that flights share; None where they lack statistics.
+    """The electrical curve stored in results, with the errors that flights share; None if it lacks statistics.
 
-    idle_W : replaces the value in the results
+    idle_W : replaces the stored value
     """
     statistics = result.statistics
     if not isinstance(statistics, PowerStatistics):
@@ -332,7 +332,7 @@ def stored_curve(result: CurveResult, wing_area_m2: float, idle_W: float | None 
 def power_points(
     V_mps: Array, power_W: Array, half_width_W: Array, extrapolated: Sequence[bool] | NDArray[np.bool_] | None = None
 ) -> list[PowerPoint]:
-    """Points of a curve (n,); what is not known is left out. The interval of a power does not reach below zero."""
+    """Points of a curve (n,), without those whose power or interval is not known. No interval reaches below zero."""
     is_extrapolated = [False] * len(V_mps) if extrapolated is None else list(extrapolated)
     return [
         PowerPoint(

@@ -80,7 +80,7 @@ STRETCH = re.compile(r"\s*([\d.]+)\s*(?:s\s*)?(?:to|-|–)\s*([\d.]+)\s*s?\s*")
 def parse_stretches(text: str, name: str) -> tuple[tuple[float, float], ...]:
     """Start and end [s] of each stretch of a list such as "120 to 180 s, 300 to 320 s", in order of time.
 
-    Raises InputError, beginning with `name`, for anything else.
+    Raises InputError, with a message that begins with `name`, for anything else.
     """
     stretches = []
     for part in text.split(","):

@@ -193,8 +193,8 @@ def with_transducer_uncertainty(
 ) -> AssumptionUncertainty | None:
     """Add the uncertainty due to hysteresis and to a step of the zero in mid-flight, for each transducer.
 
-    [uncertainty] hysteresis and transducer_zero of the aircraft file give their standard deviations. A change of the
-    zero at take-off is among the sensor errors that are estimated.
+    Their standard deviations follow from [uncertainty] hysteresis and transducer_zero in the aircraft file. A change of
+    the zero at take-off is among the sensor errors that are estimated.
     values_from: estimates polar and thrust (5,) from air data, including the trajectory.
     """
     uncertainty = aircraft.uncertainty

@@ -278,7 +278,7 @@ def _status(fit: Fit, trajectory: Trajectory) -> CurveStatus:
 
 
 def estimate_values(trajectory: Trajectory, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller) -> Array:
-    """The `values` (5,) of `estimate_polar`, without the work for their covariance."""
+    """The `values` (5,) of `estimate_polar`, without computing their covariance."""
     nominal = _nominal(FlightForces(trajectory, aircraft, propeller), runs)
     return nominal.fit.values[:KEPT]
 
@@ -297,7 +297,7 @@ def _nominal(counted: FlightForces, runs: list[Maneuver]) -> _Nominal:
     if suspect is None:
         return as_counted
     error, with_speed = suspect._replace(share=0.0), motor_speed.with_motor_speed(model)
-    for _ in range(5):  # Gauss-Newton steps: thrust varies as the square of motor speed
+    for _ in range(5):  # Gauss-Newton steps, because thrust varies as the square of motor speed
         forces = FlightForces(counted.trajectory, counted.aircraft, counted.propeller, motor_speed=error)
         fit = _fitted(with_speed, forces.nominal, level, runs)
         left, standard_error = motor_speed.value_and_error(fit, motor_speed.PARAMETER)

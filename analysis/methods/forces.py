@@ -90,7 +90,7 @@ class FlightForces:
         return self.forces(self.trajectory.states.to_numpy(), self.trajectory.sensor_errors)
 
     def corrected_force(self, errors: NamedArrays) -> tuple[Array, Array]:
-        """Specific force (n,) along body x and z [m/s^2] less the accelerometers' errors. errors: SENSOR_ERRORS."""
+        """Specific force (n,) along body x and z [m/s^2] less the accelerometers' errors. errors: all SENSOR_ERRORS"""
         ax, _, az = corrected_force(self._measured_force, errors)
         return ax, az
 

@@ -102,8 +102,8 @@ def estimate(flight: Reconstructed, *, by_likelihood: bool = False) -> DragEstim
     """Apply the dynamic method, all other methods, and the cross-check.
 
     by_likelihood: also apply the two maximum-likelihood methods.
-    The flight's curve comes from the best method that gives one. Raises NoCurve, beginning with the log's name, when
-    none does.
+    The flight's curve comes from the best method that gives one. Raises NoCurve, with a message that begins with the
+    log's name, if none does.
     """
     trajectory, aircraft = flight.trajectory, flight.aircraft
     checking = beside(lambda: _cross_check(flight))

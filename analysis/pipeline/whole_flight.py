@@ -116,7 +116,7 @@ def analyze_recording(
     try:
         flown = flown_aircraft(aircraft, options.flown_weight_N, options.wing_area_m2, options.span_m, str(path))
     except InputError:
-        require_length(recording)  # nobody is asked to weigh and measure an aircraft for a log without a curve
+        require_length(recording)  # do not ask for weight and wing area if the log gives no curve in any case
         raise
     recording = replace(recording, air_temperature_K=options.air_temperature_K)
     airspeed = AIRSPEED_FILE.load(options.airspeed) if options.airspeed else None

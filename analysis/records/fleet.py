@@ -28,7 +28,7 @@ class What(StrEnum):
 
 
 class Contradiction(StrEnum):
-    """Why flights of one name cannot be of one airframe."""
+    """The reason why flights under one name cannot all be of one airframe."""
 
     SIZE = "wing area or span"
     FLIGHT = "one flight of two airframes"
@@ -36,7 +36,7 @@ class Contradiction(StrEnum):
 
 
 class ContradictionResult(msgspec.Struct, frozen=True, kw_only=True):
-    """A contradiction between two flights of one name that one airframe cannot explain."""
+    """A contradiction between two flights under one name, which a single airframe cannot explain."""
 
     kind: Contradiction
     airframe: str
@@ -95,10 +95,10 @@ class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
     first_unix_s: float | None
     last_unix_s: float | None
     test: ConditionResult
-    kind: Kind = Kind.POWER_REQUIRED  # of the curve:
-    power_required: list[PowerPoint]
-    trust: Trust  # as bad as the worst of:
-    evidence: list[Evidence]  # against the pooled flights
+    kind: Kind = Kind.POWER_REQUIRED  # kind of the curve
+    power_required: list[PowerPoint]  # points of the curve, whatever its kind
+    trust: Trust  # as bad as the worst evidence
+    evidence: list[Evidence]  # evidence against the pooled flights
     changes: list[ChangeResult]
     history: list[FlightShareResult] = []  # of its flights with a date, if there are three or more
     logs: list[FleetFlightResult] = []  # all its flights, by date

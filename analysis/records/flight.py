@@ -150,7 +150,7 @@ class EvidenceKind(StrEnum):
 
 
 class PartOfResult(StrEnum):
-    """The subject that a piece of evidence concerns."""
+    """The part of a result that a piece of evidence concerns."""
 
     CURVE = "the whole curve"
     AT_SPEED = "the curve near one speed"
@@ -327,7 +327,7 @@ class MethodResult(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     title: str
     equations: str = ""
-    taken_as_measured: list[str] = []  # quantities it deliberately does not correct, so that an error there shows
+    taken_as_measured: list[str] = []  # quantities that it deliberately does not correct, so that errors show
     drag_polar: list[float] = []  # A0, A1, A2 of C_D = A0 + A1 C_L + A2 C_L^2
     power_required: list[PowerPoint] = []  # over the speeds of its data; empty without an estimate: `notes` say why
     points: list[MethodPoint] = []
@@ -382,7 +382,7 @@ class ParameterResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SensorError(msgspec.Struct, frozen=True, kw_only=True):
-    """The estimate of one systematic error of the sensors, and what the flight lacked to determine it better."""
+    """The estimate of one systematic sensor error, and the things that the flight lacked to determine it better."""
 
     name: str
     title: str
@@ -391,7 +391,7 @@ class SensorError(msgspec.Struct, frozen=True, kw_only=True):
     assumed_sigma: float  # standard deviation of the prior
     unit: str
     determined: bool  # true if this flight determined it, and not the prior alone
-    missing: list[str]  # maneuvers or sensors that the flight lacked, if it did not determine the error
+    missing: list[str]  # reasons, with advice, if this flight did not determine it
 
 
 class Check(msgspec.Struct, frozen=True, kw_only=True):
@@ -486,7 +486,7 @@ class DragPolar(msgspec.Struct, frozen=True, kw_only=True):
     K: float
     CL_minD: float
     oswald_efficiency: float
-    maximum_lift_to_drag: float | None  # null where drag at zero lift is estimated negative
+    maximum_lift_to_drag: float | None  # null if the estimate of drag at zero lift is negative
 
 
 class IntervalPart(msgspec.Struct, frozen=True, kw_only=True):
@@ -513,7 +513,7 @@ class LevelEfficiencyPoint(msgspec.Struct, frozen=True, kw_only=True):
 
     speed_mps: float
     propeller: Interval
-    motor: Interval  # with its speed controller
+    motor: Interval  # includes the speed controller
     overall: Interval
     extrapolated: bool
 
@@ -547,7 +547,7 @@ class AvailableResult(msgspec.Struct, frozen=True, kw_only=True):
     maximum_speed_extrapolated: bool = False
     best_climb_mps: Interval | None = None
     best_climb_speed_mps: float | None = None
-    service_ceiling_m: Interval | None = None  # density altitude of a climb of 0.508 m/s (100 ft/min)
+    service_ceiling_m: Interval | None = None  # density altitude at which the best climb is 0.508 m/s (100 ft/min)
     absolute_ceiling_m: Interval | None = None
     notes: list[str] = []
 
@@ -638,7 +638,7 @@ class PowerStatistics(msgspec.Struct, frozen=True, kw_only=True, tag_field="form
 
 
 class PriorMeasurementStatistics(msgspec.Struct, frozen=True, kw_only=True):
-    """A linear combination of the parameters that was measured before the flight: part of the prior."""
+    """A linear combination of the parameters that was measured before the flight, as part of the prior."""
 
     name: str
     coefficients: dict[str, float]  # by name of the parameter
@@ -687,7 +687,7 @@ class CurveResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BatteryResult(msgspec.Struct, frozen=True, kw_only=True):
-    """The battery that endurance and range hold for."""
+    """The battery for which endurance and range hold."""
 
     energy_Wh: float
     usable: float  # share of it that is used
@@ -722,12 +722,12 @@ class WithCurves(msgspec.Struct, frozen=True, kw_only=True):
     """Fields that a flight and a pool have in common, such as the curves by kind and their conditions."""
 
     format: str = ""
-    trust: Trust = Trust.TRUSTED  # as bad as the worst of:
-    evidence: list[Evidence] = []  # against the result, the worst first
+    trust: Trust = Trust.TRUSTED  # as bad as the worst evidence
+    evidence: list[Evidence] = []  # evidence against the result, the worst first
     software_version: str
     aircraft: AircraftResult
     test: ConditionResult  # as flown; the mean of the flights of a pool
-    kind: Kind  # of the curve that the report leads with
+    kind: Kind  # kind of the curve that the report leads with
     curves: dict[Kind, CurveResult]
     air: AirFound = AirFound()
     battery: BatteryResult | None = None  # null where its energy is not known

@@ -234,8 +234,8 @@ class ComparisonResults(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of the `results.json` of a comparison."""
 
     format: str = COMPARISON_FORMAT
-    kind: Kind  # of the power that is compared
-    trust: Trust  # as bad as the worst of:
+    kind: Kind  # kind of the power that is compared
+    trust: Trust  # as bad as the worst evidence
     evidence: list[Evidence]  # against flights of both, and against what the files say they share, the worst first
     software_version: str
     a: Configuration

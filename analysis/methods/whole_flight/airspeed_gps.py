@@ -158,7 +158,7 @@ def airspeed_errors(flight: FlightTable, most_points: int = GPS.most_points) -> 
         return AirspeedErrors(0.0, 0.0, np.diag(prior_sigma**2), None, None, flight.airspeed_scale_sigma)
     t_s = table.index.to_numpy()
     pressure, rho = (table[name].to_numpy()[rows] for name in ("pressure_Pa", "rho"))
-    # A GPS velocity belongs to the time GPS.latency_s earlier.
+    # GPS reports a velocity GPS.latency_s late.
     north, east, down = (np.interp(t_s[rows] + GPS.latency_s, t_s[has_gps], table[n][has_gps]) for n in recording.GPS)
     elapsed = t_s[rows] - t_s[rows].mean()
     names = (*AIRSPEED, *WIND)

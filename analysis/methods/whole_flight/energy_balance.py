@@ -183,7 +183,7 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True)
 class QuarticPolar:
-    """The parameters of drag in their usual form: CD = CD0 + K (CL - CL_minD)^2 + K4 (CL - CL_minD)^4 above CL_minD.
+    """The parameters of drag in their usual form: CD = CD0 + K (CL - CL_minD)^2 + K4 max(CL - CL_minD, 0)^4.
 
     idle_drag : drag coefficient of the idling propeller over CD0; 0 where thrust contains this drag
     """

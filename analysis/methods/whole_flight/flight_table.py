@@ -70,7 +70,7 @@ class FlightTable(NamedTuple):
     airspeed_scale_sigma: float = GPS.scale_sigma  # prior of the airspeed's scale error
 
     def thinned(self, every: int) -> "FlightTable":
-        """The same flight with every `every`-th sample."""
+        """Keep one of every `every` samples."""
         airborne = [slice(-(-rows.start // every), -(-rows.stop // every)) for rows in self.airborne]
         return self._replace(table=self.table.iloc[::every], airborne=airborne, flown=self.flown[::every])
 
@@ -409,7 +409,7 @@ def _ground_height(height: Array, standing: BoolArray) -> Array | None:
 
 
 def _touches_ground(moving: BoolArray, row: int, direction: int) -> bool:
-    """Whether the aircraft was on the ground within two window lengths beyond a row; false if the log ends in flight."""
+    """Whether the aircraft was on the ground within two window lengths of a row; false if the log ends in flight."""
     reach = round(2 * WINDOWS.length_s / FLIGHT.step_s)
     neighbors = moving[row : row + reach] if direction > 0 else moving[max(0, row - reach) : row]
     return bool(len(neighbors)) and not bool(neighbors.all())
