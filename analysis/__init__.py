@@ -1,5 +1,5 @@
 """From a log to power required: air data, trajectory, maneuvers, drag polar, performance, report.
 
-Of this project's packages it imports only `flight`. Other programs import `flightpower` (docs/understand/python.md),
-whose names stay.
+It imports only `flight` among this project's packages. Other programs import `flightpower`
+(docs/understand/python.md), whose names do not change.
 """

@@ -187,7 +187,7 @@ def ratios(reference: Condition, condition: Condition, load_factor: Array | floa
     """Return the ratios of speed and of power, without idle power, at `condition` over those at `reference`.
 
     Both are at the same C_L (VIW and PIW, 2.3 and 2.5), so drag coefficient and efficiency are the same.
-    load_factor : that at `condition`
+    load_factor : load factor at `condition`
     """
     heavier = condition.weight_N * load_factor / reference.weight_N
     thinner = reference.rho / condition.rho * (reference.wing_area_m2 / condition.wing_area_m2)
@@ -246,7 +246,7 @@ class Curve:
 
 
 def speed_of_least(V: Array, cost: Array, draws: Array) -> SpeedInterval:
-    """The speed at which the cost (n,) is least; its interval holds 95 % of the speeds least in each draw (k, n)."""
+    """The speed at which the cost (n,) is least, with an interval that holds it for 95 % of the draws (k, n)."""
     index = int(np.argmin(cost))
     low, high = np.percentile(V[np.argmin(draws, axis=1)], [2.5, 97.5])
     return SpeedInterval(

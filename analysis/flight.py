@@ -124,7 +124,7 @@ class Flown(Measured):
 class Reconstructed(Flown):
     """The flight with its trajectory and sensor errors.
 
-    prior_conflict : conflict of the first trajectory's sensor errors with their priors, by which these were widened
+    prior_conflict : conflict of the first trajectory's sensor errors with their priors, which were then widened
     """
 
     trajectory: Trajectory
@@ -138,8 +138,8 @@ class Reconstructed(Flown):
 
 class FlightPath(NamedTuple):
     """The trajectory of a whole flight, which does not depend on its runs, and notes on it. prior_conflict : as in
-    `Reconstructed`. as_measured : no trajectory explains the measurements. updraft_mps : standard deviation of the mean
-    updraft over a flight by day (`updraft.updraft_by_day`); 0 for other flights"""
+    `Reconstructed`. as_measured : whether no trajectory explains the measurements. updraft_mps : standard deviation of
+    the mean updraft over a flight by day (`updraft.updraft_by_day`); 0 for other flights"""
 
     trajectory: Trajectory
     prior_conflict: PriorConflict
@@ -210,7 +210,7 @@ def reconstructed(flight: Flown, path: FlightPath | None = None) -> Reconstructe
 
 
 def flight_path(flight: Measured) -> FlightPath:
-    """Reconstruct the trajectory; repeat that with wider priors if the flight contradicts those of the sensor errors.
+    """Reconstruct the trajectory, and again with wider priors if the flight contradicts the priors of sensor errors.
 
     If no trajectory explains the measurements, the path is as measured, and only simpler methods are used.
     """
@@ -253,7 +253,7 @@ def flight_path(flight: Measured) -> FlightPath:
 
 
 def _with_noise_in_flight(flight: Measured, trajectory: Trajectory) -> tuple[Trajectory, list[str]]:
-    """Return the trajectory with the height's noise in flight, where that is larger than at rest, and a note on it.
+    """Return the trajectory with the noise that height has in flight, if it is larger than at rest, and a note on it.
 
     Height is noisier in flight than at rest on the ground: 0.7 m against 0.07 m for a Citation. Such noise alone does
     not mean that sensors contradict each other. It is estimated from the residuals of height, by fixed-point iteration.

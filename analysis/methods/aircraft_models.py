@@ -1,7 +1,7 @@
 """Models of an aircraft with systematic sensor errors (Table 3.1) for the maximum-likelihood estimators.
 
 Drag is C_D = A0 + A1 C_L + A2 C_L^2, the parabolic polar (3.36) rewritten to be well conditioned. Specific force is
-that at the center of gravity. Starting values come from the wing's geometry and from the data, never from the
+given at the center of gravity. Starting values come from the wing's geometry and from the data, never from the
 aerodynamics that the simulator uses.
 
 Inputs by name: thrust [N], advance ratio J, elevator [rad], body rates p, q, r [rad/s] as measured by the gyro, bank

@@ -85,7 +85,7 @@ def missing_values(aircraft: Aircraft) -> list[AssumedValue]:
 class AssumptionUncertainty(NamedTuple):
     """Uncertainty due to assumed values and to errors that no residual shows.
 
-    covariance : (5, 5) of polar and thrust, to be added to that of the estimate     notes : sentences for the reader
+    covariance : (5, 5) of polar and thrust, to be added to the estimate's     notes : sentences for the reader
     changes : by name of the error, the change (5,) of polar and thrust that one standard deviation of it makes
     """
 

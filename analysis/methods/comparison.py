@@ -82,7 +82,7 @@ def disagreements(
     if dynamic is not None:
         A, total = dynamic.polar.A, polar_part(dynamic.noise + dynamic.systematic)
         methods[DYNAMIC] = ComparedMethod(DYNAMIC, "the dynamic method", A, total, {}, {}, None, dynamic_CL)
-        # Methods are not compared where gusts raise the lift coefficient above that of the slowest speed flown.
+        # Methods are not compared where gusts raise the lift coefficient above its value at the slowest speed flown.
         methods = {
             name: estimate._replace(flown_CL=(estimate.flown_CL[0], min(estimate.flown_CL[1], dynamic_CL[1])))
             for name, estimate in methods.items()

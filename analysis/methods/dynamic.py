@@ -197,7 +197,7 @@ def estimate_polar(
     prior_sigma = np.array([parameter.prior_sigma for parameter in model.parameters])
     joint = joint_estimate(fit, noise, prior_sigma, np.stack(by_sensor_errors, axis=1), trajectory)
     joint = joint.with_changes(changes)._replace(prior_measurements=model.prior_measurements)
-    # Several flights are compared at one density, so the error of density is kept with that of the airspeed scale.
+    # Several flights are compared at one density, so `joint` keeps the errors of density and airspeed scale together.
     joint = joint.with_density_error(by_density, covariance.airspeed_scale_by_density(aircraft))
     if flight_forces.motor_speed is not None:
         joint = joint.with_value(motor_speed.PARAMETER, flight_forces.motor_speed.share)
@@ -353,7 +353,7 @@ def _within_level_flight(forces: pd.DataFrame, airborne: NDArray[np.bool_], runs
 
 
 def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuver]) -> list[Segment]:
-    """The data of each run; drag is NaN where the angle of attack exceeds that of level flight."""
+    """The data of each run; drag is NaN where the angle of attack is larger than in level flight."""
     forces = forces.assign(CD=forces["CD"].where(level))
     segments = []
     t_s = forces.index.to_numpy()

@@ -1,4 +1,4 @@
-"""All estimates of drag from one flight: those of the best method that it allows, all others, and the cross-check."""
+"""All estimates of drag from one flight, by the best method that it allows and by all others, and the cross-check."""
 
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -47,7 +47,7 @@ class DragEstimates:
     """All estimates of drag from one flight.
 
     main : the polar of the power curve, valid over the lift coefficients flown_CL; if a simpler method gives the curve,
-        these are the range of its data instead of that in `Reconstructed`
+        this is the range of its data instead of the range in `Reconstructed`
     methods, single_runs : estimates by all other methods, and from each acceleration and deceleration alone
     cross_check : None where the flight has no run for it, in gusts, and where it failed
     cross_check_differs : whether it differs from the power curve by more than the simultaneous 95 % band allows

@@ -243,5 +243,5 @@ def pitch_rate_of(table: pd.DataFrame, runs: list[Maneuver], fit: Fit) -> PitchR
 
 
 def sample_variance(signal: Array) -> float:
-    """Variance of white noise in a smooth signal (n,): a sample less the mean of its neighbors has 1.5 times that."""
+    """Variance of white noise in a smooth signal (n,); a sample less its neighbors' mean has 1.5 times as much."""
     return float(np.nanmean((signal[1:-1] - (signal[:-2] + signal[2:]) / 2) ** 2) / 1.5)

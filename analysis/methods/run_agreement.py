@@ -1,6 +1,6 @@
 """Compares each acceleration and deceleration with the others of its kind, so that the flight tests itself.
 
-Each run alone gives power at a lift coefficient, which is compared with that from the other runs of its kind. The
+Each run alone gives power at a lift coefficient, which is compared with power from the other runs of its kind. The
 difference contains the noise of both and an error of the path's slope in each run, which residuals of a few seconds do
 not show (D changes by L times the slope). It also contains the effects of shared errors (trajectory, propeller's
 table). Most of these cancel, whatever their size, because runs of one kind are flown alike. A defect that is not the

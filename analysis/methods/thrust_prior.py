@@ -33,12 +33,12 @@ class ThrustPrior(NamedTuple):
 
     @property
     def second_moment(self) -> Array:
-        """Second moment (2, 2) about zero: the uncertainty of a table that is not corrected by the mean."""
+        """Second moment (2, 2) about zero, which is the uncertainty of a table that is not corrected by the mean."""
         return self.covariance + np.outer(self.mean, self.mean)
 
 
 def stand_measurements(aircraft: Aircraft) -> tuple[PriorMeasurement, ...]:
-    """The measurement on a stand, if there is one. Its error includes that of the straight line from rest to flight."""
+    """The measurement on a stand, if any. Its error includes the error of a straight line from rest to flight."""
     measured = aircraft.static_thrust_excess
     if measured is None:
         return ()

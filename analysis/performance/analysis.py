@@ -114,7 +114,7 @@ def power_train_data(trajectory: Trajectory, aircraft: Aircraft, propeller: Prop
 
 
 def _with_battery_and_coverage(forces: pd.DataFrame, mean: Mapping[str, Array], propeller: Propeller) -> pd.DataFrame:
-    """Add battery and `covered` to the forces, which are those of `FlightForces.forces`.
+    """Add battery and `covered` to the forces, which come from `FlightForces.forces`.
 
     mean : measurements by name, in the same rows; NaN where missing
     """

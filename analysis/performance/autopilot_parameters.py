@@ -145,8 +145,8 @@ def _withheld(value: str, firmware: str | None = None) -> str:
 
 
 def withheld_of(firmware: str, written: Collection[str]) -> list[str]:
-    """Sentences on the parameters of one firmware that the results cannot give. written: names of those that they do
-    give"""
+    """Sentences on the parameters of one firmware that the results cannot give. written: names of the parameters that
+    they do give"""
     missing = {entry.value for entry in ENTRIES if entry.firmware == firmware and entry.name not in written}
     withheld = [_withheld(value, firmware) for value in WITHOUT if value in missing]
     return [*withheld, f"{THROTTLE[firmware]} does not follow: it requires {REQUIRES_THROTTLE}", NO_STALL]

@@ -83,7 +83,7 @@ def steady_thrust(
 ) -> Array:
     """Thrust [N], (2m + 1, k), of steady flight at V (k,) [m/s]. parameters : A0, A1, A2, alpha_0, alpha_CL
 
-    Flight is level and straight by default; `sine` is that of the climb angle, and a turn has a load factor of 1/cos of
+    Flight is level and straight by default. `sine` is the sine of the climb angle; a turn has a load factor of 1/cos of
     the bank. In level flight thrust exceeds drag by the factor 1/cos(alpha), but the weight that it carries reduces
     lift, and thereby drag. Thrust is below zero in a descent steeper than a glide.
     """
@@ -244,7 +244,7 @@ def _optimum(flight: LevelFlight, sustained: NDArray[np.bool_], objective: Array
 def _maxima(x: Array, y: Array) -> tuple[Array, Array]:
     """Place and height (m,) of the maximum of each row of y (m, k) over evenly spaced x (k,); NaN for rows of NaN.
 
-    The maximum is that of a parabola through the highest point and its neighbors, if it has both.
+    The maximum is the vertex of a parabola through the highest point and its neighbors, if it has both.
     """
     rows = np.arange(len(y))
     highest = np.argmax(np.where(np.isnan(y), -np.inf, y), axis=1)

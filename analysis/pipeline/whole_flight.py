@@ -178,7 +178,7 @@ def _aircraft_file(options: Options) -> Aircraft | None:
 
 
 def _propeller(options: Options, propulsion: Propulsion) -> Propeller | None:
-    """The propeller table of the options, or else that of the aircraft file if it can be read."""
+    """The propeller table from the options, or else from the aircraft file if it can be read."""
     if options.propeller is not None:
         return load_propeller(options.propeller)
     with contextlib.suppress(InputError):

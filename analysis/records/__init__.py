@@ -1,1 +1,1 @@
-"""The records that results files hold: those of a flight, of a pool or comparison, and of a fleet."""
+"""The records that results files hold, for a flight, a pool, a comparison, or a fleet."""

@@ -83,7 +83,7 @@ class FleetFlightResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
-    """An airframe in one configuration. Its curve is that of the `pooled_flights` flights since the last change."""
+    """An airframe in one configuration. Its curve comes from the `pooled_flights` flights since the last change."""
 
     name: str
     title: str
@@ -100,7 +100,7 @@ class AirframeResult(msgspec.Struct, frozen=True, kw_only=True):
     trust: Trust  # as bad as the worst evidence
     evidence: list[Evidence]  # evidence against the pooled flights
     changes: list[ChangeResult]
-    history: list[FlightShareResult] = []  # of its flights with a date, if there are three or more
+    history: list[FlightShareResult] = []  # shares of its flights with a date, if there are three or more
     logs: list[FleetFlightResult] = []  # all its flights, by date
 
 

@@ -269,7 +269,7 @@ class AirFound(msgspec.Struct, frozen=True, kw_only=True):
     wind_from_deg: float | None = None
     wind_standard_error_mps: float | None = None
     gust_mps: float | None = None  # vertical, 1 sigma
-    gust_length: float = 1.0  # scale length of gusts over the standard's; not 1 where the flight's spectra show another
+    gust_length: float = 1.0  # scale length of gusts over the standard's; not 1 if the flight's spectra contradict that
     density_altitude_m: float | None = None
     lowest_height_m: float | None = None  # lowest height in the runs, above the place of take-off
     highest_height_m: float | None = None
@@ -415,7 +415,7 @@ class JointConflict(msgspec.Struct, frozen=True, kw_only=True):
     """Sensor errors of the first estimate that are plausible one by one but improbable together.
 
     errors : estimate less prior mean, over the standard deviation that this has if the prior is right
-    probability : upper limit for that of errors at least as improbable, in a flight whose priors are right
+    probability : upper limit for the probability of errors this improbable, in a flight whose priors are right
     """
 
     errors: dict[str, float]

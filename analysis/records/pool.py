@@ -1,7 +1,7 @@
 """The contents of `results.json` of several flights together, and of a comparison (docs/understand/pooling.md).
 
-Percentages of a pool refer to its power, those of a comparison to the power of A. Pools of drag and of electrical power
-have the same fields; a field that only the joint estimate of drag fills is empty or null in the others.
+Percentages of a pool refer to its power; percentages of a comparison refer to the power of A. Pools of drag and of
+electrical power have the same fields; a field that only the joint estimate of drag fills is empty or null in others.
 """
 
 from enum import StrEnum

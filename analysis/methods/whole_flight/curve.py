@@ -235,8 +235,8 @@ def _among_flights(
     """Power (n,) whose own errors are those of this flight, and whose shared errors are those of the aircraft.
 
     The estimate lies between data and prior; the prior's share of the error has the same sign in all flights. For the
-    airspeed's scale this share is the sensor's error as known before the flight. The error that GPS adds, and that of
-    the wind, are the flight's own. gradient : (m, n) derivative of power with respect to the parameters
+    airspeed's scale this share is the sensor's error as known before the flight. The error that GPS adds and the error
+    of the wind are the flight's own. gradient : (m, n) derivative of power with respect to the parameters
     """
     C = estimate.covariance
     of_aircraft = [(i, name) for i, name in enumerate(estimate.names) if name not in WIND]

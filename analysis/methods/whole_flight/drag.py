@@ -63,8 +63,8 @@ class DragWithheld(NamedTuple):
 
 
 class ThrustSource(NamedTuple):
-    """Inputs for thrust. motor: used if motor speed is not measured. uncertainty: that of the table. stand: thrust
-    measured at rest
+    """Inputs for thrust. motor: used if motor speed is not measured. uncertainty: includes errors of the table.
+    stand: thrust measured at rest
     """
 
     propeller: Propeller | None = None

@@ -165,7 +165,7 @@ class Samples(NamedTuple):
 
     force_x_mps2 : specific force along the accelerometer's first axis; None where it is not measured
     load_variance, side_variance : variances of load factor and of side force over weight within a smoothing window
-    ground : ground velocity if airspeed is not measured; the last parameters are then those of the wind
+    ground : ground velocity if airspeed is not measured; the last parameters then describe the wind
     """
 
     t_s: Array

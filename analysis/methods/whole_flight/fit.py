@@ -287,8 +287,8 @@ def estimate_of(
 ) -> Estimate:
     """The fit, with the effect of each independent error that the whole flight shares.
 
-    power_sigma: relative standard deviation of the electrical power. updraft_share: standard deviation of the mean
-    updraft over that of the gusts.
+    power_sigma: relative standard deviation of the electrical power. updraft_share: ratio of the standard deviations
+    of mean updraft and gusts.
     """
     c = balance.conditions
     nominal = balance.residual(fit.parameters)

@@ -300,7 +300,7 @@ def _standing_and_moving(columns: Mapping[str, Array], least_Pa: float, zeroed: 
         standing &= np.nan_to_num(ground_speed, nan=np.inf) < FLIGHT.standing_mps
     on_ground = has_gps and standing.sum() * FLIGHT.step_s >= ZERO.block_s
     known_zero = 0.0 if zeroed and not on_ground and (low > least_Pa or not standing.any()) else low
-    # If the whole log is airborne, the lowest pressure is one of flight, and the zero is the autopilot's.
+    # If the whole log is airborne, the lowest pressure was measured in flight, and the zero is the autopilot's.
     standing &= pressure - known_zero < least_Pa / 2
     moving = pressure - known_zero > least_Pa
     if has_gps:
@@ -337,8 +337,8 @@ def _zero(
 
 
 def _air_temperature_K(flight: FlightRecording, moving: BoolArray, t_s: Array) -> tuple[float, float, str]:
-    """The air temperature, its standard deviation, and a sentence on it. The temperature is the user's, or else that of
-    the thermometer with the coolest believable median in flight, or else that of the standard atmosphere.
+    """The air temperature, its standard deviation, and a sentence on it. The temperature comes from the user, or else
+    from the thermometer with the coolest believable median in flight, or else from the standard atmosphere.
     """
     if flight.air_temperature_K is not None:
         given_K = flight.air_temperature_K

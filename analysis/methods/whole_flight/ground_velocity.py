@@ -7,7 +7,7 @@ kinetic energy relative to the air changes. In a turn, the kinetic energy that f
 the wind.
 
 A horizontal gust changes airspeed and energy as the wind does, for its correlation time. `gusts` gives its size and
-scale relative to those of vertical gusts near the ground (MIL-F-8785C, sec. 3.7.3.4.1).
+scale relative to vertical gusts near the ground (MIL-F-8785C, sec. 3.7.3.4.1).
 """
 
 from typing import NamedTuple
@@ -83,6 +83,6 @@ def wind_prior(start: Array) -> Prior:
 
 
 def gusts() -> tuple[float, float]:
-    """Standard deviation and correlation time of horizontal gusts over those of vertical gusts."""
+    """Ratios of standard deviation and of correlation time, horizontal gusts over vertical gusts."""
     shape = 0.177 + 0.000823 * RESIDUALS.gust_length_m.mean / FOOT_M
     return shape**-0.4, shape**-1.2

@@ -1,8 +1,8 @@
 """Electrical power and drag from the energy of the whole flight in a complete log of the daemon.
 
-`whole_flight` gives the electrical curve and another drag polar. The balance is that of an ordinary flight, but with
-longer windows and fewer samples, so that it costs little compared with the rest of the analysis. The airspeed is that
-of the calibrated probe, corrected for the scale error that the trajectory shows.
+`whole_flight` gives the electrical curve and another drag polar. The balance is the same as for an ordinary flight, but
+with longer windows and fewer samples, so that it costs little compared with the rest of the analysis. The airspeed
+comes from the calibrated probe, corrected for the scale error that the trajectory shows.
 """
 
 from typing import NamedTuple

@@ -83,6 +83,6 @@ def pack(names: Sequence[str], values: NamedValues | Mapping[str, float]) -> Arr
 
 
 def block(names: Sequence[str], covariance: NDArray[np.floating[Any]], chosen: Sequence[str]) -> Array:
-    """The covariance (k, k) of the parameters `chosen` (k,), from that of all parameters `names` (m,)."""
+    """The covariance (k, k) of the parameters `chosen` (k,), from the covariance (m, m) of all parameters `names`."""
     index = [names.index(name) for name in chosen]
     return np.asarray(covariance[np.ix_(index, index)], dtype=float)

@@ -52,7 +52,7 @@ def signed_percent(share: float) -> str:
 
 
 def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEstimate) -> SimulatedTruth | None:
-    """Compare an estimate with the truth; None if the log is not that of a simulation or has no comparable sample."""
+    """Compare an estimate with the truth; None if the log is not from a simulation or has no comparable sample."""
     if recording.TRUE_AIRSPEED not in flight.truth:
         return None
     t_s = table.table.index.to_numpy() + flight.channels[recording.AIRSPEED_PRESSURE].t_s[0]
