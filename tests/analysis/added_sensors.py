@@ -1,4 +1,4 @@
-"""Never less from more: the curves of one flight from every subset of its sensors."""
+"""More sensors never give less: compares the curves of one flight from every subset of its sensors."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -17,14 +17,14 @@ SENSORS = {"pitot": {AIRSPEED_PRESSURE}, "GPS": set(GPS), "IMU": {FORCE_X, FORCE
 
 
 class Curve(NamedTuple):
-    """Largest error and largest half width of the 95 % interval at the speeds compared, relative to the power."""
+    """The largest error and the largest half width of the 95 % interval at the speeds compared, relative to power."""
 
     error: float
     half_width: float
 
 
 class Flown(NamedTuple):
-    """An aircraft, and the power [W] (n,) that is compared at the speeds V_mps (n,)."""
+    """An aircraft, and a function of its estimate that gives the true power [W] (n,) at the speeds V_mps (n,)."""
 
     weight_N: float
     wing_area_m2: float
@@ -34,14 +34,14 @@ class Flown(NamedTuple):
 
 
 def with_sensors(recording: FlightRecording, sensors: Sensors) -> FlightRecording:
-    """Without the channels of the others of SENSORS."""
+    """Return the recording without the channels of any other sensor in SENSORS."""
     missing = set[str]().union(*(SENSORS[name] for name in SENSORS.keys() - sensors))
     channels = {name: channel for name, channel in recording.channels.items() if name not in missing}
     return replace(recording, channels=channels)
 
 
 def curve_of(recording: FlightRecording, flown: Flown) -> Curve:
-    """The curve of a thinned flight with fewer windows and points, which takes a quarter of the time."""
+    """Return the errors of the curve of a thinned flight; fewer windows and points take a quarter of the time."""
     table = flight_table(recording, flown.weight_N, flown.wing_area_m2).thinned(3)
     electrical = estimate(table, flown.weight_N, flown.wing_area_m2, flown.span_m, most_windows=40, most_points=60)
     truth = flown.power_W(electrical)
@@ -54,7 +54,7 @@ def curve_of(recording: FlightRecording, flown: Flown) -> Curve:
 def curves_by_sensors(
     names: Iterable[str], recorded: Callable[[Sensors], FlightRecording], flown: Flown
 ) -> dict[Sensors, Curve | None]:
-    """Curves of every subset of sensors; None if there is none."""
+    """Return the curve from every subset of sensors, or None where there is no curve."""
     names, result = list(names), dict[Sensors, Curve | None]()
     for sensors in (frozenset(some) for size in range(len(names) + 1) for some in combinations(names, size)):
         try:
@@ -65,8 +65,8 @@ def curves_by_sensors(
 
 
 def assert_more_is_never_less(curves: dict[Sensors, Curve | None]) -> None:
-    """A sensor takes no curve away, and makes none worse: the error by no more than a part of the interval, which
-    hardly widens, as estimates differ within it."""
+    """Check that another sensor removes no curve and makes none much worse. Since estimates differ within their
+    intervals, the error may grow by half of the half width, and the interval may widen by less than 30 %."""
     every = frozenset().union(*curves)
     for sensors, curve in curves.items():
         for more in every - sensors:

@@ -1,4 +1,4 @@
-"""Simulated flights (benchmarks/flights.py), the probe of the simulated tunnel, and an aircraft with its propeller."""
+"""Provides simulated flights (benchmarks/flights.py), a probe from the simulated tunnel, an aircraft, a propeller."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A computation in a second process: what it returns, what it raises, and where there is none."""
+"""Tests what a computation in a second process returns and raises, and what happens without a second process."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="no process is f
 
 
 def printed(program: str, **environment: str) -> list[str]:
-    """Lines of a program that has two processors and `beside`."""
+    """Return the words that a program prints that has two processors and `beside`."""
     setting = "import os\nos.sched_getaffinity = lambda _: {0, 1}\nfrom flightpower.analysis.beside import beside\n"
     done = subprocess.run(
         [sys.executable, "-c", setting + textwrap.dedent(program)],
@@ -22,7 +22,7 @@ def printed(program: str, **environment: str) -> list[str]:
 
 
 def test_the_computation_is_done_by_another_process_while_this_one_goes_on() -> None:
-    """It waits for a word that this process sends after it was started."""
+    """The computation waits for a word that this process sends after starting it."""
     lines = printed("""
         receive, send = os.pipe()
         result = beside(lambda: (os.read(receive, 5).decode(), os.getpid()))
@@ -92,6 +92,6 @@ def test_what_nobody_asks_for_does_not_keep_the_program() -> None:
 
 
 def test_the_other_process_ends_with_the_first_even_if_that_is_killed() -> None:
-    """What it holds open, here the pipe of the output, would stay open otherwise."""
+    """Otherwise the files it holds open would stay open, here the pipe of the output."""
     program = "import signal, time\nbeside(lambda: time.sleep(1000))\nos.kill(os.getpid(), signal.SIGKILL)"
     assert printed(program) == []

@@ -1,4 +1,4 @@
-"""A curve at another condition, its points and its best speeds, against the physics of a parabolic polar."""
+"""Curves at other conditions, their points and best speeds agree with the physics of a parabolic polar."""
 
 from dataclasses import replace
 
@@ -27,14 +27,14 @@ CURVE = polar_curve(POLAR, AT, (0.3, 1.2))
 
 
 def electrical(idle_W: float) -> Curve:
-    """Twice the power required, plus idle power with the motor off."""
+    """Return a curve of twice the power required plus the idle power with the motor off."""
     power = CURVE.power_W.through(2 * np.eye(len(CURVE.V_mps)))
     power = Uncertain(power.value + idle_W, power.own, {"current": 0.02 * power.value})
     return Curve(kind=Kind.ELECTRICAL, condition=AT, V_mps=CURVE.V_mps, power_W=power, idle_W=idle_W)
 
 
 def test_at_another_weight_density_and_area_the_polar_is_the_same() -> None:
-    """Exact: speed and power go with the lift coefficient's, errors too."""
+    """It is exact: at each lift coefficient, speed, power and its error all scale with the condition."""
     there = CURVE.at(OTHER)
     power, error = power_required(there.V_mps, POLAR, OTHER)
     assert there.power_W.value == pytest.approx(power, rel=1e-12)
@@ -55,7 +55,7 @@ def test_idle_power_does_not_go_with_the_weight() -> None:
 
 @pytest.mark.parametrize(("cost", "share"), [(Cost.POWER, 3.0), (Cost.ENERGY_PER_METER, 1.0)])
 def test_best_speeds_are_those_of_the_textbook(cost: Cost, share: float) -> None:
-    """CDi = 3 CD0 (1.6) or CD0 (1.10); idle power makes both faster, and the grid has steps of less than 2 %."""
+    """CDi is 3 CD0 (1.6) for least power and CD0 (1.10) for least energy per meter, which idle power makes faster."""
     wide = polar_curve(POLAR, AT, (0.2, 2.5))
     exact = wide.best(cost).speed_mps
     assert exact is not None
@@ -70,7 +70,7 @@ def test_best_speeds_are_those_of_the_textbook(cost: Cost, share: float) -> None
         and speed_interval.lo_mps <= exact <= speed_interval.hi_mps + step
     )
     idling = replace(plain, power_W=Uncertain(wide.power_W.value + 20.0, wide.power_W.own), idle_W=20.0).best(cost)
-    faster = cost is Cost.ENERGY_PER_METER  # constant power costs less per meter at a higher speed
+    faster = cost is Cost.ENERGY_PER_METER  # a constant power costs less per meter at higher speed
     assert idling.speed_mps is not None and speed_interval.speed_mps is not None
     assert bool(idling.speed_mps > speed_interval.speed_mps + step) is faster
 
@@ -97,7 +97,7 @@ def test_endurance_and_range_are_as_uncertain_as_power() -> None:
 
 
 def test_no_end_is_known_where_power_falls_to_the_slowest_speed() -> None:
-    """An interval of the best speed ends where slower ones were not flown."""
+    """The interval of the best speed has no lower end where slower speeds were not flown."""
     V = np.linspace(12.0, 20.0, 9)
     rising = Curve(kind=Kind.ELECTRICAL, condition=AT, V_mps=V, power_W=Uncertain(10 * V, 1e-6 * np.eye(9)))
     speed_interval = rising.best(Cost.POWER)
@@ -112,7 +112,7 @@ def test_no_end_is_known_where_power_falls_to_the_slowest_speed() -> None:
 
 
 def test_the_classic_form_has_its_least_drag_where_the_parabola_has() -> None:
-    """0.03 + 0.05 (C_L - 0.2)^2 of a wing of aspect ratio 7."""
+    """The polar is 0.03 + 0.05 (C_L - 0.2)^2, with an aspect ratio of 7."""
     classic = classic_form(np.array([0.03 + 0.05 * 0.2**2, -2 * 0.05 * 0.2, 0.05]), 7.0)
     assert classic == pytest.approx((0.03, 0.05, 0.2, 1 / (np.pi * 0.05 * 7)))
 

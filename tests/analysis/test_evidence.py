@@ -1,4 +1,4 @@
-"""The pages of docs/evidence show what their data files contain, and a part is run once a version."""
+"""The pages of docs/evidence show what their data files contain, and each part is run once per version."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ def part(rows: list[dict]) -> evidence.Part:
 
 
 def test_every_page_shows_the_tables_of_its_data_files() -> None:
-    """`python benchmarks/evidence.py --render` renews them."""
+    """If not, `python benchmarks/evidence.py --render` updates them."""
     for page in (evidence.ROOT / "README.md", *evidence.PAGES.glob("*.md")):
         text = page.read_text("utf-8")
         assert evidence.rendered(text, evidence.PAGES / "data") == text, page.name
@@ -55,14 +55,14 @@ def test_tables_are_written_between_the_marks_and_nothing_else_changes(
 
 
 def test_coverage_is_judged_by_what_is_asked() -> None:
-    """Coverage outside by less than two counting errors is undecided: more flights are needed."""
+    """Coverage outside the limits by less than two counting errors is undecided, and needs more flights."""
     cases = ((80, 6.0), (80, 2.0), (90, 6.0), (98, 0.1), (100, 4.0), (100, 0.5))
     met = [evidence.judged({"coverage, %": share, "±": counting}, 90, 98)["met"] for share, counting in cases]
     assert met == ["open", "too seldom", "yes", "yes", "open", "too often"]
 
 
 def test_the_counting_error_of_what_was_always_seen_is_that_of_one_flight_more() -> None:
-    """100 % of 25 flights: 26 with a scatter of 0.5 sqrt(25) / 26. Of many it is sqrt(p (1 - p) / n)."""
+    """25 covered flights and one half covered scatter by 0.5 sqrt(25) / 26. For many, it is sqrt(p (1 - p) / n)."""
     assert counted([1.0] * 25)[1] == pytest.approx(100 * 0.5 * 5 / 26 / 26**0.5)
     assert counted([1.0, 0.0] * 50) == pytest.approx((50.0, 5.0), abs=0.1)
 
@@ -80,7 +80,7 @@ def test_the_readme_says_how_well_whole_flights_were_covered() -> None:
 
 
 def test_the_readme_says_how_far_real_flights_were_off() -> None:
-    """The larger end counts, whatever its sign; a flight that was refused has none."""
+    """The larger end of the errors counts, whatever its sign; a refused flight has no error."""
     rows = [{"flight": "Daredevil, 10 July", "error, %": "-1.8 to +3.5"}, {"flight": "another", "curve by": "refused"},
             {"flight": "Daredevil, 5 July", "error, %": "-10.6 to +1.6"},
             {"flight": "Cyclone", "error, %": "-26.8 to -6.7", "inside": "2 of 4"},

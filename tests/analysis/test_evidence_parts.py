@@ -1,4 +1,4 @@
-"""Runs of all studies of docs/evidence (benchmarks/evidence.py): a failing part does not harm the others."""
+"""Tests running all studies of docs/evidence (benchmarks/evidence.py): a failing part does not harm the others."""
 
 import json
 import subprocess
@@ -32,7 +32,7 @@ def ends(run: evidence.Run) -> evidence.Tables:
 
 
 def test_curves_are_counted_by_their_worst_speed_and_by_what_is_said_of_them() -> None:
-    """Right is inside the interval at every speed that has one; a speed without a curve says nothing."""
+    """A curve is right if the truth is inside its interval at every speed; speeds without a curve do not count."""
     trusted, doubtful = Trust.TRUSTED.value, Trust.DOUBTFUL.value
     lines = [
         {"world": world, "trust": trust, "error": error, "half": [2.0, 2.0, 2.0]}

@@ -1,4 +1,4 @@
-"""Options that are lists: how they are typed, and what is refused in one line."""
+"""Tests how options that are lists are typed, and that wrong ones are refused in one line."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The results' form is documented as it is."""
+"""The documents describe the format of the results as it is in the code."""
 
 from pathlib import Path
 

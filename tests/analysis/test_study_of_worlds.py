@@ -1,4 +1,4 @@
-"""The table of coverage by world, and what it does not fly again."""
+"""Tests the table of coverage by world, and which flights the study does not repeat."""
 
 import json
 
@@ -21,8 +21,8 @@ def line(seed: int, error: list[float | None], half: list[float | None], alarm: 
 
 
 def test_coverage_is_counted_at_each_speed_and_over_all():
-    """Five points covered of seven; the fastest speed was reached by one flight alone. Flights that are
-    covered at 2/3 and 3/4 of the speeds, and one at 1/2, scatter by 0.104."""
+    """Five of seven points are covered; only one flight reached the fastest speed. Two flights covered at 2/3 and
+    3/4 of the speeds, and an added one at 1/2, scatter by 0.104."""
     lines = [line(0, [1.0, -3.0, 0.5, None], [2.0] * 3 + [None], True), line(1, [1.0, 1.0, -2.5, 0.1], [2.0] * 4)]
     (row,), (of_world,) = cell_records(lines), world_records(points_by_world(lines, "two-pairs"))
     for item in (row, of_world):
@@ -68,7 +68,7 @@ def test_a_world_of_other_gusts_is_not_flown_in_calm_air(world, flown):
 
 
 def test_a_curve_counts_flights_not_speeds():
-    """Flights covered at 2 of 2, 1 of 2 and 1 of 1 speeds are covered at 83 % in the mean."""
+    """Flights covered at 2 of 2, 1 of 2 and 1 of 1 speeds have a mean coverage of 83 %."""
     flights = [np.array(item) for item in ([[1.0, -1], [2, 2]], [[3.0, 1], [2, 2]], [[1.0, np.nan], [2, np.nan]])]
     row = curve("dynamic", flights)
     assert (row["flights"], row["coverage, %"], row["at each speed"]) == (3, 83, [67, 100])

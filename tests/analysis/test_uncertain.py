@@ -1,4 +1,4 @@
-"""What is done to a value is done to its errors: against random draws of the errors themselves."""
+"""Operations on a value apply to its errors as well; random draws of the errors confirm it."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ OTHER = Uncertain(np.array([4.0, 5.0, 6.0]), 0.25 * np.eye(3), {"b": np.full(3, 
 
 
 def draws(of: Uncertain, errors: dict[str, np.ndarray], count: int) -> np.ndarray:
-    """(count, n) with own errors redrawn and the shared ones given (count,) by name."""
+    """Return draws (count, n) of a value: own errors are drawn here, shared ones (count,) are given by name."""
     own = RNG.multivariate_normal(of.value, of.own, count)
     return own + sum(errors[name][:, None] * change for name, change in of.shared.items())
 
@@ -36,7 +36,7 @@ def test_a_function_of_values_has_their_errors_by_its_derivative() -> None:
 
 @pytest.mark.parametrize("cancel", [True, False])
 def test_shared_errors_cancel_in_a_difference_where_they_are_the_same(cancel: bool) -> None:
-    """b is larger in the other by two standard deviations: as much remains where it cancels, and 1 + 9 where not."""
+    """The change by b is 1 in one and 3 in the other: (3 - 1)^2 = 4 remains if it cancels, and 1 + 9 if not."""
     difference = ONE.minus(OTHER, cancel)
     assert difference.value == pytest.approx([-3.0, -3.0, -3.0])
     by_b = 4.0 if cancel else 10.0

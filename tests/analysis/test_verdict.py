@@ -1,4 +1,4 @@
-"""Simulated flights with one defect each, unknown to the analysis: the verdict names it."""
+"""Simulated flights have one defect each, unknown to the analysis, and the verdict names it."""
 
 import msgspec
 import pytest
@@ -11,7 +11,7 @@ COUNTED, RUNS = EvidenceKind.COUNTED_SPEED, EvidenceKind.RUN_AGAINST_OTHERS
 SENSOR = EvidenceKind.SENSOR_ERROR
 
 
-# In make test the tutorial's flight is trusted, and each defect is named by the tests of what finds it.
+# `make test` has quicker tests: that the tutorial's flight is trusted, and that each method finds its own defect.
 @pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(

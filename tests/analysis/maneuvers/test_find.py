@@ -1,4 +1,4 @@
-"""Runs are found where speed changes in level flight, and refused elsewhere with the reason."""
+"""Runs are found where speed changes in level flight; other changes of speed are rejected with a reason."""
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ RATE_HZ = 25.0
 
 
 def flight(speed, height=None, turn_radps=None, **gone) -> pd.DataFrame:
-    """A table as `air_data` leaves it, for a given speed history, with Table 4.1's noise on speed."""
+    """Return a table like that of `air_data` for a speed history, with Table 4.1's noise; `gone` gives missing rows."""
     n = len(speed)
     rng = np.random.default_rng(7)
     t = np.arange(n) / RATE_HZ
@@ -41,7 +41,7 @@ def flight(speed, height=None, turn_radps=None, **gone) -> pd.DataFrame:
 
 
 def up_and_down(low=12.0, high=23.0, seconds=12.0) -> np.ndarray:
-    """Steady, accelerating, steady, decelerating, steady; each change takes `seconds`."""
+    """Return speeds: steady, accelerating, steady, decelerating, steady; each change takes `seconds`."""
     n, hold = round(seconds * RATE_HZ), round(8 * RATE_HZ)
     return np.concatenate(
         [
@@ -59,7 +59,7 @@ def test_an_acceleration_and_a_deceleration_are_found_where_they_are() -> None:
     assert [run.kind for run in runs] == ["acceleration", "deceleration"]
     assert not rejected
     for run, start in zip(runs, (8.0, 28.0), strict=True):
-        # An edge is known to about half of the smoothing window.
+        # An edge is found to within about half of the smoothing window.
         assert run.start_s == pytest.approx(start, abs=LEVEL_RUN.smoothing_s / 2)
         assert run.end_s == pytest.approx(start + 12, abs=LEVEL_RUN.smoothing_s / 2)
         assert run.lowest_speed_mps == pytest.approx(12, abs=0.5)
@@ -69,12 +69,12 @@ def test_an_acceleration_and_a_deceleration_are_found_where_they_are() -> None:
 
 @pytest.mark.parametrize("period_s", [3.0, 5.0, 8.0])
 def test_gusts_do_not_cut_a_run_in_two(period_s: float) -> None:
-    """Speed waves by 1.2 m/s, sigma of horizontal gusts with W20 = 15 kt: it falls within a run that accelerates."""
+    """Speed waves by 1.2 m/s, sigma of horizontal gusts in W20 = 15 kt, so it even falls during an acceleration."""
     speed = up_and_down(seconds=18.0)
     runs, _ = find_runs(flight(speed + 1.2 * np.sin(2 * np.pi * np.arange(len(speed)) / RATE_HZ / period_s)))
     for kind, start in (("acceleration", 8.0), ("deceleration", 34.0)):
         (run,) = (run for run in runs if run.kind == kind and run.end_s > start and run.start_s < start + 18)
-        # A wave may hide the change at either end until speed has gone beyond it.
+        # At either end, a wave may hide the change until speed has changed by more than the wave.
         assert min(run.end_s, start + 18) - max(run.start_s, start) > 18 - period_s
 
 
@@ -86,7 +86,7 @@ def test_steady_flight_has_no_run() -> None:
 
 @pytest.mark.parametrize(("climb_mps", "level"), [(0.9, True), (1.5, False), (-1.5, False)])
 def test_a_run_climbs_or_descends_by_no_more_than_1_2_mps_on_average(climb_mps: float, level: bool) -> None:
-    """Height alone would not show it: at 1.5 m/s it changes by 15 m in these ten seconds, and 20 m are allowed."""
+    """The height limit alone is not enough: at 1.5 m/s, height changes by about 15 m here, and 20 m are allowed."""
     speed = up_and_down(seconds=8.0)
     runs, rejected = find_runs(flight(speed, height=100.0 + climb_mps * np.arange(len(speed)) / RATE_HZ))
     if level:

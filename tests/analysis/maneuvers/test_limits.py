@@ -1,4 +1,4 @@
-"""The limits of each kind of maneuver and of the notes, on small synthetic flights."""
+"""Small synthetic flights test the limits of each kind of maneuver and of the notes."""
 
 import numpy as np
 import pandas as pd
@@ -29,7 +29,7 @@ def seconds(n: int) -> np.ndarray:
 
 
 def test_a_run_ends_where_the_aircraft_climbs_steeply() -> None:
-    """3 m/s for four seconds within an acceleration of 20 s: on average 0.6 m/s, of which 1.2 would pass."""
+    """It climbs at 3 m/s for 4 s of a 20 s acceleration: only 0.6 m/s on average, where 1.2 m/s would pass."""
     speed = up_and_down(low=10.0, high=28.0, seconds=20.0)
     height = 50 + 3.0 * np.clip(seconds(len(speed)) - 16.0, 0.0, 4.0)
     runs, _ = find_runs(flight(speed, height=height))
@@ -38,7 +38,7 @@ def test_a_run_ends_where_the_aircraft_climbs_steeply() -> None:
 
 
 def test_a_change_of_speed_that_lasts_too_long_for_one_run_is_several() -> None:
-    """From 12 to 44 m/s in 50 s: the halves are runs. From 12 to 40 m/s in 180 s: too gentle, whole and in parts."""
+    """From 12 to 44 m/s in 50 s, each half is a run. From 12 to 40 m/s in 180 s, whole and parts are too gentle."""
     runs, rejected = find_runs(flight(up_and_down(low=12.0, high=44.0, seconds=50.0)))
     assert [run.kind for run in runs] == ["acceleration"] * 2 + ["deceleration"] * 2 and not rejected
     assert all(run.end_s - run.start_s < LEVEL_RUN.longest_s for run in runs)
@@ -48,18 +48,18 @@ def test_a_change_of_speed_that_lasts_too_long_for_one_run_is_several() -> None:
 
 
 def test_a_much_faster_aircraft_takes_longer_and_climbs_as_steeply() -> None:
-    """From 60 to 140 m/s in 90 s, at 2 m/s of climb: 2.6 times the reference speed, twice over."""
+    """60 to 140 m/s in 90 s is one run at 5.2 times the reference speed, where the largest values are 2.6-fold."""
     table = flight(up_and_down(low=60.0, high=140.0, seconds=90.0)).assign(**{SPEED_SCALE: 5.2})
     runs, rejected = find_runs(table)
     assert [run.kind for run in runs] == ["acceleration", "deceleration"] and not rejected
     assert larger(1.0) == larger(2.0) == 1.0, "aircraft of the usual size keep all limits"
     small = find_runs(table.assign(**{SPEED_SCALE: 1.0}))[0]
-    assert len(small) > 2, "in pieces for a small one"
+    assert len(small) > 2, "an aircraft of the usual size would have several runs"
 
 
 @pytest.mark.parametrize("noise_mps, result", [(0.29, 0), (0.02, 2)])
 def test_without_noise_a_gentler_and_smaller_change_of_speed_is_a_run(noise_mps: float, result: int) -> None:
-    """From 20 to 23.4 m/s in 10 s, 16 % at 0.34 m/s²: too gentle and too little at the noise of Table 4.1."""
+    """20 to 23.4 m/s in 10 s, 16 % at 0.34 m/s², is too gentle and too small with the noise of Table 4.1."""
     speed = up_and_down(low=20.0, high=23.4, seconds=10.0)
     noise = np.random.default_rng(3).normal(0, noise_mps, len(speed))
     runs, _ = find_runs(flight(speed).assign(V_mps=speed + noise))
@@ -68,7 +68,7 @@ def test_without_noise_a_gentler_and_smaller_change_of_speed_is_a_run(noise_mps:
 
 
 def test_a_gap_costs_the_seconds_that_it_takes() -> None:
-    """Thrust is missing for 2 s near the end of an acceleration of 12 s: the part before is a run."""
+    """Thrust is missing for 2 s near the end of a 12 s acceleration, and the part before the gap is a run."""
     runs, rejected = find_runs(flight(up_and_down(), thrust_N=slice(400, 450)))
     assert [run.kind for run in runs] == ["acceleration", "deceleration"]
     assert 15.0 < runs[0].end_s < 16.1 and not [
@@ -77,7 +77,7 @@ def test_a_gap_costs_the_seconds_that_it_takes() -> None:
 
 
 def test_a_run_over_a_hill_is_rejected() -> None:
-    """25 m up and down again at 1.7 m/s: no climb on average, none beyond 2 m/s, and still not level."""
+    """Going 25 m up and down at 1.7 m/s is no climb on average and never exceeds 2 m/s, but is not level flight."""
     speed = up_and_down(low=12.0, high=32.0, seconds=30.0)
     height = 50 + 25 * (1 - np.abs(np.clip(seconds(len(speed)) - 23.0, -15.0, 15.0)) / 15.0)
     runs, rejected = find_runs(flight(speed, height=height))
@@ -87,7 +87,7 @@ def test_a_run_over_a_hill_is_rejected() -> None:
 
 
 def steady_flight(**columns) -> pd.DataFrame:
-    """Thirty seconds at 15 m/s, without noise of the motor."""
+    """Return thirty seconds at 15 m/s with constant motor speed."""
     return flight(np.full(round(30 * RATE_HZ), 15.0)).assign(**({"n_revps": 90.0} | columns))
 
 
@@ -104,13 +104,13 @@ def test_a_steady_point_needs_a_steady_motor() -> None:
 
 @pytest.mark.parametrize(("bank_deg", "result"), [(8.0, True), (20.0, False)])
 def test_a_steady_point_is_flown_with_nearly_level_wings(bank_deg: float, result: bool) -> None:
-    """12 deg are 2 % more lift than weight."""
+    """A bank of 12 deg takes a lift 2 % larger than the weight."""
     points, rejected = find_steady(steady_flight(bank_rad=np.radians(bank_deg)))
     assert (len(points) == 1) == result and not rejected
 
 
 def elevator(holds_s) -> pd.DataFrame:
-    """Alternating steps of 4 deg held for `holds_s`, from the tenth second on."""
+    """Return a flight with alternating elevator steps of 4 deg, held for `holds_s`, from the tenth second on."""
     table = steady_flight()
     t, deflection = seconds(len(table)), np.zeros(len(table))
     start, sign = 10.0, 1.0
@@ -186,7 +186,7 @@ def test_a_steady_point_lasts_8_seconds() -> None:
     def rejection(samples: int) -> Rejection | None:
         return steady_rejection(steady_flight().iloc[:samples], np.full(samples, 15.0), np.ones(samples))
 
-    short = rejection(198)  # of 25 a second
+    short = rejection(198)  # samples at 25 Hz
     assert short is not None and reason_in_words(short) == "too short: 7.9 s, 8 s are needed"
     assert rejection(204) is None
 
@@ -203,7 +203,7 @@ def test_a_steady_point_lasts_8_seconds() -> None:
 def test_a_wind_up_turn_rises_steadily_at_a_constant_speed(
     n: tuple[float, float], V: tuple[float, float], reason: Unsuitable | None
 ) -> None:
-    """Thirty seconds: 0.9 more is 0.030 per second, 0.8 more is 0.027."""
+    """Over thirty seconds, a rise by 0.9 is 0.030 per second, and a rise by 0.8 is 0.027 per second."""
     table = steady_flight()
     rows, ends = slice(0, 750), seconds(750)[-1]
     motion = SmoothedMotion(np.linspace(*V, 750), *[np.zeros(750)] * 3, 1 / RATE_HZ)  # type: ignore[arg-type]
@@ -215,7 +215,7 @@ def test_a_wind_up_turn_rises_steadily_at_a_constant_speed(
 
 
 def test_a_load_factor_that_swings_about_its_rise_is_reported_by_its_variance() -> None:
-    """A rise by 1.2 has the variance 0.12; a swing by 0.4 adds 0.08, so a line explains 60 %."""
+    """A linear rise by 1.2 has a variance of 0.12; a swing of amplitude 0.4 adds 0.08, so a line explains 60 %."""
     motion = SmoothedMotion(*[np.full(750, 15.0)] * 4, 1 / RATE_HZ)  # type: ignore[arg-type]
     n = 1 + 1.2 * np.linspace(0, 1, 750) + 0.4 * np.cos(2 * np.pi * 10 * np.linspace(0, 1, 750))
     rejection = _wind_up_turn_rejection(steady_flight(), motion, slice(0, 750), n)
@@ -251,13 +251,13 @@ def test_the_longest_stretch_without_a_run_is_reported_with_its_times() -> None:
         (26.0, 29.0, True, True),
         (10.0, 19.0, False, False),  # before
         (28.5, 31.0, False, False),  # after
-        (17.5, 30.5, False, True),  # longer than such an input
+        (17.5, 30.5, False, True),  # longer than the input
         (16.9, 20.5, True, False),  # begins more than three seconds before porpoising
         (27.0, 31.1, True, False),
     ],
 )
 def test_a_short_stretch_within_an_input_or_a_porpoise_is_part_of_it(start_s, end_s, within, part) -> None:
-    """An input claims any short overlap; porpoising what lies within it and three seconds to settle."""
+    """An input claims any shorter stretch that overlaps it; porpoising claims what lies within it, 3 s on each side."""
     stretch = RejectedManeuver(ROLLER_COASTER, start_s, end_s, Rejection(RunRejected.TOO_SHORT))
     steps = Maneuver(STEPS_3211, slice(0, 1), 20.0, 28.0, 15.0, 15.0, 0.0)
     assert _within(stretch, [steps]) is within
@@ -269,7 +269,7 @@ def test_a_short_stretch_within_an_input_or_a_porpoise_is_part_of_it(start_s, en
     ("third_s", "result"), [(0.5 * 1.3, True), (0.5 * 1.5, False), (0.5 * 0.72, True), (0.28, False)]
 )
 def test_steps_flown_by_hand_may_be_a_third_of_a_unit_off(third_s: float, result: bool) -> None:
-    """The unit is the sum over seven: it grows with a hold that is too long."""
+    """The unit is a seventh of the sum of all holds, so a hold that is too long makes it larger."""
     inputs, rejected = find_3211(elevator([1.5, 1.0, third_s, 0.5]))
     assert bool(inputs) is result and bool(rejected) is not result
 

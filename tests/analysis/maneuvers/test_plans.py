@@ -1,4 +1,4 @@
-"""Every kind of maneuver is found where the simulator flew it; a file of maneuvers can be edited and read again."""
+"""Each kind of maneuver is found where the simulator flew it, and a file of maneuvers can be edited and read back."""
 
 import re
 from pathlib import Path
@@ -17,7 +17,7 @@ from flightpower.flight.aircraft import load_aircraft
 from flightpower.flight.errors import InputError
 from flightpower.sim.sensors import load_budget
 
-# The segment of a plan, and the run that it should be found as.
+# Each kind of segment in a plan, and the kind of maneuver that should be found in it.
 FOUND_AS = {
     "hold": "steady",
     "roller-coaster": "roller coaster",
@@ -25,7 +25,7 @@ FOUND_AS = {
     "3-2-1-1": "3-2-1-1",
     "stand": "standing",
 }
-SETTLED_S = 15.0  # a hold that is longer has a steady part: getting to its speed takes up to 7 s, a point 8 s
+SETTLED_S = 15.0  # longer holds have a steady part: 7 s to reach the speed, 8 s for the point
 
 
 def flown(probe, plan: str, turbulence_kt: float = 0.0):
@@ -44,7 +44,7 @@ def test_the_maneuvers_of_the_literature_are_found_once_each_where_they_were_flo
     for kind in ("roller-coaster", "wind-up-turn", "3-2-1-1"):
         start, end = segments.loc[segments["kind"] == kind, ["start_s", "end_s"]].iloc[0]
         (run,) = all_maneuvers.of(FOUND_AS[kind])
-        # Each begins when its load factor or its elevator has moved, and its segment ends with some recovery.
+        # A maneuver begins when its load factor or elevator has moved; its segment ends with a recovery.
         assert start - 0.5 < run.start_s < start + 3
         assert run.end_s < end + 0.5
         assert run.end_s - run.start_s > 0.3 * (end - start)
@@ -111,10 +111,10 @@ def test_each_acceleration_and_deceleration_flown_is_found_as_one(
         )
         V = flight.table["V_mps"].loc[segment.start_s : segment.end_s].rolling(25, center=True, min_periods=1).mean()
         done = (V - V.iloc[0]) / (V.iloc[-1] - V.iloc[0])
-        # Within a twentieth of the speed at an end it is held: of the change that is a tenth at the fast end.
+        # Speed within 5 % of an end counts as held; at the fast end that is a tenth of the change.
         first, last = done.index[done < 0.1].max(), done.index[done > 0.9].min()
         shares.append((min(run.end_s, last) - max(run.start_s, first)) / (last - first))
-    # In 15 kt, sigma 1.2 m/s, a gust at either end can change speed as much as throttle does.
+    # In 15 kt (sigma 1.2 m/s), a gust at either end can change speed as much as throttle does.
     assert min(shares) == pytest.approx(1) or (turbulence_kt == 15 and np.mean(shares) > 0.8)
 
 
@@ -129,7 +129,7 @@ def test_standing_and_flying_are_what_the_aircraft_did(maneuvers) -> None:
 
 
 def test_turbulence_is_noted_and_grows_with_the_wind(probe) -> None:
-    """Dryden gusts scale with W20; an accelerometer's own noise is 0.006 of gravity (Table 4.1)."""
+    """Dryden gusts scale with W20; the accelerometer's own noise is 0.006 of gravity (Table 4.1)."""
     calm, rough = flown(probe, "accel-decel"), flown(probe, "accel-decel", 15.0)
     notes = [note for run in find(rough.table, rough.still).maneuvers for note in run.notes]
     assert any("turbulence" in note for note in notes)
@@ -223,7 +223,7 @@ def test_elevator_steps_that_are_no_3211_are_rejected_with_their_times(maneuvers
 
 
 def test_a_file_taken_back_as_it_was_written_changes_nothing_and_keeps_every_reason(maneuvers, tmp_path: Path) -> None:
-    """Not even where the motor stood for a twentieth of the flight, which no run but the whole flight contains."""
+    """This holds even if thrust is missing for over 5 % of the flight, outside all runs but the whole flight."""
     table = maneuvers.table.copy()
     all_maneuvers = find(table, maneuvers.still)
     (flight_stretch,) = all_maneuvers.of("flying")

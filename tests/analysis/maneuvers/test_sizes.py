@@ -1,4 +1,4 @@
-"""Thresholds scale with the speed of the aircraft; what a light aircraft or a gentle pilot loses is told."""
+"""Thresholds scale with the aircraft's speed; what a light aircraft or a gentle pilot loses is reported."""
 
 import dataclasses
 
@@ -29,7 +29,7 @@ def test_only_slower_aircraft_have_other_thresholds() -> None:
 
 
 def test_the_pressure_of_flight_is_one_lift_coefficient_for_all_slower_aircraft() -> None:
-    """Half the wing loading, half the pressure; the light aircraft stalls at 22.9 Pa."""
+    """Half the wing loading has half the dynamic pressure; the light aircraft stalls at 22.9 Pa."""
 
     def CL(aircraft: Aircraft) -> float:
         return aircraft.mass.weight_N / aircraft.geometry.wing_area_m2 / flying_Pa(speed_scale(aircraft))
@@ -45,7 +45,7 @@ def scaled(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def test_a_short_gentle_run_counts_for_a_light_aircraft_and_is_reported_for_another() -> None:
-    """From 7 to 9.2 m/s in 6 s is 0.37 m/s^2; 7 to 14 m/s in 3.2 s is short."""
+    """7 to 9.2 m/s in 6 s is a gentle 0.37 m/s^2; 7 to 14 m/s in 2.2 s is short."""
     speed = up_and_down(low=7.0, high=9.2, seconds=6.0)
     slow = flight(speed).assign(V_mps=speed)
     runs, rejected = find_runs(scaled(slow))
@@ -58,7 +58,7 @@ def test_a_short_gentle_run_counts_for_a_light_aircraft_and_is_reported_for_anot
 
 
 def test_the_approach_of_a_light_aircraft_is_no_run() -> None:
-    """0.9 m/s at 8 m/s descends as steeply as 1.5 m/s at 13 m/s: an approach. The Nexstar may sink so fast."""
+    """Sinking 0.9 m/s at 8 m/s is as steep as 1.5 m/s at 13 m/s, an approach. The Nexstar may sink at 0.9 m/s."""
     speed = up_and_down(low=7.0, high=9.2, seconds=6.0)
     sinking = flight(speed, height=100.0 - 0.9 * np.arange(len(speed)) / RATE_HZ).assign(V_mps=speed)
     runs, rejected = find_runs(scaled(sinking))
@@ -74,7 +74,7 @@ def test_a_light_aircraft_may_fly_lower() -> None:
 
 
 def oscillating(amplitude: float, irregular: bool = False) -> pd.DataFrame:
-    """30 s of level flight whose load factor swings by an amplitude, once in 1.5 s or at random."""
+    """Return level flight whose load factor swings by an amplitude for 30 s, once per 1.5 s or at random."""
     n = round(40 * RATE_HZ)
     t = np.arange(n) / RATE_HZ
     wave = np.sin(2 * np.pi * t / 1.5)
@@ -94,14 +94,14 @@ def test_a_porpoise_too_gentle_to_count_is_reported_and_gusts_are_not() -> None:
     assert gentle.start_s == pytest.approx(5.0, abs=2.0) and gentle.end_s == pytest.approx(35.0, abs=2.0)
     assert find_loads(oscillating(0.2, irregular=True))[1] == []
     counts = [len(find_loads(oscillating(amplitude))[1]) for amplitude in (0.04, 0.08)]
-    assert counts == [0, 1], "from 5 % of the weight on it was meant"
+    assert counts == [0, 1], "from 5 % of the weight on, swings are deliberate"
     enough, rejected = find_loads(oscillating(0.6))
     assert [item.kind for item in enough] == ["porpoising"] and rejected == []
 
 
 @pytest.mark.parametrize(("amplitude", "steady"), [(0.0, True), (0.3, True), (0.42, False)])
 def test_steady_flight_has_a_steady_load_factor(amplitude: float, steady: bool) -> None:
-    """A quarter of the lift, rms, is not steady; gusts of 15 kt are."""
+    """A load factor that varies by more than 0.25 rms is not steady; in gusts of 15 kt it still is."""
     t = np.arange(round(40 * RATE_HZ)) / RATE_HZ
     wave = np.sin(2 * np.pi * t / 2.0)
     data = flight(np.full(len(t), 15.0)).assign(n_revps=90.0, az_mps2=-GRAVITY_MPS2 * (1 + amplitude * wave))
@@ -112,7 +112,7 @@ def test_steady_flight_has_a_steady_load_factor(amplitude: float, steady: bool) 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.5])
 def test_no_run_is_part_of_a_porpoise(amplitude: float) -> None:
-    """A speed that rises by a third in 10 s, with swings of the load factor throughout or not."""
+    """Speed rises from 12 to 16.5 m/s in 10 s, with or without swings of the load factor throughout."""
     t = np.arange(round(30 * RATE_HZ)) / RATE_HZ
     data = flight(np.interp(t, [10.0, 20.0], [12.0, 16.5])).assign(
         n_revps=90.0, az_mps2=-GRAVITY_MPS2 * (1 + amplitude * np.sin(2 * np.pi * t / 1.5))
@@ -124,7 +124,7 @@ def test_no_run_is_part_of_a_porpoise(amplitude: float) -> None:
 
 
 def test_noise_of_speed_does_not_make_the_slowest_speed_of_a_light_aircraft_lower() -> None:
-    """6 Pa at 7 m/s are 0.7 m/s of noise: the first percentile of single samples is 5.4 m/s, below the stall."""
+    """6 Pa are 0.7 m/s of noise at 7 m/s; the first percentile of single samples would be 5.4 m/s, below the stall."""
     speed = np.linspace(7.0, 14.0, 250)
     data = scaled(flight(speed)).assign(V_mps=speed + np.random.default_rng(1).normal(0, 4.9, 250) / speed)
     slowest = speed_at(flown_lift(data, LIGHT)[1], flown_condition(data, LIGHT))
@@ -132,13 +132,13 @@ def test_noise_of_speed_does_not_make_the_slowest_speed_of_a_light_aircraft_lowe
 
 
 def loaded(load: np.ndarray) -> pd.DataFrame:
-    """Level flight at 15 m/s at a load factor, 1 for 10 s before and after."""
+    """Return level flight at 15 m/s with this load factor, preceded and followed by 10 s at load factor 1."""
     load_factor = np.concatenate([np.ones(round(10 * RATE_HZ)), load, np.ones(round(10 * RATE_HZ))])
     return flight(np.full(len(load_factor), 15.0)).assign(az_mps2=-GRAVITY_MPS2 * load_factor)
 
 
 def pull_and_push(most: float, least: float, seconds: float = 8.0) -> np.ndarray:
-    """Half of the time pulled and half pushed, each as a half sine."""
+    """Return a load factor that is a half sine up to `most`, then a half sine down to `least`."""
     half = np.sin(np.linspace(0, np.pi, round(seconds / 2 * RATE_HZ)))
     return np.concatenate([1 + (most - 1) * half, 1 - (1 - least) * half])
 
@@ -147,7 +147,7 @@ def test_a_roller_coaster_pulls_and_pushes_beyond_a_quarter() -> None:
     (result,), rejected = find_loads(loaded(pull_and_push(1.5, 0.5)))
     assert result.kind == "roller coaster" and not rejected
     assert result.notes[0].startswith("load factor 0.5 to 1.5")
-    # It lasts while the load factor differs from 1 by more than 0.15, so a tenth at each end does not belong to it.
+    # It lasts while load factor differs from 1 by more than 0.15, so a tenth of the half sine at each end is left out.
     assert result.start_s == pytest.approx(10.0 + 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
     assert result.end_s == pytest.approx(18.0 - 4.0 * np.arcsin(0.3) / np.pi, abs=0.15)
     for most, least in ((1.22, 0.5), (1.5, 0.78), (1.0, 0.5), (1.5, 1.0)):
@@ -156,7 +156,7 @@ def test_a_roller_coaster_pulls_and_pushes_beyond_a_quarter() -> None:
 
 
 def test_pulls_alone_are_no_swings_of_a_porpoise() -> None:
-    """Nine pulls to 1.5 and one push: what goes from pushed to pulled and back eight times is a porpoise."""
+    """Nine pulls to 1.5 and one push are none; a porpoise goes from push to pull and back eight times."""
     pull = 1 + 0.5 * np.sin(np.linspace(0, np.pi, round(1.2 * RATE_HZ)))
     (result,), _ = find_loads(loaded(np.concatenate([pull] * 5 + [2 - pull] + [pull] * 4)))
     assert result.kind == "roller coaster"
@@ -177,7 +177,7 @@ def test_a_roller_coaster_lasts_from_2_5_to_40_seconds(seconds: float, reason: R
 
 
 def test_a_pause_of_more_than_a_second_divides_a_roller_coaster() -> None:
-    # At each end of it 0.39 s are within 0.15 of load factor 1.
+    # Beside the pause itself, load factor is within 0.15 of 1 for 0.39 s at either end.
     for pause_s, parts in ((0.1, 1), (0.5, 2)):
         pause = np.ones(round(pause_s * RATE_HZ))
         result, _ = find_loads(loaded(np.concatenate([pull_and_push(1.5, 0.5), pause, pull_and_push(1.5, 0.5)])))

@@ -33,7 +33,7 @@ def angle(CL):
 
 
 def flown(V, A, rho, gamma=0.0, weight_N=W) -> pd.DataFrame:
-    """The methods' table of a flight at speeds V (n,) along a straight path: forces in exact balance, no errors.
+    """Return the methods' table of a flight at speeds V (n,) on a straight path, with forces in exact balance.
 
     The wing carries the part of the weight that thrust does not: L + T sin(alpha) = W cos(gamma); D + m Vdot + W
     sin(gamma) = T cos(alpha).
@@ -66,7 +66,7 @@ def flown(V, A, rho, gamma=0.0, weight_N=W) -> pd.DataFrame:
 
 
 def accelerations_and_decelerations(gamma: float = 0.0) -> tuple[pd.DataFrame, list[Maneuver]]:
-    """The methods' table of one flight without a gap: two runs up and two down, at different rates."""
+    """Return the methods' table of a flight without gaps and its runs: two up and two down, at different rates."""
     V = np.concatenate(
         [np.linspace(11.5, 23, 60), np.linspace(23, 11.5, 90), np.linspace(11.5, 23, 80), np.linspace(23, 11.5, 70)]
     )
@@ -81,7 +81,7 @@ def accelerations_and_decelerations(gamma: float = 0.0) -> tuple[pd.DataFrame, l
 
 
 def speed_of_rotation(thrust_N: np.ndarray, V: np.ndarray, scale: float, slope: float) -> np.ndarray:
-    """n [rev/s] at which table thrust times 1 + scale + slope (J - J_REFERENCE) is the thrust, by bisection."""
+    """Find by bisection the n [rev/s] at which thrust_N is table thrust times 1 + scale + slope (J - J_REFERENCE)."""
     low, high = np.full_like(V, 20.0), np.full_like(V, 250.0)
     for _ in range(60):
         n = (low + high) / 2
@@ -93,10 +93,10 @@ def speed_of_rotation(thrust_N: np.ndarray, V: np.ndarray, scale: float, slope: 
 
 
 def measured(f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_errors: float) -> Trajectory:
-    """The measurements of a flight `f` and its exact trajectory, due north in still air.
+    """Return the exact trajectory of a flight `f`, due north in still air, with its measurements.
 
-    scale, slope: thrust beyond the propeller table's. sensor_errors: known to the trajectory; ax_bias is in the
-    measurements, others a test puts there.
+    scale, slope: errors of the propeller table's thrust. sensor_errors: errors that the trajectory contains. Of these,
+    only ax_bias is added to the measurements here; a test adds the others itself.
     """
     V, gamma, n_blocks = f["V"].to_numpy(), f["gamma"].to_numpy(), len(f)
     n = speed_of_rotation(f["thrust_x_over_m_mps2"].to_numpy() * m, V, scale, slope)
@@ -121,7 +121,7 @@ def measured(f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_e
         covariance=1e-16 * np.eye(m_errors),
         prior_sigma=np.ones(m_errors),
         state_sensitivity=np.zeros((n_blocks, len(STATES), m_errors)),
-        states_given_errors=StatesGivenErrors(np.full((1, n_blocks * len(STATES)), 1e16)),  # as good as known
+        states_given_errors=StatesGivenErrors(np.full((1, n_blocks * len(STATES)), 1e16)),  # practically exact
         draws=np.zeros((1, n_blocks, len(STATES))),
         predicted_flow=np.column_stack([flow.get(name, np.zeros(n_blocks)) for name in PREDICTED_FLOW]),
         gust_mps=0.0,
@@ -132,7 +132,7 @@ def measured(f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_e
 
 
 def same_everywhere(table: pd.DataFrame, runs: list[Maneuver]) -> MethodInputs:
-    """The inputs of all methods on a flight that no error changes; the trajectory has one."""
+    """Return the inputs of all methods for a flight that no error changes, with a single trajectory error."""
     errors = tuple(error_prior_sigma(AIRCRAFT.uncertainty))
     count = 1 + 1 + len(errors) + len(CAUSES)
     columns = {name: np.tile(column.to_numpy(float), (count, 1)) for name, column in table.items()}

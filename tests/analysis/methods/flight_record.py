@@ -26,7 +26,7 @@ def flight_record(
     propeller: Propeller,
     **overrides: Any,
 ) -> Reconstructed:
-    """overrides: other fields of the record, such as flown_CL."""
+    """Return the record of a flight; `overrides` replaces any of its fields, such as flown_CL."""
     log: Any = SimpleNamespace(path=Path("flight.mcap"), entries={}, attachments={})
     probe: Any = None
     fields: dict[str, Any] = {

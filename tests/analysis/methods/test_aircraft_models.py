@@ -24,12 +24,12 @@ AERO = replace(aerodynamics_of(NEXSTAR), stall_angle_rad=1.5)  # attached flow o
 TRUE_POLAR = (AERO.CD0 + AERO.K * AERO.CL_minD**2, -2 * AERO.K * AERO.CL_minD, AERO.K)
 RHO, STEP_S = 1.2, 0.04
 m, S, chord = NEXSTAR.mass_kg, NEXSTAR.geometry.wing_area_m2, NEXSTAR.geometry.chord_m
-# Bench noise, Table 4.1, and a barometer's.
+# Bench noise of Table 4.1, and the noise of a barometer.
 BENCH_NOISE = {"V": 0.29, "alpha": 0.008, "ax": 0.058, "az": 0.058, "h": 0.3, "q": 0.005}
 
 
 def trim(V):
-    """alpha and elevator of level flight."""
+    """Return alpha and elevator [rad] of level flight."""
     CL = m * GRAVITY_MPS2 / (RHO * V**2 / 2 * S)
     # CL0 + CLa a + CLde de = CL, Cm0 + Cma a + Cmde de = 0
     matrix = [[AERO.CLa, AERO.CLde], [AERO.Cma, AERO.Cmde]]
@@ -37,7 +37,7 @@ def trim(V):
 
 
 def fly(V, thrust, elevator, duration_s, stop_at=None):
-    """Truth by name, sampled at 25 Hz. thrust(V, t) [N]; elevator(x, t) [rad], x = V, alpha, theta, q, h."""
+    """Return the true signals by name at 25 Hz. thrust(V, t) [N]; elevator(x, t) [rad], x = V, alpha, theta, q, h."""
 
     def forces(x, t):
         V, alpha, _, q, _ = x
@@ -72,7 +72,7 @@ def fly(V, thrust, elevator, duration_s, stop_at=None):
         "t_s": t,
         "elevator": np.array([elevator(state, now) for state, now in zip(x.T, t, strict=True)]),
         "thrust": T,
-        "J": x[0] / 22,  # about what a propeller of 10 inches does
+        "J": x[0] / 22,  # about right for a 10-inch propeller
         "ax": (qS * CX + T) / m,
         "az": qS * CZ / m,
         "CL": CL,
@@ -86,14 +86,14 @@ def hold_height(x, t):
 
 
 def three_two_one_one(x, t):
-    """A 3-2-1-1 with ramps of two samples and corners on samples, which linear interpolation reproduces exactly."""
+    """Return a 3-2-1-1 elevator. Its ramps begin and end on samples, so linear interpolation reproduces it exactly."""
     corners = STEP_S * np.array([25, 27, 48, 50, 64, 66, 73, 75, 82, 84])
     return trim(18.0)[1] + np.deg2rad(2.0) * np.interp(t, corners, [0, 1, 1, -1, -1, 1, 1, -1, -1, 0])
 
 
 @pytest.fixture(scope="module")
 def runs():
-    """One acceleration and one deceleration through most of the speed range, without noise."""
+    """Fly one acceleration and one deceleration through most of the speed range, without noise."""
     return {
         "acceleration": fly(12, lambda V, t: 14 * min(1, 0.4 + t / 2) * (1 - V / 40), hold_height, 20, stop_at=23),
         "deceleration": fly(24, lambda V, t: 4 * max(0, 1 - t / 2) * (1 - V / 40), hold_height, 20, stop_at=12),
@@ -107,7 +107,7 @@ def maneuver():
 
 
 def measured(name, truth, noise=None, seed=0, wrong=None):
-    """A segment with noise of these standard deviations, and systematic errors by the models' parameter names."""
+    """Return a segment with noise (standard deviations by channel) and systematic errors (by model parameter)."""
     rng = np.random.default_rng(seed)
     noise, wrong = noise or {}, wrong or {}
     signal = {k: v + noise.get(k, 0.0) * rng.standard_normal(len(v)) for k, v in truth.items()}
@@ -145,7 +145,7 @@ ALL_MODELS = {
 
 @pytest.mark.parametrize("name", ALL_MODELS)
 def test_sensitivities_are_those_of_a_complex_step(name):
-    """Every shipped model, in flight with bank and sideslip, against RK4 in complex arithmetic: to 1e-8."""
+    """Each shipped model, banked and sideslipping, agrees with RK4 in complex arithmetic to 1e-8."""
     model = ALL_MODELS[name].changed(CLq={"free": True, "start": 4.0})
     rng = np.random.default_rng(0)
     n = 60
@@ -204,8 +204,8 @@ def test_the_models_do_not_use_the_simulator_s_aerodynamics(runs):
 
 
 def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
-    """Systematic errors drawn from their priors, bench noise on all else but the gyro, which the model takes as
-    exact: the power lies within four of its own standard errors, and within 10 %, at low, middle and high speed."""
+    """Systematic errors are drawn from their priors; all channels but the gyro, which the model takes as exact, have
+    bench noise. At low, middle and high speed, power lies within four of its standard errors and within 10 %."""
     model = pitch_and_height(NEXSTAR)
     spread = {q.name: q.prior_sigma for q in model.parameters if np.isfinite(q.prior_sigma) and q.name != "CLde"}
     deviation = []
@@ -219,7 +219,7 @@ def test_pitch_and_height_estimates_power_in_spite_of_sensor_errors(runs):
         power = uncertainty.delta_method(uncertainty.cramer_rao(fit), lambda p: power_W(p, SPEEDS))
         deviation.append((power.value - TRUE_POWER_W) / power.standard_error)
         assert power.value == pytest.approx(TRUE_POWER_W, rel=0.10)
-    # 12 deviations, correlated among the three speeds, of unit variance: rms 1 +- 0.3.
+    # The rms of 12 deviations of unit variance, correlated among the three speeds, is 1 +- 0.3.
     assert np.abs(deviation).max() < 4
     assert np.sqrt(np.mean(np.square(deviation))) < 1.9
 
@@ -266,7 +266,7 @@ def test_quick_start_are_close_on_clean_data_and_the_defaults_on_nonsense(runs):
 
 
 def test_lift_slope_of_long_and_of_vanishing_wings():
-    """Thin airfoil theory, 2 pi, for a wing without ends; Jones' slender wing, pi AR / 2, for one without span."""
+    """An endless wing has 2 pi (thin airfoil theory); a wing of vanishing span has pi AR / 2 (Jones, slender wing)."""
     assert lift_slope(1e6) == pytest.approx(2 * np.pi, rel=1e-4)
     assert lift_slope(1e-3) == pytest.approx(np.pi / 2 * 1e-3, rel=1e-3)
 
@@ -280,7 +280,7 @@ def test_state_at_the_start_of_a_climb():
 
 
 def test_a_start_in_level_flight_is_that_of_the_segment_s_first_sample() -> None:
-    """Wherever its time begins: theta is the angle of attack and that of the climb, 2 m/s at 20 m/s."""
+    """Time may begin anywhere. Theta is the angle of attack plus the climb angle, 2 m/s at 20 m/s."""
     t = 100.0 + 0.04 * np.arange(100)
     z = {"V": 20 + 0.5 * (t - t[0]), "alpha": np.full(100, 0.05), "h": 70 + 2.0 * (t - t[0])}
     start = level_flight_state(Segment(name="late", t_s=t, u={}, z=z))
@@ -290,8 +290,8 @@ def test_a_start_in_level_flight_is_that_of_the_segment_s_first_sample() -> None
 
 @pytest.mark.parametrize("name", ["two_state", "pitch_and_height", "level_run"])
 def test_a_gyro_bias_is_what_the_gyro_shows_of_no_rotation(name):
-    """A rate that is larger by the bias gives the same flight, in states and outputs; the longitudinal model, whose
-    rate is a state, adds the bias to what it predicts of the gyro."""
+    """A pitch rate input that is larger by the bias gives the same derivatives and outputs. (The longitudinal model,
+    whose pitch rate is a state, adds the bias to the predicted gyro reading instead.)"""
     model = ALL_MODELS[name]
     flown = {"V": 18.0, "V_ref": 18.0, "thrust": 6.0, "J": 0.5, "rho": 1.2, "alpha": 0.05, "theta": 0.06, "q": 0.3}
     u = np.array([flown.get(i, 0.01) for i in model.inputs])
@@ -309,10 +309,10 @@ def test_a_gyro_bias_is_what_the_gyro_shows_of_no_rotation(name):
 
 
 def test_sensors_show_scale_times_the_truth_plus_bias():
-    """(3.43) of every model with states V and alpha; ax and az with their biases."""
+    """Equation (3.43) holds for every model with states V and alpha; ax and az have biases."""
     for model in ALL_MODELS.values():
         names = [q.name for q in model.parameters]
-        if "gamma" in model.states:  # level runs, whose angle of attack is no state
+        if "gamma" in model.states:  # in level runs, angle of attack is no state
             continue
         u = np.array([{"thrust": 6.0, "J": 0.5, "rho": 1.2}.get(i, 0.0) for i in model.inputs])
         x = np.array([{"V": 18.0, "alpha": 0.05}.get(s, 0.02) for s in model.states])
@@ -336,7 +336,7 @@ def test_sensors_show_scale_times_the_truth_plus_bias():
 
 
 def test_each_derivative_of_the_forces_multiplies_what_it_is_named_after() -> None:
-    """(2.14), (2.15) at 0.1 rad and an elevator of 0.2 rad."""
+    """Equations (2.14) and (2.15) are evaluated at an angle of attack of 0.1 rad and an elevator of 0.2 rad."""
     names = ("CX0", "CXa", "CXa2", "CXde", "CZ0", "CZa", "CZa2", "CZde")
     shares = (1.0, 0.1, 0.01, 0.2)
     for i, name in enumerate(names):

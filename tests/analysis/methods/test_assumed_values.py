@@ -49,7 +49,7 @@ def estimate(values, covariance=OWN):
 
 
 class Rerun:
-    """A0 grows by 0.01 a meter that the probe is further ahead, A1 by 0.02 a meter that the IMU is, A2 with upwash."""
+    """A0 grows by 0.01 per meter of probe position, A1 by 0.02 per meter of IMU position, A2 by 0.1 upwash."""
 
     def estimate(self, aircraft, propeller, slope_sigma):
         values = np.array([*A, 0.0, 0.0])
@@ -109,7 +109,7 @@ def test_widening_adds_to_the_systematic_part_alone():
 
 
 def test_unknown_upwash_is_a_slope_of_angle_of_attack(nexstar):
-    """1 deg per CL, 4.5 of CL per rad for an aspect ratio of 6.6: 8 % of slope."""
+    """1 deg of upwash per CL times a lift slope of 4.5 per rad (aspect ratio 6.6) is 8 % of slope."""
     own_aircraft = parse_aircraft(FOUR_KEYS, "mine.toml")
     assert upwash_slope_sigma(own_aircraft) == pytest.approx(np.radians(1) * 4.5, rel=0.05)
     slender = replace(own_aircraft, geometry=replace(own_aircraft.geometry, span_m=3.5))
@@ -118,15 +118,15 @@ def test_unknown_upwash_is_a_slope_of_angle_of_attack(nexstar):
 
 @pytest.mark.parametrize(("span_m", "lift_slope"), [(1e5, 2 * np.pi), (1e-3, np.pi / 2 * 1e-6 / 0.46), (1.75, 4.673)])
 def test_the_slope_by_unknown_upwash_is_upwash_times_the_lift_slope_of_the_wing(span_m, lift_slope):
-    """2 pi for a wing without ends, pi/2 AR for one without span (Jones), 4.673 for an aspect ratio of 6.66 by
-    Helmbold's equation: an angle alpha has a lift coefficient of a alpha, and that 1 deg of upwash for each unit."""
+    """The lift slope a is 2 pi for an endless wing, pi/2 AR for a wing of vanishing span (Jones), and 4.673 for an
+    aspect ratio of 6.66 (Helmbold). An angle alpha gives the lift coefficient a alpha, so a alpha deg of upwash."""
     own_aircraft = parse_aircraft(FOUR_KEYS, "mine.toml")
     wing = replace(own_aircraft, geometry=replace(own_aircraft.geometry, span_m=span_m))
     assert upwash_slope_sigma(wing) == pytest.approx(np.radians(1) * lift_slope, rel=2e-3)
 
 
 def test_known_upwash_narrows_the_interval_by_its_change_and_by_its_slope(propeller):
-    """`Rerun` has the covariance OWN (1 + sigma): without upwash's sigma OWN is left, and its change of A2 is gone."""
+    """`Rerun` has the covariance OWN (1 + sigma). With upwash known, sigma is zero and A2 no longer changes."""
     own_aircraft = parse_aircraft(FOUR_KEYS, "mine.toml")
     uncertainty = assumption_uncertainty(Rerun(), own_aircraft, propeller, AT, FLOWN_CL)
     assert uncertainty is not None

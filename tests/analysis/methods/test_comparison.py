@@ -34,7 +34,7 @@ def analyzed_flight(
     return analyzed(AIRCRAFT, fly(AIRCRAFT, probe, draw_errors(load_budget(errors), seed, **wrong), plan, W20_kt, seed))
 
 
-# One error each, several times COMPARISON.installation_sigma; every case has another seed.
+# Each case has one error, several times COMPARISON.installation_sigma, and its own seed.
 @pytest.mark.parametrize(
     ("seed", "wrong", "pair", "cause"),
     [
@@ -60,7 +60,7 @@ def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, cau
 
 
 def between_accelerations_and_decelerations(probe, seed: int, **wrong) -> str:
-    """The cause of their difference in 3 kt."""
+    """Return the cause named for the difference between the two kinds of runs, flown in W20 = 3 kt."""
     disagreements = analyzed_flight(probe, seed, W20_kt=3.0, **wrong).disagreements
     (item,) = (
         disagreement for disagreement in disagreements if disagreement.methods == ("decelerations", "accelerations")
@@ -75,7 +75,7 @@ def test_a_wrong_propeller_table_is_named_in_gusts_of_3_kt(probe) -> None:
 
 @pytest.mark.thorough
 def test_a_lag_is_not_mistaken_for_thrust_in_gusts_of_3_kt(probe) -> None:
-    """It is named in 10 of 12 flights (seeds 100 to 111), in the others no cause is."""
+    """The lag is named in 10 of 12 flights (seeds 100 to 111); in the other two no cause is named."""
     causes = [between_accelerations_and_decelerations(probe, seed, lag_s=0.2) for seed in (100, 101, 102)]
     assert causes.count("air-data lag") >= 2 and set(causes) <= {"air-data lag", "unexplained"}
 
@@ -83,7 +83,7 @@ def test_a_lag_is_not_mistaken_for_thrust_in_gusts_of_3_kt(probe) -> None:
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
-    """A whole flight in 3 kt, where a lag of 14 ms looked like 76 and thrust 2.3 % too much, five standard errors."""
+    """In this flight in 3 kt, a lag of 14 ms once looked like 76 ms and thrust 2.3 % too high, by 5 standard errors."""
     errors = draw_errors(load_budget("study"), 1)
     flown = fly(AIRCRAFT, probe, errors, "full-test-flight", 3.0, 1)
     trajectory = reconstruct(flown.table, flown.still, SensorPriors(alpha_scale_sigma=probe.alpha_scale_sigma))
@@ -99,7 +99,7 @@ def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
 
 @pytest.mark.parametrize(("tilt_deg", "side"), [(1.5, "high"), pytest.param(-1.5, "low", marks=pytest.mark.thorough)])
 def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, tilt_deg: float, side: str) -> None:
-    """No estimated error explains the drag along a trajectory tilted by hand; W V tilt recovers the tilt."""
+    """No estimated error explains the drag on a deliberately tilted trajectory; the difference W V tilt shows it."""
     flown = fly(AIRCRAFT, probe, draw_errors(load_budget("none"), 0), "accel-decel", 0.0, 0)
     trajectory = reconstruct(flown.table, flown.still)
     states = trajectory.states.assign(theta=trajectory.states["theta"] + np.radians(tilt_deg))
@@ -129,7 +129,7 @@ def test_methods_agree_where_nothing_is_wrong(probe, errors: str, seed: int) -> 
 
 
 def worst_error(flight: Analyzed, truth, name: str) -> float:
-    """Largest error of a method over the speeds it saw, relative to the simulator's true"""
+    """Return the largest error of a method's power at the speeds it saw, relative to the simulator's true power."""
     (estimate,) = (e for e in flight.estimates if e.method.name == name)
     V = speed_at(np.linspace(*estimate.flown_CL, 20), flight.condition)
     power, _ = power_required(V, estimate.polar, flight.condition)
@@ -139,14 +139,14 @@ def worst_error(flight: Analyzed, truth, name: str) -> float:
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_piw_viw_on_simulated_steady_points_is_within_two_per_cent(probe) -> None:
-    """With a bench's errors, whose table is within half a percent; the table's own doubt, 3 %, is in the interval."""
+    """Sensors have bench errors and thrust is 0.5 % off its table; the table's uncertainty only widens the interval."""
     flown = fly(AIRCRAFT, probe, draw_errors(load_budget("bench"), 30, thrust_scale=0.005), "steady-points", 0.0, 30)
     assert worst_error(analyzed(AIRCRAFT, flown), flown.truth, "piw-viw") < 0.02
 
 
 @pytest.mark.slow
 def test_a_wrong_propeller_table_is_named_by_every_pair_that_disagrees(probe, tmp_path: Path) -> None:
-    """Two runs and four steady points with a table 8 % off. The dynamic curve's interval has the whole correction."""
+    """The flight has two runs and four steady points; the table is 8 % off, all of it within the dynamic interval."""
     plan = tmp_path / "both.toml"
     plan.write_text(with_steady_points(), "utf-8")
     disagreements = analyzed_flight(probe, 40, str(plan), thrust_scale=-0.08).disagreements
@@ -154,7 +154,7 @@ def test_a_wrong_propeller_table_is_named_by_every_pair_that_disagrees(probe, tm
 
 
 def with_steady_points() -> str:
-    """The demonstration's plan with four steady points, back and forth, before its descent."""
+    """Return the demonstration's plan with four steady points, flown back and forth, before its descent."""
     text = (resources.files("flightpower.sim") / "plans" / "accel-decel.toml").read_text("utf-8")
     before, after = text.rsplit('[[segment]]\nkind = "climb"', 1)
     holds = "".join(
@@ -165,7 +165,7 @@ def with_steady_points() -> str:
 
 
 def test_a_flight_of_maneuvers_alone_has_a_curve_and_one_of_a_single_speed_has_none(probe) -> None:
-    """Lift varied at one speed: within its interval of the truth, and 10 % in the middle of what was seen."""
+    """The curve from varied lift contains the truth in its interval, and is within 10 % of it at the middle speed."""
     flown = fly(AIRCRAFT, probe, draw_errors(load_budget("bench"), 31), "maneuvers", 0.0, 31)
     trajectory = reconstruct(flown.table, flown.still)
     propeller = load_propeller(AIRCRAFT.propulsion.propeller)

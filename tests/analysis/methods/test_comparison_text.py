@@ -1,4 +1,4 @@
-"""A disagreement of two methods in words: sizes, signs, and 95 % intervals."""
+"""The text on a disagreement of two methods has the right sizes, signs, and 95 % intervals."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def test_the_difference_is_a_share_of_the_first_power_and_its_side_is_named() ->
 
 @pytest.mark.parametrize(("tilt_deg", "side"), [(0.25, "high"), (-0.25, "low")])
 def test_a_cause_by_exclusion_is_a_tilt_that_turns_lift_into_drag(tilt_deg: float, side: str) -> None:
-    """The dynamic method's power is higher by W V tilt: the other one's lies below."""
+    """A pitch attitude that is too high raises the dynamic method's power by W V tilt, so the other method is lower."""
     unexplained_W = -40.0 * 15.0 * np.radians(tilt_deg)
     text = text_of("pitch attitude", None, unexplained_W=unexplained_W)
     assert text.endswith(f"do not explain it: the trajectory's pitch attitude is 0.25 deg too {side}.")

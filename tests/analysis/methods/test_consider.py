@@ -1,4 +1,4 @@
-"""Errors that residuals do not show: thrust beyond the table, weight, updraft."""
+"""Intervals contain errors that residuals do not show: thrust beyond the table, weight, updraft."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -24,7 +24,7 @@ A = np.array([0.04, -0.02, 0.06])
 
 
 def test_noise_is_the_larger_of_both_estimates_of_each_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A short record may fail to show its color: then white noise counts. Correlations match those of colored noise."""
+    """A short record may hide that its noise is colored; then white noise counts. Correlations are of colored noise."""
     white, colored = np.diag([4.0, 1.0]), np.array([[1.0, 0.6], [0.6, 9.0]])
     for name, covariance in (("cramer_rao", white), ("morelli_klein", colored)):
         monkeypatch.setattr(consider.uncertainty, name, lambda _, of=covariance: SimpleNamespace(covariance=of))
@@ -32,15 +32,15 @@ def test_noise_is_the_larger_of_both_estimates_of_each_parameter(monkeypatch: py
 
 
 def straight_table(last_J: float) -> Propeller:
-    """A straight line through zero thrust, which its continuation does not leave."""
+    """Return a propeller table whose thrust is a straight line through zero, so its continuation is exact."""
     J = np.linspace(0.0, last_J, 5)
     return Propeller("straight", 0.3, (Row(6000, tuple(J), tuple(0.2 * (0.88 - J)), tuple(0.1 * (1 - J))),))
 
 
 def deceleration(table: Propeller, table_error: float = 0.0) -> Segment:
-    """A deceleration from an advance ratio of 1.15 to 0.5, with a little noise.
+    """Return a deceleration from an advance ratio of 1.15 to 0.5, with a little noise.
 
-    table_error : of the continuation, in its standard deviations
+    table_error : error of thrust beyond the table, in standard deviations of the continuation
     """
     V = np.linspace(24.0, 12.0, 60)
     CL = lift_coefficient(V, AT)
@@ -63,7 +63,7 @@ def deceleration(table: Propeller, table_error: float = 0.0) -> Segment:
 
 
 def half_width(last_J: float) -> float:
-    """Half width of power at 20 m/s [W], with a table that ends there."""
+    """Return the half width of the interval of power at 20 m/s [W], with a table that ends at `last_J`."""
     fit = fit_output_error(DRAG, [deceleration(straight_table(last_J))])
     covariance = cramer_rao(fit).covariance[:3, :3]
     return float(1.96 * power_required([20.0], Polar(A, covariance), AT)[1][0])
@@ -76,7 +76,7 @@ def test_the_interval_is_wider_where_the_table_ends_before_the_runs_and_widest_w
 
 
 def test_thrust_that_departs_from_the_line_beyond_the_table_is_covered() -> None:
-    """Thrust departs by one standard deviation; a fit without that term is off by more than its interval."""
+    """Thrust departs by one standard deviation. Without that term, the fit would be off by more than its interval."""
     fit = fit_output_error(DRAG, [deceleration(straight_table(0.8), table_error=1.0)])
     covariance = cramer_rao(fit).covariance[:3, :3]
     V = np.array([14.0, 18.0, 22.0])

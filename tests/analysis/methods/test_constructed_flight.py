@@ -1,4 +1,4 @@
-"""Forces, the methods' table and the estimates on one flight in exact balance, with one error at a time."""
+"""Tests forces, the methods' table and estimates on a flight in exact balance, with one error at a time."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -59,7 +59,7 @@ def test_forces_along_an_exact_trajectory_are_those_flown(gamma: float) -> None:
 
 
 def test_a_downdraft_is_a_climb_through_the_air() -> None:
-    """Level over the ground in a downdraft of 0.5 m/s."""
+    """The aircraft flies level over the ground in a downdraft of 0.5 m/s."""
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f)
     states = trajectory.states.assign(gust_w=0.5).to_numpy()
@@ -69,9 +69,9 @@ def test_a_downdraft_is_a_climb_through_the_air() -> None:
 
 @pytest.mark.parametrize(("scale", "slope"), [(0.03, 0.0), (-0.03, 0.0), (0.0, 0.2), (0.0, -0.2)])
 def test_dynamic_method_finds_polar_and_thrust_of_a_propeller_unlike_its_table(scale: float, slope: float) -> None:
-    """Thrust is the table's times 1 + scale + slope (J - 0.5): specific force shows it as drag.
+    """Thrust is table thrust times 1 + scale + slope (J - 0.5); specific force shows the difference as drag.
 
-    To 0.002 and 0.01: lift coefficients keep the table's T sin(alpha).
+    Scale is found to 0.002 and slope to 0.01, no better because lift coefficients keep the table's T sin(alpha).
     """
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f, scale, slope)
@@ -92,7 +92,7 @@ def test_sensor_errors_contain_scale_and_slope_of_thrust(scale: float, slope: fl
 
 
 def test_the_tight_prior_of_the_lag_is_replaced_by_one_of_0_3_s() -> None:
-    """One reading of 0.2 s +- 0.01 s: 0.2 s x 0.3^2/(0.3^2 + 0.01^2), whatever prior the trajectory had."""
+    """A reading of 0.2 s +- 0.01 s gives 0.2 s x 0.3^2/(0.3^2 + 0.01^2), whatever the trajectory's prior was."""
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f)
     i, prior, reading = SENSOR_ERRORS.index("air_data_lag"), 0.012, 0.01
@@ -107,7 +107,7 @@ def test_the_tight_prior_of_the_lag_is_replaced_by_one_of_0_3_s() -> None:
 
 
 def test_an_accelerometer_that_reads_high_levels_the_pitch_attitude_too_high() -> None:
-    """At rest ax = g sin(theta): a bias of 0.2 m/s^2 is a pitch of 0.2/g."""
+    """At rest ax = g sin(theta), so a bias of 0.2 m/s^2 looks like a pitch of 0.2/g."""
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f, ax_bias=0.2)
     flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
@@ -121,7 +121,7 @@ def inputs(trajectory: Trajectory, **removed: float) -> pd.DataFrame:
 
 
 def table_of(flight_forces: FlightForces, forces: pd.DataFrame, removed: Mapping[str, float] = {}) -> pd.DataFrame:
-    """The methods' table in still air, of all rows of a flight."""
+    """Return the methods' table in still air for all rows of a flight."""
     rows = np.arange(len(forces))
     path = path_along(flight_forces, forces, flight_forces.trajectory.sensor_errors, rows)
     table = input_tables(flight_forces, [path], [removed], (STILL_AIR, STILL_AIR)).first()
@@ -129,7 +129,7 @@ def table_of(flight_forces: FlightForces, forces: pd.DataFrame, removed: Mapping
 
 
 def wrong(name: str, value: float) -> tuple[pd.DataFrame, Trajectory]:
-    """The table without errors, and measurements and trajectory with one error."""
+    """Return the table without errors, and the trajectory with its measurements with one error."""
     f, _ = accelerations_and_decelerations(0.03)
     thrust = {key: value for key in ("scale", "slope") if name == f"thrust_{key}"}
     trajectory = measured(f, **thrust, **({"ax_bias": value * g} if name == "pitch" else {}))
@@ -165,7 +165,7 @@ def test_an_error_taken_as_measured_shows_and_its_removal_restores_the_truth(nam
     f, trajectory = wrong(name, value)
     f = f.assign(qS_over_m_lagged_mps2=f["qS_over_m_mps2"], thrust_x_over_m_lagged_mps2=f["thrust_x_over_m_mps2"])
     with_error, removed = inputs(trajectory), inputs(trajectory, **{name: value})
-    bound = 0.01 * value if name == "alpha_scale" else 0.1 * value  # of second order: value^2 and value x rate^2
+    bound = 0.01 * value if name == "alpha_scale" else 0.1 * value  # second-order terms: value^2 and value x rate^2
     for column in shown_by:
         size = np.abs(f[column]).max()
         assert np.abs(removed[column] - f[column]).max() < 0.2 * np.abs(with_error[column] - f[column]).max(), column
@@ -173,7 +173,7 @@ def test_an_error_taken_as_measured_shows_and_its_removal_restores_the_truth(nam
 
 
 def test_the_scale_of_airspeed_in_flow_angles_is_removed() -> None:
-    """An airspeed 3 % high is a dynamic pressure 6 % high, over which flow angles are measured: they read 6 % low."""
+    """An airspeed 3 % high means a dynamic pressure 6 % high. Flow angles are divided by it, so they read 6 % low."""
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f, V_scale=0.03)
     mean = trajectory.block_means.means
@@ -188,7 +188,7 @@ def test_the_scale_of_airspeed_in_flow_angles_is_removed() -> None:
 def test_a_biased_accelerometer_levels_a_steep_attitude_more() -> None:
     """At rest ax = g sin(theta): at 50 deg of pitch, a bias b changes the angle by b/(g cos 50 deg).
 
-    The known part of the bias is present; removing it removes the error.
+    Removing the known part of the bias from the table leaves only the error of the rest.
     """
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f, ax_bias=0.2)
@@ -203,12 +203,12 @@ def test_a_biased_accelerometer_levels_a_steep_attitude_more() -> None:
 
 
 def weighed_within(fraction: float) -> Aircraft:
-    """The aircraft whose weight is known to this standard deviation."""
+    """Return the aircraft with this standard deviation of its weight, as a fraction."""
     return replace(AIRCRAFT, uncertainty=Uncertainty(weight_fraction=fraction))
 
 
 def test_a_wrong_weight_changes_power_by_what_the_interval_has_for_it() -> None:
-    """Analyzed with a weight 1 % too large, a flight gives the curve of the heavier aircraft."""
+    """If the stated weight is 1 % too large, the flight gives the curve of the heavier aircraft."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     exact, unsure = (estimate_polar(trajectory, runs, weighed_within(x), PROPELLER) for x in (0.0, 0.01))
@@ -220,7 +220,7 @@ def test_a_wrong_weight_changes_power_by_what_the_interval_has_for_it() -> None:
 
 
 def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
-    """Power W V tan(0.02 deg) at every speed, in the covariance of the methods that take measurements as they are."""
+    """It is W V tan(0.02 deg) of power at every speed, also for methods that take measurements as they are."""
     lift_direction_W = W * V * np.tan(np.radians(0.02))
     assert power_required(V, Polar(polar(), covariance.floor()), AT)[1] == pytest.approx(lift_direction_W, rel=1e-9)
     f, runs = accelerations_and_decelerations()
@@ -231,8 +231,8 @@ def test_the_floor_is_a_direction_of_lift_known_to_0_02_deg() -> None:
 
 
 def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
-    """Angle and lift rise and fall by 0.6 deg and 5 % of lift within each block: CD and CL^2 are means over samples.
-    Vibration of the accelerometer also enters the correction for upwash, and changes nothing."""
+    """Within each block, the angle of attack rises and falls by 0.6 deg and lift with it: CD and CL^2 are means over
+    samples. Vibration of the accelerometer also enters the correction for upwash, and CD does not change."""
     f, _ = accelerations_and_decelerations()
     trajectory = measured(f)
     forces = FlightForces(trajectory, AIRCRAFT, PROPELLER).nominal
@@ -258,7 +258,7 @@ def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
     drag_over_m = (f["thrust_x_over_m_mps2"] - f["ax"]) * np.cos(f["alpha"]) - f["az"] * np.sin(f["alpha"])
     assert drag_over_m.to_numpy() == pytest.approx((results["CD"] * results["qS_over_m_mps2"]).to_numpy(), rel=1e-6)
 
-    # A polar flown sample by sample is found again.
+    # If each sample lies on a polar, the fit recovers that polar.
     A = polar()
     lacks = (A @ [1 + 0 * sample_CL, sample_CL, sample_CL**2] - sample_CD) * qS
     flown = table.assign(ax_mps2=table["ax_mps2"] - lacks / np.cos(table["alpha_rad"]))
@@ -281,7 +281,7 @@ def test_lift_that_gusts_tilt_within_a_block_is_drag() -> None:
 
 
 def test_drag_with_a_quartic_term_is_a_doubt_and_the_interval_covers_it() -> None:
-    """C_D rises by 0.02 C_L^4, 10 % at the slowest speed: a warning, and an interval that contains the true curve."""
+    """C_D rises by 0.02 C_L^4, 10 % at the slowest speed. A warning says so, and the interval contains the truth."""
     f, runs = accelerations_and_decelerations()
     forces = FlightForces(measured(f), AIRCRAFT, PROPELLER).forces(
         measured(f).states.to_numpy(), np.zeros(len(SENSOR_ERRORS))
@@ -292,17 +292,17 @@ def test_drag_with_a_quartic_term_is_a_doubt_and_the_interval_covers_it() -> Non
     trajectory = measured(f.assign(ax=f["ax"] - extra * np.cos(alpha), az=f["az"] - extra * np.sin(alpha)))
     result = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
     (warning,) = (warning for warning in result.warnings if "Drag is no parabola" in warning)
-    assert float(warning.partition("a quartic term is ")[2].split(" times")[0]) > 3, "or it would be no doubt"
+    assert float(warning.partition("a quartic term is ")[2].split(" times")[0]) > 3, "too small for a warning"
     results, error = power_required(V, result.polar, AT)
     CL = 2 * W / (AT.rho * V**2 * AT.wing_area_m2)
     true = power(polar()) + AT.rho * V**3 * AT.wing_area_m2 / 2 * 0.02 * CL**4
     assert np.all(np.abs(results - true) < 1.96 * error + 0.003 * true)
-    assert np.all(error < 0.1 * true), "wider by what the quartic term changes, which is less than all of it"
+    assert np.all(error < 0.1 * true), "the interval is wider, but only by the change due to the term"
     assert not estimate_polar(measured(f), runs, AIRCRAFT, PROPELLER).warnings
 
 
 def test_a_propeller_far_from_its_table_is_a_doubt() -> None:
-    """Thrust 9 % beyond the table's, five prior standard deviations, is named; 3 % is not."""
+    """Thrust 9 % above the table, five prior standard deviations, gives a warning; 3 % does not."""
     f, runs = accelerations_and_decelerations()
     for scale, named in ((0.09, True), (0.03, False)):
         warnings = estimate_polar(measured(f, scale), runs, AIRCRAFT, PROPELLER).warnings
@@ -310,7 +310,7 @@ def test_a_propeller_far_from_its_table_is_a_doubt() -> None:
 
 
 def test_the_interval_contains_the_updrafts_that_differ_from_run_to_run() -> None:
-    """Air that rises by w carries the aircraft: power W w at every speed."""
+    """Air that rises at w saves the power W w at every speed."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     aircraft = replace(AIRCRAFT, uncertainty=Uncertainty(weight_fraction=0))
@@ -322,7 +322,7 @@ def test_the_interval_contains_the_updrafts_that_differ_from_run_to_run() -> Non
 
 
 def test_a_density_that_is_too_high_looks_like_thrust_and_airspeed_and_leaves_the_power() -> None:
-    """Density is 2 % too high, airspeeds are right: power is equal, polar and thrust change as `by_density` says."""
+    """The density is 2 % too high and airspeeds are right. Power is equal; polar and thrust change as predicted."""
     f, runs = accelerations_and_decelerations()
     aircraft = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, air_density_fraction=0.02))
     right, trajectory = estimate_polar(measured(f), runs, aircraft, PROPELLER), measured(f)
@@ -331,7 +331,7 @@ def test_a_density_that_is_too_high_looks_like_thrust_and_airspeed_and_leaves_th
     assert right.joint is not None
     change = dict(zip(right.joint.names, right.joint.parameters.shared[DENSITY], strict=True))
     assert wrong.values - right.values == pytest.approx([change[name] for name in right.joint.names[:5]], rel=1e-3)
-    assert change["thrust_scale"] == pytest.approx(-0.02, abs=0.001), "the propeller pushes as it did"
+    assert change["thrust_scale"] == pytest.approx(-0.02, abs=0.001), "the true thrust is unchanged"
     assert change["V_scale"] == pytest.approx(-0.01), "V = sqrt(2 q / rho)"
     there = power_required(V, wrong.polar, AT._replace(rho=1.02 * AT.rho))[0]
     assert there == pytest.approx(power(right.values[:3]), rel=0.002)
@@ -349,7 +349,7 @@ def test_a_density_that_is_too_high_looks_like_thrust_and_airspeed_and_leaves_th
     ],
 )
 def test_a_method_s_sensitivity_predicts_the_error_of_its_power(method: str, name: str, value: float) -> None:
-    """True polar = estimate with the error in it + sensitivity times the error, to second order."""
+    """The estimate from wrong data plus sensitivity times the error is the true polar, up to second-order terms."""
     f, trajectory = wrong(name, value)
     _, runs = accelerations_and_decelerations()
     flight_forces = FlightForces(trajectory, AIRCRAFT, PROPELLER)
@@ -360,14 +360,14 @@ def test_a_method_s_sensitivity_predicts_the_error_of_its_power(method: str, nam
     assert result.polar is not None
     (cause,) = (cause for cause, names in CAUSES.items() if name in names)
     wrong_by = power(result.polar.A) - power(polar())
-    assert np.abs(wrong_by / power(polar())).max() > 0.005, "the error is worth a test"
+    assert np.abs(wrong_by / power(polar())).max() > 0.005, "the error is too small for a meaningful test"
     second_order = 0.3 * np.abs(wrong_by).max()
     corrected = power(result.polar.A + value * result.sensitivities[name])
     assert np.abs(corrected - power(polar())).max() < second_order
     assert power(result.cause_effects[cause]) == pytest.approx(wrong_by, abs=second_order)
 
 
-FACTORS = {  # of the stated standard deviation, and the error that it is of
+FACTORS = {  # factor on the default standard deviation, and the name of the error
     "angle_of_attack_offset_rad": (2.0, "alpha_bias"),
     "angle_of_attack_slope_fraction": (2.2, "alpha_scale"),
     "airspeed_scale_fraction": (1.5, "airspeed_scale"),
@@ -379,7 +379,7 @@ FACTORS = {  # of the stated standard deviation, and the error that it is of
 
 
 def test_a_method_s_interval_contains_the_errors_that_the_aircraft_file_states() -> None:
-    """For quantities taken as measured, systematic errors are sensitivities times stated sizes."""
+    """Where methods use measured quantities directly, systematic errors are sensitivities times stated sizes."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     sizes = {key: factor * getattr(Uncertainty(), key) for key, (factor, _) in FACTORS.items()}
@@ -402,7 +402,7 @@ def test_a_method_s_interval_contains_the_errors_that_the_aircraft_file_states()
 
 @pytest.mark.parametrize(("key", "name"), [("thrust_scale_fraction", "thrust_scale"), ("thrust_slope", "thrust_slope")])
 def test_twice_the_stated_error_of_thrust_widens_the_interval(key: str, name: str) -> None:
-    """One deceleration with noise, which determines thrust poorly."""
+    """A single noisy deceleration determines thrust poorly, so the prior matters."""
     f, runs = accelerations_and_decelerations()
     noise = 0.3 * np.random.default_rng(0).standard_normal(len(f))
     trajectory = measured(f.assign(ax=f["ax"] + noise))

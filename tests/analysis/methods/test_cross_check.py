@@ -27,7 +27,7 @@ def flown(nexstar, probe):
 
 
 def checked(flight, aircraft, propeller):
-    """The cross-check, and how far its power is off in its own standard errors and in percent."""
+    """Return the cross-check, and the error of its power in its own standard errors and in percent."""
     runs = find(flight.table, flight.still).of("acceleration", "deceleration")
     check = on_runs_alone(flight.table, runs, aircraft, propeller, gust_mps=0.0, zeroed=True)
     rho = float(np.mean([flight.table["rho"].iloc[run.rows].mean() for run in runs]))
@@ -39,7 +39,7 @@ def checked(flight, aircraft, propeller):
 
 @pytest.mark.parametrize("V_scale", [-0.04, 0.04])
 def test_an_airspeed_that_is_wrong_is_not_a_thrust_that_is(flown, nexstar, propeller, V_scale):
-    """Twice the error of a usual probe. Thrust read from the table at 4 % too high a speed would be 9 to 12 % low."""
+    """4 % is twice the error of a usual probe. Table thrust at a speed 4 % too high would be 9 to 12 % low."""
     check, deviation, per_cent = checked(flown(1, 0.0, V_scale=V_scale, thrust_scale=0.0), nexstar, propeller)
     assert check.converged
     assert np.abs(deviation).max() < 3
@@ -48,7 +48,7 @@ def test_an_airspeed_that_is_wrong_is_not_a_thrust_that_is(flown, nexstar, prope
 
 @pytest.mark.parametrize("turbulence_kt", [0.0, 3.0])
 def test_vibration_neither_looks_like_gusts_nor_hides_them(flown, nexstar, propeller, turbulence_kt):
-    """White noise of 0.3 m/s2 makes residuals as white as in still air. In gusts output error gives false alarms."""
+    """Noise of 0.3 m/s2 makes residuals as white as in still air. There is no check in gusts: it gives false alarms."""
     flight = flown(103, turbulence_kt)
     vibration = 0.3 * np.random.default_rng(0).normal(size=(len(flight.table), 3))
     shaken = flight.table.assign(**{f"a{axis}_mps2": flight.table[f"a{axis}_mps2"] + vibration[:, i]
@@ -60,7 +60,7 @@ def test_vibration_neither_looks_like_gusts_nor_hides_them(flown, nexstar, prope
 
 
 def test_thrust_on_a_stand_is_a_prior_of_the_cross_check(flown, nexstar, propeller):
-    """A prior of almost exactly 1.1 moves power by a few percent, since the slope absorbs most of it."""
+    """A nearly exact stand ratio of 1.1 moves power by only a few percent, since the slope absorbs most of it."""
     exact = replace(nexstar.uncertainty, static_thrust_ratio_fraction=1e-4, thrust_curvature_fraction=0.0)
     on_stand = replace(nexstar, propulsion=replace(nexstar.propulsion, static_thrust_ratio=1.1), uncertainty=exact)
     (_, _, without), (_, _, with_stand) = (checked(flown(2, 0.0), item, propeller) for item in (nexstar, on_stand))
@@ -77,15 +77,15 @@ def test_it_differs_where_the_intervals_do_not_allow_it() -> None:
         result = disagreement(polar(0.04), CrossCheck(polar(CD0), "no minimum", converged), condition, flown_CL)
         return result.differs, len(result.warnings)
 
-    assert compared(0.0443) == (False, 0)  # the root of chi-square of 3 at 95 %, 2.80, times hypot(1, 1.2): 4.37
+    assert compared(0.0443) == (False, 0)  # limit: sqrt(chi-square of 3 at 95 %) = 2.80, times hypot(1, 1.2): 4.37
     assert compared(0.0445) == (True, 1)
     (warning,) = disagreement(polar(0.04), CrossCheck(polar(0.08), "", True, False), condition, (0.6, 0.6)).warnings
     assert "by +65 %" in warning, "C_D is 0.1016 in place of 0.0616"
-    assert compared(0.05, converged=False) == (False, 1)  # it is left out, and said to be
+    assert compared(0.05, converged=False) == (False, 1)  # left out, with a warning
 
 
 def test_of_a_long_flight_runs_of_both_kinds_from_beginning_to_end_are_checked() -> None:
-    """240 runs of a flight of two hours: gaps of at most one run more than the mean, and half of them decelerations."""
+    """Of 240 runs in two hours, those checked are evenly spread, and about half of them are decelerations."""
     runs = [
         Maneuver(DECELERATION if i % 2 else ACCELERATION, slice(i, i + 1), 30.0 * i, 30.0 * i + 12, 11.0, 22.0, 0.0)
         for i in range(240)

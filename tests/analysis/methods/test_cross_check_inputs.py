@@ -1,4 +1,4 @@
-"""What the cross-check is given: air data without the errors that only the whole flight shows."""
+"""The cross-check uses air data from which errors that only the whole flight shows have been removed."""
 
 import pytest
 from constructed import accelerations_and_decelerations, measured

@@ -1,4 +1,4 @@
-"""The rules of the comparison on constructed estimates: what is allowed, which cause is named, with which sign."""
+"""Constructed estimates test the comparison: which differences are allowed, and which cause is named, and its sign."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def dynamic(noise: np.ndarray = NOISE) -> DynamicEstimate:
 
 
 def by(method: Method, change: float, **fields) -> MethodEstimate:
-    """An estimate whose drag coefficient differs by a constant."""
+    """Return an estimate whose drag coefficient differs by the constant `change`."""
     there = A + np.array([change, 0.0, 0.0])
     return MethodEstimate(method, Polar(there, NOISE), noise=NOISE, flown_CL=CL, **fields)
 
@@ -42,12 +42,12 @@ def effect(change: float) -> np.ndarray:
     return np.array([change, 0.0, 0.0])
 
 
-# Of a chi-square variable with three degrees of freedom, those of the polar, 1 % is above 11.344867 (tables).
+# With three degrees of freedom, those of the polar, chi-square exceeds 11.344867 with a probability of 1 % (tables).
 BAND = np.sqrt(11.344867)
 
 
 def test_methods_disagree_beyond_the_simultaneous_band_of_their_difference() -> None:
-    """Both have a standard error of 1e-4 of C_D, so that of the difference is sqrt(2) times as large."""
+    """Each method has a standard error of 1e-4 in C_D, so the difference has one of sqrt(2) times 1e-4."""
     limit = BAND * np.sqrt(2) * 1e-4
     assert compared(by(DIRECT, 0.99 * limit)) == []
     (result,) = compared(by(DIRECT, 1.01 * limit))
@@ -62,7 +62,7 @@ def test_what_a_careful_installation_leaves_is_allowed() -> None:
 
 
 def test_an_error_that_both_methods_share_is_not_allowed_for() -> None:
-    """With equal sensitivity to lag both methods err alike, with opposite sensitivity they differ."""
+    """Two methods with equal sensitivity to lag err alike; with opposite sensitivities they differ."""
     tolerance = COMPARISON.installation_sigma["lag"]
     for sign, count in ((1.0, 1), (-1.0, 0)):
         method_estimate = by(DECELERATIONS, 0.0, sensitivities={"lag": effect(1.0)})
@@ -79,7 +79,7 @@ def test_trajectory_errors_that_both_methods_share_cancel() -> None:
 
 
 def test_methods_without_common_speeds_are_not_compared() -> None:
-    """At least a ratio of speeds of 1.15."""
+    """The common speeds must span a ratio of at least 1.15."""
     narrow = by(DIRECT, 0.01)
     assert compared(replace(narrow, flown_CL=(0.3, 0.3 * 1.14**2))) == []
     assert len(compared(replace(narrow, flown_CL=(0.3, 0.3 * 1.16**2)))) == 1
@@ -96,7 +96,7 @@ def test_the_cause_with_the_largest_share_in_the_difference_s_direction_is_named
 
 
 def test_a_small_significant_error_is_named_where_the_rest_is_within_what_is_allowed() -> None:
-    """A difference is 1.1 times the allowed one; 0.2 are explained, by a significant error or by nothing to name."""
+    """The difference is 1.1 times the limit, and a fifth of it is explained; only a significant error is reported."""
     change = 1.1 * BAND * np.sqrt(2) * 1e-4
     estimate = by(DIRECT, change, cause_effects={"angle of attack": effect(0.2 * change)})
     assert compared(estimate) == []
@@ -114,7 +114,7 @@ def test_a_difference_that_nothing_explains_has_no_cause_but_for_energy() -> Non
 
 @pytest.mark.parametrize(("change", "side"), [(-1.0, "high"), (1.0, "low")])
 def test_energy_below_dynamic_shows_a_trajectory_pitched_too_high(change: float, side: str) -> None:
-    """A pitch attitude 1 deg too high adds L tan(1 deg) to the dynamic method's drag: A1 is higher by 0.01746."""
+    """A pitch attitude 1 deg too high adds L tan(1 deg) to the dynamic method's drag, so its A1 is 0.01746 higher."""
     there = A + np.array([0.0, change * np.radians(1.0), 0.0])
     estimate = replace(by(ENERGY, 0.0), polar=Polar(there, NOISE))
     (result,) = compared(estimate)

@@ -1,6 +1,6 @@
-"""The source's cases 1 and 2 (its ch. 4): runs as good as they get; runs in which height wanders, rises or falls.
+"""Tests the source's case 1 (its ch. 4), nearly ideal runs, and its case 2, in which height wanders, rises or falls.
 
-Its own estimators, on case 1.
+The source's own estimators are tested on case 1.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ from flightpower.sim.sensors import load_budget
 
 AIRCRAFT = load_aircraft("nexstar")
 PROPELLER = load_propeller(AIRCRAFT.propulsion.propeller)
-WORST_W = 2 * FOOT_POUND_PER_SECOND_W  # what the source reports, mid-range
+WORST_W = 2 * FOOT_POUND_PER_SECOND_W  # worst deviation in the source, mid-range
 V = np.linspace(13.0, 20.0, 20)  # mid-range
 METHODS = ("two-state", "force-models")
 
@@ -49,7 +49,7 @@ class Case(NamedTuple):
 
 @pytest.fixture(scope="module")
 def case(probe: ProbeCalibration):
-    """A case by plan and seed, with the noise of Table 4.1 and what a careful installation leaves of errors."""
+    """Return a function that flies a plan with the noise of Table 4.1 and the errors left by a careful installation."""
 
     @cache
     def of(plan: str, seed: int) -> Case:
@@ -93,7 +93,7 @@ def test_power_is_within_the_source_s_worst_deviation(case, plan: str, seed: int
 @pytest.mark.xdist_group("case-1")
 @pytest.mark.parametrize("name", METHODS)
 def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_likelihood, name: str) -> None:
-    """The offset of angle of attack, known to a degree, makes the intervals wide; here it is some hundredths."""
+    """The angle-of-attack offset, known only to 1 deg, widens the intervals; here it is some hundredths of a degree."""
     this_case = case("case-1", 0)
     estimate = next(estimate for estimate in by_likelihood.methods if estimate.method.name == name)
     power, error = power_required(V, estimate.polar, this_case.condition)
@@ -105,7 +105,7 @@ def test_maximum_likelihoods_are_right_to_a_third_of_their_intervals(case, by_li
 @pytest.mark.slow
 @pytest.mark.xdist_group("case-1")
 def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) -> None:
-    """A few more steps equal a whole fit with a table that is one standard deviation higher."""
+    """A few more search steps give the same change as a whole fit with a table one standard deviation higher."""
     this_case = case("case-1", 0)
     sigma = AIRCRAFT.uncertainty.thrust_scale_fraction
     rows = tuple(replace(row, cT=tuple((1 + sigma) * cT for cT in row.cT)) for row in PROPELLER.rows)
@@ -121,7 +121,7 @@ def test_few_more_steps_are_the_effect_of_a_thrust_error(case, by_likelihood) ->
 
 @pytest.mark.xdist_group("case-1")
 def test_pitch_rate_of_runs_is_too_small_for_CLq(by_likelihood) -> None:
-    """The source's second assumption. An acceleration pitches faster than a deceleration."""
+    """This is the source's second assumption. Accelerations have higher pitch rates than decelerations."""
     pitch_rate = by_likelihood.pitch_rate
     assert not pitch_rate.significant
     assert pitch_rate.t == pytest.approx(pitch_rate.CLq / pitch_rate.standard_error)
@@ -145,7 +145,7 @@ def test_without_runs_the_likelihoods_have_a_note(case) -> None:
 
 
 def test_the_polar_of_the_forces_is_along_true_angles_of_attack() -> None:
-    """A vane that shows 0.02 rad and 10 % too much gives the drag of the angles that were flown, not of those shown."""
+    """A vane reads 0.02 rad and 10 % too high, but the polar follows the true angles, not the measured ones."""
     forces = {"CX0": -0.04, "CXa": 0.1, "CXa2": 2.0, "CXde": 0.0, "CZ0": -0.3, "CZa": -4.5, "CZa2": 0.0, "CZde": -0.4}
     true, elevator = np.linspace(-0.05, 0.15, 31), np.linspace(0.05, -0.1, 31)
     exact, shown = (

@@ -1,4 +1,4 @@
-"""Hysteresis and steps of the zero as consider terms: the outer products of the changes by each transducer."""
+"""The covariance of hysteresis and zero steps is a sum of outer products of the change due to each transducer."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ HYSTERESIS = replace(AIRCRAFT, uncertainty=replace(AIRCRAFT.uncertainty, hystere
 
 
 def values_from(air: pd.DataFrame) -> np.ndarray:
-    """Some function of the air data with two values."""
+    """Return two values that depend on the air data, in place of a polar."""
     return np.array([air["V_mps"].iloc[250], 3 + 10 * air["alpha_rad"].iloc[750]])
 
 
@@ -40,7 +40,7 @@ def test_the_covariance_is_the_sum_over_the_transducers() -> None:
 
 
 def test_half_of_the_variance_of_a_zero_arises_in_mid_flight() -> None:
-    """A change of the zero of 2 Pa: a step of 1.41 Pa, besides the hysteresis."""
+    """A zero that changes by 2 Pa has a step of 1.41 Pa, in addition to the hysteresis."""
     uncertainty = replace(HYSTERESIS.uncertainty, transducer_zero_Pa=2.0)
     assumption_uncertainty = with_transducer_uncertainty(
         None, values_from, AIR, replace(AIRCRAFT, uncertainty=uncertainty)
@@ -61,7 +61,7 @@ def test_transducers_without_errors_add_nothing() -> None:
 
 
 def test_a_motor_speed_in_steps_is_wrong_by_a_part_of_one_throughout() -> None:
-    """Steps of 25/7 rev/s, cut off or not: 1.26 rev/s, rms, and 2.5 % of thrust. Steps of 0.02 rev/s change nothing."""
+    """Steps of 25/7 rev/s, truncated or rounded, are 1.26 rev/s rms, 2.5 % of thrust. 0.02 rev/s changes nothing."""
     air = AIR.assign(n_revps=np.where(np.arange(len(AIR)) < 100, 0.0, 100.0))
 
     def thrust(table: pd.DataFrame) -> np.ndarray:
@@ -70,7 +70,7 @@ def test_a_motor_speed_in_steps_is_wrong_by_a_part_of_one_throughout() -> None:
     assumption_uncertainty = with_step_of_motor_speed(None, thrust, air, 25 / 7)
     assert assumption_uncertainty is not None and list(assumption_uncertainty.changes) == ["step of the motor speed"]
     assert assumption_uncertainty.changes["step of the motor speed"] == pytest.approx([0.0254e4, 0.0], rel=0.01), (
-        "none where it stands"
+        "no change while the motor stands"
     )
     assert (
         assumption_uncertainty.covariance[0, 0] == pytest.approx(0.0254e4**2, rel=0.02)

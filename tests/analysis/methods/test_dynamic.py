@@ -1,4 +1,4 @@
-"""Which moments of a run the drag polar is fitted to."""
+"""The drag polar is fitted only to moments of a run that belong to level flight."""
 
 import numpy as np
 import pandas as pd
@@ -9,7 +9,7 @@ from flightpower.analysis.methods.dynamic import _within_level_flight
 from flightpower.flight.units import GRAVITY_MPS2
 
 STEP_S, SLOW_MPS, FAST_MPS = 0.2, 11.0, 24.0
-LIFT_AT = 81.0  # weight over rho S / 2 [m^2/s^2]: C_L is 0.67 at 11 m/s, times a load factor
+LIFT_AT = 81.0  # weight over rho S / 2 [m^2/s^2]: C_L = 0.67 times load factor at 11 m/s
 ALPHA_0, ALPHA_CL = np.radians(-4.3), np.radians(13.4)
 
 
@@ -26,7 +26,7 @@ def run(start_s: float, end_s: float) -> Maneuver:
 
 
 def test_all_of_a_deceleration_in_still_air_counts_even_if_the_flight_was_fast() -> None:
-    """Twenty seconds near the stall in twenty minutes, the load factor up and down by 3 %."""
+    """Twenty minutes include a deceleration of twenty seconds to near the stall; the load factor varies by 3 %."""
     V = np.r_[np.full(5900, FAST_MPS), np.linspace(FAST_MPS, SLOW_MPS, 100)]
     forces = flight(V, 1 + 0.03 * np.sin(np.arange(len(V))))
     assert _within_level_flight(forces, np.ones(len(V), dtype=bool), [run(1180.0, 1200.0)]).all()

@@ -1,4 +1,4 @@
-"""What covariances contain, and estimates that other tests do not reach, on constructed flights."""
+"""Constructed flights test what covariances contain, and estimates that other tests do not reach."""
 
 from dataclasses import replace
 
@@ -70,7 +70,7 @@ def test_the_polar_of_a_cross_check_contains_noise_and_floor() -> None:
 
 
 def test_an_error_of_the_trajectory_is_in_the_covariance_of_every_method() -> None:
-    """Specific force along x known to 0.05 m/s^2 is drag known to m 0.05 m/s^2; with thrust and floor in quadrature."""
+    """An error of 0.05 m/s^2 in ax is one of m 0.05 m/s^2 in drag; it adds in quadrature to thrust errors and floor."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     C, i = trajectory.covariance.copy(), SENSOR_ERRORS.index("ax_bias")
@@ -88,7 +88,7 @@ def test_an_error_of_the_trajectory_is_in_the_covariance_of_every_method() -> No
 
 
 def test_errors_of_trajectory_and_states_are_in_the_dynamic_method_s_covariance() -> None:
-    """The change of the estimates with a sensor error is systematic, that with errors of the states is noise."""
+    """A change of the estimates due to a sensor error is systematic; a change due to errors of the states is noise."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     i, theta = SENSOR_ERRORS.index("ax_bias"), STATES.index("theta")
@@ -112,7 +112,7 @@ def test_errors_of_trajectory_and_states_are_in_the_dynamic_method_s_covariance(
 
 
 def test_errors_of_states_are_not_counted_again_in_the_residuals_they_cause() -> None:
-    """Residuals that are nothing but errors of the states: the noise is theirs, once."""
+    """Residuals consist of nothing but errors of the states, which are counted as noise once."""
     f, runs = accelerations_and_decelerations()
     flight_data = measured(f)
     theta, rng = STATES.index("theta"), np.random.default_rng(1)
@@ -130,13 +130,13 @@ def test_errors_of_states_are_not_counted_again_in_the_residuals_they_cause() ->
 
     by_residuals, once = noise(), noise(states_given_errors=state_errors, draws=draws)
     by_states = noise(states_given_errors=state_errors) - by_residuals
-    fast = slice(2, None)  # at lower speeds the prior of thrust is most of the noise
+    fast = slice(2, None)  # at lower speeds most of the noise is from the prior of thrust
     assert np.all(by_states < once)
     assert np.all(once[fast] < (by_states + 0.3 * by_residuals)[fast])
 
 
 def points(speeds, A: np.ndarray, kind: str, bank: float = 0.0):
-    """Level flight at one speed after the other, in a turn: lift is W / cos(bank), columns are over the mass."""
+    """Return level turns, one per speed, and their runs: lift is W / cos(bank), and columns are divided by mass."""
     n = 1 / np.cos(bank)
     parts, runs = [], []
     for i, speed in enumerate(speeds):
@@ -169,7 +169,7 @@ def test_the_missing_term_is_the_error_of_a_two_term_fit_for_a_CL_minD_of_0_2(CL
 
 
 def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
-    """Were the scale of thrust known, what it adds to the polar's covariance would be gone; signs are the polar's."""
+    """The joint covariance with thrust has the polar's signs; for known thrust, only the polar's own part remains."""
     trajectory = measured(accelerations_and_decelerations()[0])
     sensitivities = {"thrust_scale": np.array([0.05, 0.0, 0.02]), "thrust_slope": np.array([0.0, 0.01, 0.0])}
     shares = {name: np.outer(s, s) * PRIOR_SIGMA[name] ** 2 for name, s in sensitivities.items()}
@@ -192,7 +192,7 @@ def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
     rest = C - result.systematic[:3, 3:] @ np.linalg.inv(C_thrust) @ result.systematic[3:, :3]
     assert rest == pytest.approx(own, abs=1e-15)
 
-    # Thrust on a stand: its prior instead of that of the table.
+    # With thrust measured on a stand, the stand's prior replaces the prior of the table.
     on_stand = replace(AIRCRAFT, propulsion=replace(AIRCRAFT.propulsion, static_thrust_ratio=1.05))
     prior, S = thrust_prior(on_stand), np.stack(list(sensitivities.values()), axis=1)
     after, *_ = fallback([method_estimate, MethodEstimate(VARIED_LIFT)], trajectory, on_stand, "flight.mcap")

@@ -1,4 +1,4 @@
-"""Forces along a trajectory are what the propeller's table, the accelerometers and the definitions say."""
+"""Forces along a trajectory agree with the propeller's table, the accelerometers and the definitions."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def test_thrust_along_the_path_is_that_of_the_table_over_mass(forces: FlightForc
 
 
 def test_thrust_beyond_the_table_is_its_continuation_s_error_over_mass(forces: FlightForces) -> None:
-    """A table that is cut at J = 0.5 has an error beyond it; of a heavier aircraft it is less of the acceleration."""
+    """A table that ends at J = 0.5 has an error beyond that, which is divided by the mass."""
     rows = tuple(
         replace(row, J=tuple(J for J in row.J if J <= 0.5), cT=row.cT[: sum(J <= 0.5 for J in row.J)],
                 cP=row.cP[: sum(J <= 0.5 for J in row.J)])

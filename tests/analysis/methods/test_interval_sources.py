@@ -1,4 +1,4 @@
-"""The variance of power required by source: the shares add up, and each responds to its own error."""
+"""The shares of the variance of power required add up, and each responds to its own error."""
 
 from types import SimpleNamespace
 
@@ -23,7 +23,7 @@ def joint(covariance: np.ndarray, **changes: np.ndarray) -> JointEstimate:
 
 
 def covariance_of(seed: int) -> np.ndarray:
-    """Covariance of seven correlated errors whose units differ by a million."""
+    """Return the covariance of seven correlated errors whose sizes differ by factors of up to 1e5."""
     root = np.random.default_rng(seed).normal(size=(7, 12))
     scale = np.array([1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-4, 10.0])
     return (root @ root.T) * np.outer(scale, scale)
@@ -41,7 +41,7 @@ def test_shares_are_never_negative_and_with_all_known_the_noise_of_the_runs_is_l
 
 
 def test_independent_errors_have_what_each_alone_contributes_and_alike_ones_share() -> None:
-    """A0 = error of airspeed + 2 of angle of attack; then, with both errors the same, half each."""
+    """A0 = airspeed error + 2 x angle-of-attack error; then both errors are the same, and each has half the share."""
     covariance = np.diag([5.0, 1, 1, 1, 1, 1, 1])
     covariance[0, 4] = covariance[4, 0] = 1.0
     covariance[0, 5] = covariance[5, 0] = 2.0
@@ -73,7 +73,7 @@ def test_a_curve_by_another_method_has_noise_and_what_all_runs_share() -> None:
 
 
 def test_what_a_propeller_table_contributes_is_no_noise_that_more_runs_average() -> None:
-    """A0 goes with thrust's scale alone: all of its variance is common to all runs."""
+    """A0 varies only with the thrust scale, so all runs share all of its variance."""
     covariance = np.diag([4e-6, 0.0, 0.0, 1e-2, 1.0, 1.0, 1.0])
     covariance[0, 3] = covariance[3, 0] = 2e-4
     polar = Polar(np.array([0.045, 0.0, 0.065]), covariance[:3, :3])

@@ -95,7 +95,7 @@ def test_where_no_method_gives_a_curve_each_has_a_reason(path) -> None:
 
 
 def test_without_a_trajectory_the_energy_of_the_runs_still_gives_the_truth(flown, path) -> None:
-    """The path as measured says that it explains nothing, and the curve is as far from the truth as its interval."""
+    """The measured path is marked as not converged, and the truth lies inside the interval of the curve."""
     assert path.as_measured and not path.converged
     record = record_of(flown, flown.table, path)
     drag = estimate(record)
@@ -108,7 +108,7 @@ def test_without_a_trajectory_the_energy_of_the_runs_still_gives_the_truth(flown
 
 
 def record_of(flown, table, trajectory):
-    """The record of a flight whose aircraft file lacks nothing."""
+    """Return the record of a flight whose aircraft file lacks no key."""
     maneuvers = find(table, flown.still)
     rows = np.r_[tuple(run.rows for run in maneuvers.level_runs)]
     flown_CL = flown_lift(table.iloc[rows], AIRCRAFT)
@@ -119,7 +119,7 @@ def record_of(flown, table, trajectory):
 
 
 def half_widths(drag, record, flown) -> np.ndarray:
-    """Half widths of the 95 % interval, as shares of power; the truth lies inside at nine speeds."""
+    """Return half widths of the 95 % interval as shares of power, and check that truth lies inside at nine speeds."""
     V = speed_at(np.linspace(drag.flown_CL[0] * 1.1, drag.flown_CL[1] / 1.1, 9), record.condition)
     power, error = power_required(V, drag.main.polar, record.condition)
     truth = np.interp(V, flown.truth["speed_mps"], flown.truth["power_W"])
@@ -128,7 +128,7 @@ def half_widths(drag, record, flown) -> np.ndarray:
 
 
 def test_where_the_path_does_not_fit_a_late_altimeter_energy_gives_a_narrower_curve(flown, monkeypatch) -> None:
-    """Heights of two seconds ago: no path follows both IMU and altimeter; the energy of level runs hardly changes."""
+    """If height is 2 s late, no path fits both IMU and altimeter, but the energy of level runs hardly changes."""
     late = flown.table.assign(height_m=flown.table["height_m"].shift(50).bfill())
     trajectory, _ = with_misfit(reconstruct(late, flown.still))
     assert misfit(trajectory).keys() == {"height"}
@@ -146,7 +146,7 @@ def test_where_the_path_does_not_fit_a_late_altimeter_energy_gives_a_narrower_cu
     assert len(agreement) > 1 and all(abs(item.z) < limit for item in agreement)
     monkeypatch.setattr(estimate_module, "estimate", lambda _: simpler.drag)
     certain = replace(dynamic, main=replace(dynamic.main, polar=Polar(dynamic.main.polar.A, np.zeros((3, 3)))))
-    assert by_simpler_method(as_measured, certain) is None, "a narrower interval stays"
+    assert by_simpler_method(as_measured, certain) is None, "the narrower interval is kept"
 
 
 N, D = Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL
@@ -160,7 +160,7 @@ N, D = Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL
 def test_only_a_curve_not_to_be_trusted_on_a_path_in_misfit_gives_way(
     monkeypatch, dynamic: Trust, in_misfit: bool, simpler: Trust | None, chosen: str
 ) -> None:
-    """Without misfit the table of thrust is to blame, or the number of poles, which the simpler methods share."""
+    """Without a misfit, the thrust table or number of poles is to blame, on which simpler methods depend as well."""
     verdicts = {"dynamic": dynamic, "simpler": simpler}
     flight = SimpleNamespace(
         aircraft=None, propeller=None, trajectory=None, drag=None, progress=lambda _: None, method="dynamic"
@@ -181,11 +181,11 @@ def test_only_a_curve_not_to_be_trusted_on_a_path_in_misfit_gives_way(
 
 
 def test_an_interval_is_compared_over_the_lift_coefficients_of_both_curves() -> None:
-    """The interval that is wider at small lift coefficients is the narrower one where both were flown."""
+    """An interval that is wide at small lift coefficients can still be the narrower where both curves were flown."""
     other = Polar(GOOD, np.diag([1e-4, 0, 0])), (0.5, 1.5)
     assert narrower((Polar(GOOD, np.diag([0.25e-4, 0, 0])), (0.2, 1.0)), other)
     assert not narrower((Polar(GOOD, np.diag([4e-4, 0, 0])), (0.2, 1.0)), other)
-    by_lift = Polar(GOOD, np.array([[4e-4, -4e-4, 0], [-4e-4, 4.04e-4, 0], [0, 0, 0]]))  # least error near CL = 1
+    by_lift = Polar(GOOD, np.array([[4e-4, -4e-4, 0], [-4e-4, 4.04e-4, 0], [0, 0, 0]]))  # smallest error near CL = 1
     assert narrower((by_lift, (0.2, 1.0)), (Polar(GOOD, np.diag([1.2e-4, 0, 0])), (0.5, 1.5)))
     assert not narrower((by_lift, (0.2, 0.4)), other), "no lift coefficient in common"
 
@@ -206,7 +206,7 @@ def test_at_noon_the_updraft_is_larger_without_a_trajectory_too(flown, path, mon
 
 
 def trajectory_or_error(path):
-    """The trajectory, or the error of a flight that has none."""
+    """Return a stand-in for `trajectory_with` that gives only the path as measured, and otherwise raises InputError."""
 
     def trajectory_with(record, data, *, as_measured: bool = False, **assumed):
         if as_measured:

@@ -1,4 +1,4 @@
-"""Every method on constructed flights with a known drag polar; scaling with weight and density; too little data."""
+"""Tests every method on constructed flights with a known polar, scaling with weight and density, too little data."""
 
 import dataclasses
 
@@ -32,7 +32,7 @@ NO_COVARIANCE = np.zeros((3, 3))
 
 
 def joined(parts: list[pd.DataFrame], kind: str) -> tuple[pd.DataFrame, list[Maneuver]]:
-    """Parts of a flight one after another, and each as a run."""
+    """Join parts of a flight in sequence, and return the table with each part as a run."""
     runs, start = [], 0.0
     for part in parts:
         part.index = part.index + start
@@ -68,9 +68,9 @@ def test_two_terms_recover_a_parabola_about_zero_lift(method: Method) -> None:
 
 @pytest.mark.parametrize(("CL_minD", "wrong"), [(0.15, 0.06), (0.40, 0.21)])
 def test_error_of_two_terms_at_low_speed_is_as_in_method_section_2(CL_minD: float, wrong: float) -> None:
-    """Method section 2: 6 % at low speed for CL_minD = 0.15, 21 % for 0.40, by a line through points of equal weight.
+    """A line through equally weighted points errs by 6 % at low speed for CL_minD = 0.15 and by 21 % for 0.40.
 
-    With weights by relative error, as `steady` has them, the fit is better at low speed: 3 and 8 %.
+    With the weights by relative error that the method uses, the fit is better at low speed: 3 and 8 %.
     """
     condition = Condition(W, 1.225, S)
     V = np.linspace(11.58, 22.86, 30)  # 38 to 75 ft/s
@@ -94,7 +94,7 @@ def test_both_forms_of_w_over_delta_are_equal() -> None:
 
 
 def test_piw_and_viw_are_independent_of_weight_and_density() -> None:
-    """Equal lift coefficients at another weight and density give equal PIW and VIW to rounding (2.3), (2.5)."""
+    """Equal lift coefficients at another weight and density give equal PIW and VIW (2.3), (2.5), to rounding."""
     A = polar()
     here = joined(steady(A), "steady")
     heavier = dataclasses.replace(AIRCRAFT, mass=dataclasses.replace(AIRCRAFT.mass, weight_N=1.3 * W))
@@ -120,7 +120,7 @@ def test_points_hold_for_another_weight_and_density() -> None:
 
 
 def test_power_into_speed_and_height_is_no_power_required() -> None:
-    """A steady point that drifts by 0.02 m/s^2 and climbs by 0.2 m/s: 1.2 + 7.5 W of thrust power, none of it drag."""
+    """A drift of 0.02 m/s^2 and a climb of 0.2 m/s take 1.2 + 7.5 W of thrust power that does not overcome drag."""
     A = polar()
     drifting = [flown(V + 0.02 * np.arange(60) * STEP_S, A, 1.15, gamma=0.2 / V) for V in SPEEDS]
     assert coefficients(PIW_VIW_THREE, drifting, "steady") == pytest.approx(A, rel=2e-3)
@@ -137,7 +137,7 @@ def test_direct_drag_recovers_the_polar_from_accelerations_and_climbs(method: Me
 
 
 def test_energy_recovers_the_polar_from_speed_and_height_alone() -> None:
-    """To the error of the trapezoidal rule over 0.2 s, (dt^2/12) f''/f of each integral: 1e-4."""
+    """The trapezoidal rule over 0.2 s has the relative error (dt^2/12) f''/f in each integral, 1e-4."""
     fitted = coefficients(ENERGY, runs_of_speed(polar()), "acceleration")
     V = np.array([12.0, 15.0, 20.0, 23.5])
     condition = Condition(W, 1.15, S)
@@ -147,7 +147,7 @@ def test_energy_recovers_the_polar_from_speed_and_height_alone() -> None:
 
 @pytest.mark.parametrize("method", ALL_METHODS, ids=lambda method: method.name)
 def test_tables_of_several_errors_at_once_give_what_each_gives_alone(method: Method) -> None:
-    """Gaps in one table are filled with that table's own values; what all tables share need not be repeated."""
+    """Gaps in a table are filled with its own values; columns that all tables share need not be repeated."""
     kind = method.kinds[0]
     parts = steady(polar()) if kind == "steady" else runs_of_speed(polar())
     for part in parts:
@@ -167,19 +167,19 @@ def test_tables_of_several_errors_at_once_give_what_each_gives_alone(method: Met
     columns["rho"], columns["bank"] = table["rho"].to_numpy(), table["bank"].to_numpy()
     together = method.regression(Tables(table.index.to_numpy(), columns), runs, AIRCRAFT).coefficients()
     alone = np.array([method.regression(wrong, runs, AIRCRAFT).coefficients() for wrong in tables])
-    assert np.ptp(alone[:, 0]) > 1e-6, "they differ"
+    assert np.ptp(alone[:, 0]) > 1e-6, "the tables must give different polars"
     assert together == pytest.approx(alone, rel=1e-8)
 
 
 def test_the_smallest_coefficients_are_taken_where_more_than_one_solve() -> None:
-    """At one lift coefficient, all that is known is drag there."""
+    """Data at a single lift coefficient determine the drag there and nothing else."""
     CL = np.full(20, 0.5)
     A = least_squares(np.stack([CL**0, CL, CL**2], axis=-1), np.full(20, 0.06))
     assert A @ [1, 0.5, 0.25] == pytest.approx(0.06) and np.abs(A).max() < 0.1
 
 
 def test_intervals_from_few_points_of_known_errors_cover_95_per_cent() -> None:
-    """500 draws of six points of known standard errors: 95 % or more, less three standard errors of a share, 2.9 %."""
+    """500 draws of six points with known errors cover at least 95 %, less three standard errors of a share, 2.9 %."""
     rng = np.random.default_rng(3)
     A = polar()
     CL = np.linspace(0.3, 1.0, 6)
@@ -194,7 +194,7 @@ def test_intervals_from_few_points_of_known_errors_cover_95_per_cent() -> None:
 
 
 def test_intervals_from_few_points_of_larger_scatter_cover_95_per_cent() -> None:
-    """Points that scatter five times their standard errors, three degrees of freedom: 1.96 without t covers 85 %."""
+    """Points scatter by 5 standard errors, with three degrees of freedom, where 1.96 in place of t would cover 85 %."""
     rng = np.random.default_rng(4)
     CL = np.linspace(0.3, 1.0, 6)
     X = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
@@ -240,7 +240,7 @@ def test_steady_points_without_thrust_are_refused() -> None:
 
 
 def test_energy_is_refused_in_rough_air() -> None:
-    """Methods that integrate over a run are ruined by turbulence: gusts of 0.8 m/s are W20 = 15 kt."""
+    """Turbulence ruins methods that integrate over a run; gusts of 0.8 m/s correspond to W20 = 15 kt."""
     parts = runs_of_speed(polar())
     for part in parts:
         part["gust_mps"] = 0.8
@@ -249,7 +249,7 @@ def test_energy_is_refused_in_rough_air() -> None:
 
 
 def test_vertical_gusts_increase_the_error_of_a_steady_point() -> None:
-    """sigma sqrt(2 T/t) of vertical wind for 0.15 m/s, 4 s and a point of 11.8 s, times the weight: 4.7 W."""
+    """The added error is weight times sigma sqrt(2 T/t) of vertical wind, with 0.15 m/s, 4 s and 11.8 s: 4.7 W."""
     parts = steady(polar())
     calm = steady_means(*joined(parts, "steady"), AIRCRAFT).power_error_W
     for part in parts:
@@ -261,9 +261,9 @@ def test_vertical_gusts_increase_the_error_of_a_steady_point() -> None:
 
 
 def test_energy_s_interval_contains_the_work_of_gusts() -> None:
-    """100 flights of four runs through gusts of W20 = 3 kt, with nothing else wrong: 95 % and more are covered.
+    """100 flights of four runs pass through gusts of W20 = 3 kt, with no other error; at least 95 % are covered.
 
-    Rising air lifts at the cost of nothing, air that comes on faster adds V du: both as height, (w t - V u/g).
+    Both kinds of gusts act as height: rising air w lifts for free, and a change du along V counts V du: w t - V u/g.
     """
     A, rng = polar(), np.random.default_rng(11)
     condition = Condition(W, 1.15, S)
@@ -293,7 +293,7 @@ def test_energy_s_interval_contains_the_work_of_gusts() -> None:
 
 
 def test_the_error_of_a_mean_allows_for_the_correlation_of_the_record() -> None:
-    """First-order noise of 0.5 s: the scatter of means of many records, within what Bartlett's window loses."""
+    """For first-order noise of 0.5 s it is the scatter of means of many records, less the loss to Bartlett's window."""
     rng, step_s, n = np.random.default_rng(4), 0.2, 600
     decay = np.exp(-step_s / 0.5)
     x = np.zeros((400, n))
@@ -307,4 +307,4 @@ def test_the_error_of_a_mean_allows_for_the_correlation_of_the_record() -> None:
 
 def test_the_mean_of_gusts_shrinks_with_the_root_of_time() -> None:
     assert mean_gust_mps(0.5, 2.0, 100.0) == pytest.approx(0.5 * np.sqrt(2 * 2.0 / 100.0))
-    assert mean_gust_mps(0.5, 2.0, 3.0) == 0.5  # a mean scatters no more than its values
+    assert mean_gust_mps(0.5, 2.0, 3.0) == 0.5  # a mean scatters no more than single values

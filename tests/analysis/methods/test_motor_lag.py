@@ -1,4 +1,4 @@
-"""A motor speed that is late against the IMU is found by thrust that changes; what blades do, by thrust near zero."""
+"""Changes of thrust show that motor speed lags the IMU; thrust near zero shows whether blades fold or windmill."""
 
 import numpy as np
 import pytest
@@ -14,9 +14,9 @@ CL = np.array([0.3, 0.6, 0.9])
 
 
 def flight(late_s: float) -> tuple[Trajectory, list[Maneuver]]:
-    """Two accelerations and two decelerations with a throttle that moves, and motor speeds of so long ago.
+    """Return two accelerations and two decelerations with a moving throttle and motor speed that is `late_s` late.
 
-    With noise of the forward accelerometer.
+    The forward accelerometer has noise.
     """
     t_s = np.arange(0.0, 80.0, STEP_S)
     f = flown(17 - 5.5 * np.cos(2 * np.pi * t_s / 40) + 0.3 * np.sin(2 * np.pi * t_s / 5), polar(), RHO)
@@ -38,7 +38,7 @@ def test_a_late_motor_speed_is_found_and_the_polar_is_right(late_s: float) -> No
     assert result.joint.parameters.value[result.joint.names.index(PARAMETER)] == pytest.approx(late_s, abs=0.02)
     powers = np.vander(CL, 3, increasing=True)
     error = np.abs(powers @ (result.polar.A - polar())) / (powers @ polar())
-    assert error.max() < 0.035, "of the second order in the lag"
+    assert error.max() < 0.035, "only terms of second order in the lag may remain"
     assert "doubt of the motor speed" in result.joint.parameters.shared
 
 
@@ -48,7 +48,7 @@ def test_a_motor_speed_in_time_has_no_lag() -> None:
 
 
 def test_runs_with_little_thrust_tell_blades_that_fold_from_those_that_windmill() -> None:
-    """The decelerations are those of a windmilling propeller; beyond doubt is 18."""
+    """In the decelerations the propeller windmills. A gain beyond 18 leaves no doubt."""
     f, runs = accelerations_and_decelerations(gamma=-0.1)
     trajectory = measured(f)
     means = trajectory.block_means.means
@@ -57,4 +57,4 @@ def test_runs_with_little_thrust_tell_blades_that_fold_from_those_that_windmill(
     wrong = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER.with_beyond_zero_thrust(FOLD))
     assert right.folding_gain < -18 and wrong.folding_gain > 18
     level, runs = accelerations_and_decelerations()
-    assert estimate_polar(measured(level), runs, AIRCRAFT, PROPELLER).folding_gain == 0.0, "always with thrust"
+    assert estimate_polar(measured(level), runs, AIRCRAFT, PROPELLER).folding_gain == 0.0, "thrust never gets near zero"

@@ -1,4 +1,4 @@
-"""Motor speed that is counted wrong: pulses lost above a speed and wrong poles are found, and the polar with them."""
+"""Wrong counts of motor speed, by lost pulses or by a wrong number of poles, are found, and the polar is right."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ LOST, ABOVE_REVPS = 0.03, 90.0
 
 
 def flight(*, lost: float = 0.0, above_revps: float = 0.0, noise_mps2: float = 0.02) -> tuple[Trajectory, list]:
-    """Runs of an exact flight with noise of the forward accelerometer, and a counter that loses a share of pulses."""
+    """Return an exact flight with noise in the forward accelerometer and a share of pulses lost, and its runs."""
     f, runs = accelerations_and_decelerations()
     trajectory = measured(f)
     means = trajectory.block_means.means
@@ -35,13 +35,13 @@ def test_a_wrong_count_is_found_and_the_polar_is_right(lost: float, above_revps:
     sound = estimate_polar(*flight(), AIRCRAFT, PROPELLER)
     assert result.joint is not None
     share = result.joint.parameters.value[result.joint.names.index(PARAMETER)]
-    # Of lost pulses a part looks like a scale of thrust, within what its prior allows: 1.8 % are 0.9 % of motor speed.
+    # Part of the loss looks like a thrust scale, as far as its prior allows: 1.8 % of thrust are 0.9 % of motor speed.
     assert 1 + share == pytest.approx(1 / (1 - lost), abs=0.02 if above_revps == 0 else 0.015)
     powers = np.vander(CL, 3, increasing=True)
     error = np.sqrt(np.einsum("ij,jk,ik->i", powers, result.polar.covariance, powers))
     assert np.all(np.abs(drag(result.polar.A) - drag(polar())) < 2.5 * error)
     uncertain = np.sqrt(np.einsum("ij,jk,ik->i", powers, sound.polar.covariance, powers))
-    assert np.all(error > 0.99 * uncertain), "one more error to find leaves nothing better known"
+    assert np.all(error > 0.99 * uncertain), "estimating one more error must not narrow the interval"
     assert any("than counted" in warning for warning in result.warnings)
 
 
@@ -64,4 +64,4 @@ def test_the_derivative_by_motor_speed_predicts_the_thrust_of_a_corrected_one() 
     assert fast.any() and not fast.all()
     assert change[~fast].to_numpy() == pytest.approx(0.0)
     expected = error.share * counted["thrust_by_motor_speed"][fast].to_numpy()
-    assert change[fast].to_numpy() == pytest.approx(expected, rel=0.07)  # at kinks of the table
+    assert change[fast].to_numpy() == pytest.approx(expected, rel=0.07)  # largest at kinks of the table

@@ -1,4 +1,4 @@
-"""Power required where it is known exactly, and its interval."""
+"""Tests power required, where it is known exactly, and its interval."""
 
 import numpy as np
 import pandas as pd
@@ -65,7 +65,7 @@ def test_classic_form_gives_back_what_the_polar_was_made_of() -> None:
 
 
 def test_power_scales_exactly_with_weight_and_density() -> None:
-    """PIW and VIW (2.3, 2.5): P sqrt(sigma)/W^1.5 is one function of V sqrt(sigma/W)."""
+    """By PIW and VIW (2.3, 2.5), P sqrt(sigma)/W^1.5 is a function of V sqrt(sigma/W) alone."""
     polar = Polar(np.array([0.0465, -0.0195, 0.065]), NO_DOUBT)
     heavy = Condition(weight_N=1.3 * NEXSTAR.weight_N, rho=0.8 * NEXSTAR.rho, wing_area_m2=NEXSTAR.wing_area_m2)
     V = np.linspace(11, 25, 20)
@@ -76,7 +76,7 @@ def test_power_scales_exactly_with_weight_and_density() -> None:
 
 @pytest.mark.thorough
 def test_interval_of_a_special_speed_covers_as_often_as_it_says() -> None:
-    """500 polars drawn about the truth; 95 % +- 3 standard errors of a binomial share (2.9 %)."""
+    """500 polars are drawn around the truth; 95 % +- 3 standard errors of a binomial share (2.9 %) must be covered."""
     truth = np.array([0.0465, -0.0195, 0.065])
     sigma = np.array([0.001, 0.002, 0.002])
     covariance = np.diag(sigma**2)
@@ -90,10 +90,10 @@ def test_interval_of_a_special_speed_covers_as_often_as_it_says() -> None:
 
 
 def test_speeds_of_draws_without_drag_at_zero_lift_lie_at_the_fast_end() -> None:
-    """A0 is known no better than its size: one polar in six has best range at ever higher speed, none at speed 0."""
+    """A0 is as uncertain as it is large, so one draw in six has no finite best-range speed; none has a speed of 0."""
     A0, A2 = 0.02, 0.065
     speed = optimum_speed(best_range_lift, Polar(np.array([A0, 0, A2]), np.diag([A0**2, 0, 1e-12])), NEXSTAR)
-    slowest_of_all = speed_at(np.sqrt(4 * A0 / A2), NEXSTAR)  # three standard deviations above
+    slowest_of_all = speed_at(np.sqrt(4 * A0 / A2), NEXSTAR)  # A0 three standard deviations higher
     assert slowest_of_all < speed.lo_mps < speed.speed_mps and speed.hi_mps > 4 * speed.speed_mps
 
 
@@ -106,7 +106,7 @@ def test_a_polar_without_a_minimum_has_no_special_speed() -> None:
     ("A", "variance", "message"),
     [
         ([0.045, -0.02, 0.065], 1e-6, ""),
-        ([-0.01, 0.02, 0.065], 1e-6, ""),  # a parabola that is sound over what was flown
+        ([-0.01, 0.02, 0.065], 1e-6, ""),  # sound at the lift coefficients flown
         ([0.045, 0.1, -0.02], 1e-6, "curves downward"),
         ([-0.05, -0.02, 0.065], 1e-6, "negative"),
         ([0.045, -0.02, 0.065], np.nan, "too narrow"),
@@ -118,7 +118,7 @@ def test_an_unphysical_polar_is_recognized(A: list[float], variance: float, mess
 
 
 def aloft(**columns) -> pd.DataFrame:
-    """Four minutes of level flight at 15 m/s at 1 g, from 100 s on, 25 rows a second."""
+    """Return four minutes of level flight at 15 m/s and 1 g, starting at 100 s, with 25 rows per second."""
     t = 100 + 0.04 * np.arange(6000)
     usual = {"V_mps": 15.0, "rho": 1.2, "qbar_Pa": 135.0, "az_mps2": -GRAVITY_MPS2, "flying": True, "height_m": 60.0}
     return pd.DataFrame({n: np.broadcast_to(x, t.shape) for n, x in (usual | columns).items()}, index=t)
@@ -131,7 +131,7 @@ def for_seconds(seconds: float, value: float, otherwise: float) -> np.ndarray:
 
 
 def test_the_largest_lift_is_what_a_pull_up_held_for_half_a_second() -> None:
-    """2.5 g for a second; a bump of a fifth of a second is averaged, and the ground does not count."""
+    """A pull of 2.5 g for a second counts, a bump of a fifth of a second is averaged, and low heights do not count."""
     level = NEXSTAR.weight_N / (135.0 * NEXSTAR.wing_area_m2)
     assert largest_lift(aloft(), NEXSTAR) == pytest.approx(level)
     pulled = for_seconds(1.0, -2.5 * GRAVITY_MPS2, -GRAVITY_MPS2)
@@ -145,7 +145,7 @@ def test_the_largest_lift_is_what_a_pull_up_held_for_half_a_second() -> None:
 
 
 def test_the_range_of_lift_flown_is_that_of_level_flight_at_the_speeds_flown() -> None:
-    """Without the fastest and the slowest hundredth."""
+    """The fastest and slowest one percent of the samples are left out."""
     aircraft = load_aircraft("nexstar")
     W, S = aircraft.mass.weight_N, aircraft.geometry.wing_area_m2
     V = np.linspace(12.0, 22.0, 6000)
@@ -156,7 +156,7 @@ def test_the_range_of_lift_flown_is_that_of_level_flight_at_the_speeds_flown() -
 
 
 def test_a_gust_that_takes_airspeed_makes_no_slower_speed_flown() -> None:
-    """The wing carries less in it than the weight, so nobody may be told to fly at that speed."""
+    """The wing carries less than the weight during the gust, so that speed must not be recommended."""
     aircraft = load_aircraft("nexstar")
     slow = for_seconds(4.0, 0.6, 1.0)
     gusty = aloft(V_mps=15 * slow, qbar_Pa=135 * slow**2, az_mps2=-GRAVITY_MPS2 * slow**2)
@@ -169,7 +169,7 @@ def test_a_gust_that_takes_airspeed_makes_no_slower_speed_flown() -> None:
 
 
 def test_of_slow_aircraft_the_mean_speed_counts() -> None:
-    """At half the speed, noise matters sixteen times as much: means are over so many samples."""
+    """At half the speed, noise matters sixteen times as much, so means are taken over sixteen samples."""
     aircraft = load_aircraft("nexstar")
     noisy = 7.5 * np.where(np.arange(6000) % 2, 1.1, 0.9)
     small = flown_lift(aloft(V_mps=noisy).assign(**{SPEED_SCALE: 0.5}), aircraft)

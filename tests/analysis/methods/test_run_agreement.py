@@ -1,4 +1,4 @@
-"""Runs that differ stand out from the others of their kind; noise and errors that all runs share do not."""
+"""A run that differs stands out from others of its kind; noise and errors that all runs share do not show."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ STATED = Uncertainty()
 
 
 def runs(rng: np.random.Generator, kind: str, count: int) -> list[MethodEstimate]:
-    """Single runs, each with its noise and an error of its path's slope."""
+    """Return estimates from single runs, each with its own noise and error of its path's slope."""
     polars = rng.multivariate_normal(TRUTH, NOISE, count)
     polars[:, 1] += rng.normal(0.0, COMPARISON.run_slope_rad, count)
     return [
@@ -36,7 +36,7 @@ def with_gear(run: MethodEstimate) -> MethodEstimate:
 
 
 def test_noise_alone_exceeds_the_limit_at_the_stated_rate_at_most() -> None:
-    """Five runs, 1000 times: 0.3 % by chance, and three standard errors of that."""
+    """Of 1000 sets of five runs, 0.3 % exceed the limit by chance, plus up to three standard errors of that."""
     rng = np.random.default_rng(5)
     limit = noise_limit(5)
     alarms = sum(
@@ -90,9 +90,9 @@ def test_a_run_is_compared_with_others_of_its_kind_that_share_lift_coefficients(
 
 
 def test_thrust_twelve_percent_off_shows_between_accelerations_and_decelerations_and_one_stated_does_not() -> None:
-    """Thrust is 1.5 times drag in an acceleration and half of it in a deceleration."""
+    """Thrust is 1.5 times drag in an acceleration and half of the drag in a deceleration."""
     rng = np.random.default_rng(8)
-    more = -TRUTH  # change of drag by all of it as thrust
+    more = -TRUTH  # change of the polar per unit of thrust scale where thrust equals drag
     kinds = [
         replace(
             runs(rng, kind, 1)[0],

@@ -1,4 +1,4 @@
-"""Curves that the report draws for each run: speed and angle of attack from the trajectory and its sensor errors."""
+"""The report draws for each run the speed and angle of attack from the trajectory and its sensor errors."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from flightpower.analysis.trajectory.equations import SENSOR_ERRORS
 
 
 def test_speed_drawn_is_that_of_the_trajectory_times_the_scale_error_of_the_probe() -> None:
-    """An airspeed that reads 3 % too high is drawn 3 % above the speed of the trajectory."""
+    """If the probe reads 3 % too high, the modeled airspeed is drawn 3 % above the speed of the trajectory."""
     flight, runs = accelerations_and_decelerations()
     trajectory = measured(flight)
     errors = trajectory.sensor_errors.copy()

@@ -1,4 +1,4 @@
-"""Errors of the propeller table from drag with residuals that are correlated over some blocks."""
+"""Errors of the propeller table are estimated from drag with residuals that are correlated over some blocks."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ ERROR_PRIOR_SIGMA = error_prior_sigma(Uncertainty())
 
 
 def forces(scale: float, slope: float, noise: np.ndarray) -> pd.DataFrame:
-    """Level runs between 12 and 24 m/s with thrust beyond the table's by `scale` and `slope`, and noise of drag."""
+    """Return level runs between 12 and 24 m/s, with thrust off its table by `scale` and `slope`, and noise in drag."""
     V = 18.0 + 6.0 * np.sin(np.arange(BLOCKS) / 20)
     qS_over_m = 0.07 * V**2
     CL = 9.81 / qS_over_m
@@ -30,8 +30,8 @@ def forces(scale: float, slope: float, noise: np.ndarray) -> pd.DataFrame:
 
 
 def test_standard_errors_of_thrust_are_those_of_noise_that_lasts_four_blocks() -> None:
-    """Errors drawn from their priors; noise is a moving average of four blocks, four times as uncertain as white noise
-    of its size. Errors over their standard errors scatter by 1 +- 0.05 in 200 flights; three times that is allowed."""
+    """True errors are drawn from their priors; noise is a moving average of four blocks, whose means have four times
+    the variance of white noise. Deviations in standard errors have an rms of 1 +- 0.05; three times 0.05 is allowed."""
     rng = np.random.default_rng(0)
     off: dict[str, list[float]] = {"thrust_scale": [], "thrust_slope": []}
     for _ in range(FLIGHTS):
@@ -42,7 +42,7 @@ def test_standard_errors_of_thrust_are_those_of_noise_that_lasts_four_blocks() -
             forces(true["thrust_scale"], true["thrust_slope"], noise), load_aircraft("nexstar")
         )
         for name, (value, standard_error) in thrust_errors.items():
-            assert standard_error < 0.4 * ERROR_PRIOR_SIGMA[name], "the flight tells more than the prior"
+            assert standard_error < 0.4 * ERROR_PRIOR_SIGMA[name], "the flight must improve on the prior"
             off[name].append((value - true[name]) / standard_error)
     for name, errors in off.items():
         assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1.0, abs=0.15), name

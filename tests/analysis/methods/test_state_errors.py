@@ -1,4 +1,4 @@
-"""Noise of a polar from errors of the states, and from residuals that these do not explain."""
+"""The noise of a polar comes from errors of the states, and from the part of the residuals they do not explain."""
 
 from types import SimpleNamespace
 
@@ -17,7 +17,7 @@ STEP_S, BEFORE = 0.2, 40  # blocks of the flight before the first run
 CL = np.concatenate([np.linspace(1.1, 0.3, 150), np.linspace(0.3, 1.1, 130)])
 X = np.stack([np.ones_like(CL), CL, CL**2], axis=1)
 ROWS = BEFORE + np.arange(len(CL))
-BY_STATE = (0.3, -0.2)  # of z, by two states
+BY_STATE = (0.3, -0.2)  # change of z with each of the two states
 T_S = STEP_S * np.arange(BEFORE + len(CL) + 10)
 
 
@@ -32,8 +32,8 @@ def segments_along(noise: np.ndarray, states: np.ndarray) -> list[Segment]:
 
 
 def flown(noise: np.ndarray, draws: np.ndarray, sigma: float):
-    """A fit, a trajectory whose states have independent errors `sigma` in each block, and a function that makes
-    segments."""
+    """Return a fit, a trajectory whose states have independent errors `sigma` in each block, and a function that
+    makes segments from states."""
     states = np.zeros((len(T_S), 2))
     fit = fit_output_error(POLAR_FIT, segments_along(noise, states))
     trajectory = SimpleNamespace(
@@ -45,7 +45,7 @@ def flown(noise: np.ndarray, draws: np.ndarray, sigma: float):
 
 
 def colored(rng: np.random.Generator, count: int, sigma: float = 1.0) -> np.ndarray:
-    """Noise with a correlation of 0.8 between samples, and this standard deviation."""
+    """Return noise with a correlation of 0.8 between adjacent samples, and this standard deviation."""
     white = rng.standard_normal(count)
     out = np.empty(count)
     out[0] = white[0]
@@ -59,7 +59,7 @@ STILL = np.zeros((1, len(T_S), 2))
 
 
 def test_errors_of_states_reach_the_polar_as_those_of_the_data_do() -> None:
-    """Least squares: (X'X)^-1 times the variance of z, that of both states together."""
+    """By least squares, the covariance is (X'X)^-1 times the variance of z due to both states together."""
     fit, trajectory, along = flown(WHITE, STILL, sigma=0.05)
     variance = 0.05**2 * (BY_STATE[0] ** 2 + BY_STATE[1] ** 2)
     assert _by_states(fit, trajectory, along) == pytest.approx(variance * np.linalg.inv(X.T @ X), rel=1e-6)
@@ -74,9 +74,9 @@ def test_states_without_error_leave_the_residuals_as_they_are(noise: np.ndarray)
 
 
 def test_what_errors_of_the_states_explain_is_taken_from_the_residuals() -> None:
-    """White noise of the sensors, and a colored error of a state three times as strong: what is left is the white."""
+    """Sensors have white noise, and one state a colored error three times as strong; about the white noise is left."""
     rng = np.random.default_rng(2)
-    of_states = np.stack([colored(rng, len(T_S), 0.1) for _ in range(41)])  # in z 0.03
+    of_states = np.stack([colored(rng, len(T_S), 0.1) for _ in range(41)])  # 0.03 in z
     noise = WHITE + BY_STATE[0] * of_states[0, ROWS]
     draws = np.stack([of_states[1:], np.zeros_like(of_states[1:])], axis=2)
     fit, trajectory, along = flown(noise, draws, sigma=0.1)

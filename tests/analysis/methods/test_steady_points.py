@@ -1,4 +1,4 @@
-"""Means over a steady run: power, lift and the standard error are those of mechanics."""
+"""Means over a steady run give the power, lift and standard error that mechanics and statistics require."""
 
 import numpy as np
 import pandas as pd
@@ -25,7 +25,7 @@ RUN = Maneuver(STEADY, slice(None), 0.0, SECONDS, SPEED, SPEED, 0.0)
 
 
 def table(**columns) -> pd.DataFrame:
-    """A level, steady flight along the body's x axis, except the columns that are given."""
+    """Return a level, steady flight along the body's x axis; `columns` replaces its columns."""
     t = np.arange(0.0, SECONDS + STEP_S / 2, STEP_S)
     still = {
         "thrust_x_over_m_mps2": 1.0, "alpha": 0.0, "V": SPEED, "Vdot": 0.0, "gamma": 0.0, "climb": 0.0, "bank": 0.0,
@@ -35,7 +35,7 @@ def table(**columns) -> pd.DataFrame:
 
 
 def test_power_is_that_of_thrust_less_the_rates_of_kinetic_and_potential_energy() -> None:
-    """Thrust inclined by alpha, a climb of 0.3 m/s, an acceleration of 0.01 m/s^2, all constant."""
+    """Thrust is inclined by alpha, with a climb of 0.3 m/s and an acceleration of 0.01 m/s^2, all constant."""
     t = table().index.to_numpy()
     V = SPEED + 0.01 * (t - t.mean())
     means = steady_means(table(V=V, Vdot=0.01, climb=0.3, alpha=0.1, thrust_x_over_m_mps2=1.5), [RUN], NEXSTAR)
@@ -51,7 +51,7 @@ def test_lift_carries_the_weight_in_a_turn_less_what_thrust_carries() -> None:
 
 
 def test_the_standard_error_is_that_of_table_gusts_and_scatter() -> None:
-    """The table's 0.5 % of power alone; a slow gust that carries its share of the weight; white scatter of drag."""
+    """It is 0.5 % of power for the table alone, and adds slow vertical gusts and the white scatter of drag."""
     power_W = M * SPEED
     exact = steady_means(table(), [RUN], NEXSTAR)
     assert exact.power_error_W == pytest.approx([0.005 * power_W])
@@ -68,7 +68,7 @@ def test_the_standard_error_is_that_of_table_gusts_and_scatter() -> None:
 
 
 def test_a_pilot_s_speed_changes_and_climbs_are_no_scatter_of_drag() -> None:
-    """Thrust that exactly makes up for them: the point is as certain as one without, wherever the log's time begins."""
+    """If thrust exactly makes up for them, the point is as certain as one without, wherever the log's time begins."""
     wave = np.sin(np.arange(len(table())) / 9.0)
     flown = table(Vdot=0.3 * wave, gamma=0.02 * wave, thrust_x_over_m_mps2=1.0 + 0.3 * wave + g * np.sin(0.02 * wave))
     flown.index += 500.0
@@ -117,7 +117,7 @@ def test_a_run_with_fewer_than_ten_thrust_values_is_no_point() -> None:
 
 @pytest.mark.parametrize("n", [5, 40])
 def test_the_error_of_a_mean_adds_the_correlations_of_two_seconds(n: int) -> None:
-    """Bartlett's weights, which fall to zero beyond ten readings, or beyond all of a shorter record."""
+    """Bartlett's weights fall to zero just beyond ten readings, or beyond the end of a shorter record."""
     x = np.random.default_rng(2).normal(0, 1, n).cumsum()
     e, window = x - x.mean(), min(n - 1, 10)
     sums = [sum(e[i] * e[i + k] for i in range(n - k)) for k in range(window + 1)]

@@ -1,4 +1,4 @@
-"""Runs inside and outside the propeller's table."""
+"""Warnings and flags show where runs lie outside the propeller's table."""
 
 import numpy as np
 import pandas as pd
@@ -26,7 +26,7 @@ def test_runs_outside_the_table_in_J_are_warned_of_with_both_ranges() -> None:
 
 
 def test_runs_outside_the_table_in_rpm_are_warned_of() -> None:
-    """J is inside it all the time."""
+    """J stays inside the table all the time."""
     data = flown(np.linspace(0.4, 0.6, 100), np.arange(100) >= 20)
     (warning,) = thrust_coverage(data, load_propeller("apc-12x8e"))
     assert "20 % of the runs" in warning and "rpm (flown: 3135 to 8265)" in warning
@@ -39,7 +39,7 @@ def test_a_propeller_that_was_not_flown_is_refused() -> None:
 
 
 def test_decelerations_alone_are_no_sign_of_another_propeller() -> None:
-    """With the motor slow the advance ratio goes beyond any table."""
+    """When the motor is slow, the advance ratio goes beyond any table."""
     data = flown(np.linspace(0.5, 1.1, 100), np.arange(100) < 20)
     with pytest.raises(InputError, match=r"^mine\.toml: keeps decelerations only.*keep an acceleration as well$"):
         thrust_coverage(data, load_propeller("apc-12x8e"), {"deceleration"}, "mine.toml")
@@ -51,11 +51,11 @@ def test_the_curve_is_flagged_where_the_table_was_extrapolated() -> None:
     V = np.linspace(12, 24, 400)
     data = pd.DataFrame({"V_mps": V, "propeller_covered": V > 16})
     covered = thrust_known(data, np.array([12.5, 14.0, 18.0, 23.0, 30.0]))
-    assert covered.tolist() == [False, False, True, True, True], "nothing was flown at 30: flagged for another reason"
+    assert covered.tolist() == [False, False, True, True, True], "nothing flown at 30 m/s, which another check flags"
 
 
 def test_the_curve_is_flagged_where_less_than_half_of_the_samples_near_a_speed_are_covered() -> None:
-    """Example: accelerations within the table, and decelerations through the same speed outside it."""
+    """For example, accelerations may lie within the table, and decelerations through the same speed outside it."""
     V = np.linspace(12, 24, 400)
     for covered_of_ten, enough in ((4, False), (6, True)):
         data = pd.DataFrame({"V_mps": V, "propeller_covered": np.arange(400) % 10 < covered_of_ten})
@@ -63,7 +63,7 @@ def test_the_curve_is_flagged_where_less_than_half_of_the_samples_near_a_speed_a
 
 
 def test_the_limit_that_was_left_is_named_at_the_speeds_where_it_was() -> None:
-    """Slow, the motor turns at 3000 rpm, of a table from 4000; fast, J is 1.1, of a table to 0.9."""
+    """At low speed the motor turns slower than the table's lowest rpm; at high speed J exceeds the table's largest."""
     propeller = load_propeller("apc-12x8e")
     first, last = propeller.rows[0].rpm, propeller.rows[-1].rpm
     V = np.linspace(12, 24, 121)

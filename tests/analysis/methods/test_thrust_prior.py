@@ -1,4 +1,4 @@
-"""A stand's measurement as a correlated prior of the errors of thrust: it is the conditional normal distribution."""
+"""A stand's measurement makes the prior of the thrust errors a correlated, conditional normal distribution."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def on_stand(ratio: float, **uncertainty: float) -> Aircraft:
 
 
 def fitted(aircraft: Aircraft, noise_mps2: float = 0.02, slope: float = SLOPE, scale: float = SCALE) -> Fit:
-    """A deceleration of 60 blocks with errors of thrust, and noise of drag."""
+    """Return the fit of a deceleration of 60 blocks, with errors of thrust and noise in drag."""
     rng = np.random.default_rng(4)
     V = np.linspace(23.0, 12.0, 60)
     qS_over_m = 0.07 * V**2
@@ -50,7 +50,7 @@ def fitted(aircraft: Aircraft, noise_mps2: float = 0.02, slope: float = SLOPE, s
 
 
 def test_the_prior_is_the_conditional_distribution_of_two_independent_errors_given_their_combination() -> None:
-    """Closed form for jointly normal x = (scale, slope) and y = scale - slope/2 + e (e.g. Bishop 2006, 2.81, 2.82)."""
+    """The closed form holds for jointly normal x = (scale, slope), y = scale - slope/2 + e (Bishop 2006, 2.81-82)."""
     prior = thrust_prior(on_stand(1.03, static_thrust_ratio_fraction=0.01, thrust_curvature_fraction=0.02))
     s2, k2 = 0.018**2, 0.15**2
     y2 = s2 + k2 / 4 + (1.03 * 0.01) ** 2 + 0.02**2
@@ -87,7 +87,7 @@ def test_a_flight_is_estimated_as_by_the_correlated_prior() -> None:
 
 
 def test_a_parameter_that_is_fixed_counts_with_its_value() -> None:
-    """With the scale fixed at 0.01, the stand measures only the slope and acts as a prior of it."""
+    """With the scale fixed at 0.01, the stand measures only the slope and acts as its prior."""
     measurement = PriorMeasurement(
         name="stand", coefficients={"thrust_scale": 1, "thrust_slope": -0.5}, value=0.03, sigma=0.02
     )
@@ -103,7 +103,7 @@ def test_a_parameter_that_is_fixed_counts_with_its_value() -> None:
 
 
 def test_a_stand_that_the_flight_contradicts_is_named_and_widens_the_interval() -> None:
-    """The flight's thrust has a slope of -0.04, which gives 1.03 at rest; the stand says 1.4."""
+    """The flight's scale of 0.01 and slope of -0.04 give 1.03 of the table's thrust at rest; the stand says 1.4."""
     wrong, right = (fitted(on_stand(ratio), noise_mps2=0.002) for ratio in (1.4, 1.03))
     assert not rejected_assumptions(right)
     (rejected,) = rejected_assumptions(wrong)
@@ -112,7 +112,7 @@ def test_a_stand_that_the_flight_contradicts_is_named_and_widens_the_interval() 
 
 
 def test_a_thrust_outside_the_95_percent_of_its_prior_adds_all_of_its_correction_to_the_interval() -> None:
-    """A wrong weight looks the same, so the curve of the table may be right. 1 % of thrust is not reported, 8 % is."""
+    """A wrong weight has the same effect, so the table may still be right. 8 % of thrust is reported; 1 % is not."""
     (rejected,) = rejected_assumptions(fitted(NEXSTAR, noise_mps2=0.002, scale=0.08))
     assert rejected.change[3] == pytest.approx(-0.08, abs=0.01) and "Check the weight" in rejected.warning
     assert not rejected_assumptions(fitted(NEXSTAR, noise_mps2=0.002))
@@ -132,11 +132,11 @@ def test_results_have_the_stand_for_pools_and_thrust_at_rest(probe) -> None:
     without = pooling_statistics(
         estimate_polar(measured(f), runs, NEXSTAR, PROPELLER), (0.3, 1.0), NEXSTAR, PROPELLER, Calibrations(probe)
     )
-    assert b"prior_measurements" not in msgspec.json.encode(without), "as before thrust stands were supported"
+    assert b"prior_measurements" not in msgspec.json.encode(without), "without a stand there is no such field"
 
 
 def test_thrust_that_is_not_corrected_is_off_by_what_the_stand_says() -> None:
-    """At J = 0 with nothing else known: by 10 % of thrust. At J = 0.5, by the slope alone, hardly."""
+    """With an exact scale and stand, the slope takes all: thrust is off by 10 % at J = 0, and not at J = 0.5."""
     exact = {"static_thrust_ratio_fraction": 1e-6, "thrust_curvature_fraction": 0.0, "thrust_scale_fraction": 1e-6}
     f = pd.DataFrame({"J": [0.0, 0.5], "thrust_beyond_over_m_mps2": 0.0, "qS_over_m_mps2": 10.0})
     nominal = np.array([[0.05, 15.0, 0.05, 8.0, 0.6, 0.05]] * 2)
@@ -154,7 +154,7 @@ def test_errors_that_explain_disagreements_have_the_stand() -> None:
     forces = pd.DataFrame(columns | {"J": 0.6 + 0.01 * (V - 18)})
     forces["thrust_along_V_over_m_mps2"] = 3.0 + np.cos(np.arange(n) / 20)
     exact = on_stand(1.1, static_thrust_ratio_fraction=1e-4, thrust_curvature_fraction=0.0)
-    for rows in (n, 5):  # too few samples: the prior is returned
+    for rows in (n, 5):  # 5 samples are too few, and the prior is returned
         thrust_errors = _thrust_errors(forces[:rows], exact)
         assert thrust_errors["thrust_scale"].value - thrust_errors["thrust_slope"].value / 2 == pytest.approx(
             0.1, abs=1e-3

@@ -1,4 +1,4 @@
-"""The weight and density that several tests compute performance for."""
+"""Provides the weight and density at which several tests compute performance."""
 
 import pytest
 from motor_data import RHO

@@ -1,4 +1,4 @@
-"""A flight's power train without the flight: speeds and motor speeds, and what the simulator's motor then takes."""
+"""Power train data without a flight: the power that the simulator's motor draws at given air and motor speeds."""
 
 import numpy as np
 import pandas as pd
@@ -17,7 +17,7 @@ from flightpower.sim.propulsion import power_train, throttle_for
 RHO, STEP_S = 1.19, 0.2
 POLAR = {"A0": 0.0465, "A1": -0.0195, "A2": 0.065}
 NO_CORRECTION = {"thrust_scale": 0.0, "thrust_slope": 0.0}
-ALONG_PATH = {"alpha_0": 0.0, "alpha_CL": 0.0}  # thrust carries no weight
+ALONG_PATH = {"alpha_0": 0.0, "alpha_CL": 0.0}  # thrust along the path carries no weight
 LOSSLESS = PowerTrainModel(exact(shaft_scale=1.0, friction=0.0, copper=0.0, meter_scale=0.0), 0.0, True, "", ())
 FLOWN_CL = (0.2, 1.1)
 
@@ -28,25 +28,25 @@ def model_of(
     train: PowerTrainModel = LOSSLESS,
     flown_CL: tuple[float, float] = FLOWN_CL,
 ) -> PerformanceModel:
-    """Full throttle is known where the parameters have it."""
+    """Return a model; full throttle is known only if `parameters` contain it."""
     motor = FullThrottle(parameters if "unloaded_revps" in parameters.names else None, reason="not flown")
     return PerformanceModel(parameters, train, motor, propeller, flown_CL)
 
 
 def height_of(air: Air, rho: float) -> float:
-    """The height [m] at which the simulator's air has a density."""
+    """Return the height [m] at which the simulator's air has the density `rho` [kg/m^3]."""
     return float(brentq(lambda h: float(ambient(air, h).density) - rho, -1000, 4000))
 
 
 def incidence_of(nexstar: Aircraft) -> ParameterVector:
-    """The simulator's own angle of attack over lift, with the elevator that trims."""
+    """Return the simulator's angle of attack as a line over lift coefficient, with the elevator in trim."""
     aero = plant_of(nexstar).aero
     slope = 1 / (aero.CLa - aero.CLde * aero.Cma / aero.Cmde)
     return exact(alpha_0=-slope * (aero.CL0 - aero.CLde * aero.Cm0 / aero.Cmde), alpha_CL=slope)
 
 
 def steady_points(nexstar: Aircraft, propeller: Propeller, seconds: float = 20.0) -> pd.DataFrame:
-    """Five steady points in sequence; each has a speed and an advance ratio, which give the motor speed."""
+    """Return five steady points in sequence; the speed and advance ratio of each give its motor speed."""
     V = np.repeat([12.0, 14.0, 16.5, 19.5, 22.5], round(seconds / STEP_S))
     n = V / (np.repeat([0.56, 0.62, 0.66, 0.66, 0.62], round(seconds / STEP_S)) * propeller.diameter_m)
     throttle = throttle_for(nexstar.propulsion, propeller, V=V, n=n, rho=RHO)
@@ -54,12 +54,12 @@ def steady_points(nexstar: Aircraft, propeller: Propeller, seconds: float = 20.0
 
 
 def full_throttle_run(nexstar: Aircraft, propeller: Propeller, seconds: float = 8.0) -> pd.DataFrame:
-    """An acceleration at full throttle: the motor where its torque and the propeller's balance, at every speed."""
+    """Return an acceleration at full throttle, with motor and propeller torque in balance at every speed."""
     return at_throttle(nexstar, propeller, np.linspace(12.0, 24.0, round(seconds / STEP_S)), 1.0)
 
 
 def at_throttle(nexstar: Aircraft, propeller: Propeller, V, throttle: float) -> pd.DataFrame:
-    """The motor where its torque and the propeller's balance, at speeds V (n,) one after another."""
+    """Return data at speeds V (n,) [m/s] in sequence, with motor and propeller torque in balance at this throttle."""
     low, high = np.full_like(V, 20.0), np.full_like(V, 200.0)
     for _ in range(60):
         n = (low + high) / 2

@@ -1,4 +1,4 @@
-"""Performance at several weights and densities: endurance, range, and whether full throttle sustains level flight."""
+"""Tests endurance, range, and whether full throttle sustains level flight, at several weights and densities."""
 
 from dataclasses import replace
 
@@ -53,13 +53,13 @@ def test_range_goes_with_energy_and_its_speed_with_the_root_of_density(propeller
     )
     assert twice.case.range_m.value == pytest.approx(2 * once.case.range_m.value, rel=1e-12)
     assert twice.case.range_speed_mps.value == pytest.approx(once.case.range_speed_mps.value, rel=1e-12)
-    # Lift coefficients stay, so speed goes with 1/sqrt(rho); the propeller's Reynolds number shifts it by little.
+    # Lift coefficients are equal, so speed goes with 1/sqrt(rho); the propeller's Reynolds number shifts it a little.
     assert high.case.range_speed_mps.value == pytest.approx(once.case.range_speed_mps.value / np.sqrt(0.8), rel=0.02)
     assert once.full_throttle is None
 
 
 def test_the_interval_of_range_covers_at_its_nominal_rate(propeller, condition) -> None:
-    """120 polars and thrusts about a truth; 95 % within 3 standard errors of a binomial share."""
+    """120 polars and thrust errors are drawn around the truth; 95 % are covered, to 3 standard errors of a share."""
     truth = np.array([*POLAR.values(), 0.0, 0.0])
     sigma = np.array([0.0010, 0.0020, 0.0020, 0.01, 0.02])
     energy_J, names = 2e5, (*POLAR, *NO_CORRECTION)
@@ -78,7 +78,7 @@ def test_the_interval_of_range_covers_at_its_nominal_rate(propeller, condition) 
 
 
 def test_a_weight_that_full_throttle_cannot_hold_level_is_marked(nexstar, propeller, condition) -> None:
-    """Four times the weight needs eight times the power at the same lift coefficient (2.3), 4^1.5."""
+    """At equal lift coefficient, four times the weight needs 4^1.5 = 8 times the power (2.3)."""
     aero = plant_of(nexstar).aero
     polar = {"A0": aero.CD0 + aero.K * aero.CL_minD**2, "A1": -2 * aero.K * aero.CL_minD, "A2": aero.K}
     motor = fit_full_throttle(full_throttle_run(nexstar, propeller), nexstar.propulsion, propeller)
@@ -112,7 +112,7 @@ def dynamic_estimate(noise: np.ndarray, systematic: np.ndarray) -> DynamicEstima
 
 @pytest.fixture(scope="module")
 def model(nexstar, propeller) -> PerformanceModel:
-    """Model of a flight of steady points and full throttle, with angle of attack 0.3 rad times lift coefficient."""
+    """Return the model of a flight with steady points and full throttle; angle of attack is 0.3 rad times C_L."""
     data = pd.concat([steady_points(nexstar, propeller), full_throttle_run(nexstar, propeller)])
     CL = 2 * nexstar.mass.weight_N / (data["rho"] * data["V"] ** 2 * nexstar.geometry.wing_area_m2)
     data = data.assign(CL=CL, alpha=0.3 * CL).set_axis(np.arange(len(data)) * STEP_S)
@@ -128,7 +128,7 @@ def test_the_model_holds_polar_thrust_incidence_losses_and_full_throttle(model, 
     assert 100 < values["unloaded_revps"] < 200 and values["meter_scale"] == 0.0
     variance = dict(zip(model.parameters.names, np.diag(model.parameters.covariance), strict=True))
     assert (variance["A0"], variance["A1"]) == pytest.approx((1e-6, 5e-6))
-    # Measured efficiencies are of the corrected thrust.
+    # Measured efficiencies use the corrected thrust.
     point = model.power_train.points[0]
     n = point.speed_mps / (0.56 * propeller.diameter_m)  # the advance ratio of the first steady point
     thrust_N, shaft_W = propeller.thrust_and_power(point.speed_mps, n, RHO)
@@ -153,7 +153,7 @@ def test_performance_of_a_flight_covers_the_flown_speeds(model, condition) -> No
 
 
 def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, condition) -> None:
-    """Uses a weight for which both ceilings are in the troposphere."""
+    """At the weight used, both ceilings are in the troposphere."""
     performance = flight_performance(model, condition._replace(weight_N=2.2 * condition.weight_N), [], BATTERY)
     assert performance is not None
     service, absolute = performance.available.service_ceiling_m, performance.available.absolute_ceiling_m
@@ -162,14 +162,14 @@ def test_the_service_ceiling_lies_below_the_absolute_ceiling(model, condition) -
 
 @pytest.mark.filterwarnings("ignore:invalid value")
 def test_no_performance_where_the_propeller_cannot_give_the_thrust(model, condition) -> None:
-    """A drag coefficient of 10^4 needs more thrust than the propeller gives at any speed of rotation sought."""
+    """A drag coefficient of 10^4 needs more thrust than the propeller gives at any motor speed searched."""
     values = np.concatenate([[1e4], model.parameters.values[1:]])
     model = replace(model, parameters=replace(model.parameters, values=values))
     assert flight_performance(model, condition, [], BATTERY) is None
 
 
 def test_battery_power_is_voltage_times_current_and_the_ground_is_not_covered(propeller) -> None:
-    """Inside and outside of the table, and at 2 m, where the ground reduces drag."""
+    """Rows are inside the table, outside the table, and at a height of 2 m, where the ground reduces drag."""
     J, n, rho = np.array([0.5, 1.5, 0.5]), np.full(3, 100.0), np.full(3, RHO)
     forces = pd.DataFrame({"V": J * n * propeller.diameter_m, "alpha": 0.1, "CL": 0.5, "n": n, "rho": rho, "J": J})
     mean = {"battery_V": np.full(3, 14.0), "battery_A": np.full(3, 5.0), "height_m": np.array([50.0, 50.0, 2.0])}
@@ -181,7 +181,7 @@ def test_battery_power_is_voltage_times_current_and_the_ground_is_not_covered(pr
 
 
 def test_the_field_table_has_whole_speeds_and_ten_rows_at_most() -> None:
-    """Every one where they fit, else every second or third."""
+    """Every whole speed is a row if they fit; otherwise only every second, third and so on."""
     assert _whole_speeds(np.array([9.3, 15.0, 19.8])).tolist() == list(range(10, 20))
     assert _whole_speeds(np.array([10.0, 20.0])).tolist() == [10, 12, 14, 16, 18, 20]
     assert _whole_speeds(np.array([10.2, 24.7])).tolist() == list(range(11, 25, 2))

@@ -1,4 +1,4 @@
-"""The assumed motor keeps the values of the file, and the rest gives a plausible efficiency."""
+"""The assumed motor keeps the values of the aircraft file; values added to them give a plausible efficiency."""
 
 from dataclasses import asdict, replace
 
@@ -35,7 +35,7 @@ def test_an_assumed_motor_loses_a_fifth_of_its_highest_power(propeller, data):
 
 
 def test_nothing_flown_within_the_table_still_gives_a_motor(propeller, data):
-    """One of 100 W at 100 revolutions a second, which loses a tenth of that to friction and to copper."""
+    """It is a motor of 100 W at 100 rev/s that loses a tenth of its power to friction and a tenth in its copper."""
     motor = with_assumed_motor(replace(Propulsion()), data.assign(covered=False), propeller)
     k = 60 / (2 * np.pi * motor.motor_kv_rpm_per_volt)
     torque_Nm = 100.0 / (2 * np.pi * 100.0)

@@ -1,4 +1,4 @@
-"""Highest level speed, climb and ceilings against the simulator's trimmed flight."""
+"""Highest level speed, climb and ceilings agree with the simulator's trimmed flight."""
 
 import warnings
 from dataclasses import replace
@@ -29,7 +29,7 @@ def motor(nexstar, propeller) -> ParameterVector:
 
 @pytest.fixture(scope="module")
 def parameters(nexstar, motor) -> ParameterVector:
-    """The simulator's own polar, and the motor as it was found."""
+    """Return the parameters of the simulator's own polar and of the fitted motor."""
     aero = plant_of(nexstar).aero
     A0, A1, A2 = aero.CD0 + aero.K * aero.CL_minD**2, -2 * aero.K * aero.CL_minD, aero.K
     polar = exact(A0=A0, A1=A1, A2=A2, thrust_scale=0.0, thrust_slope=0.0)
@@ -48,13 +48,13 @@ def model(parameters, propeller, flown_CL) -> PerformanceModel:
 
 
 def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, model, condition) -> None:
-    """Thrust carries some of the weight and points up by alpha in both; motor and lift of the sideslip leave 0.1 %."""
+    """In both, thrust points up by alpha and carries some weight; the motor fit and lift in sideslip leave 0.1 %."""
     performance = full_throttle_performance(model, condition)
     plant = plant_of(nexstar)
     trimmer = Trimmer(plant, height_of(plant.air, RHO))
     assert float(performance.maximum_speed.value) == pytest.approx(trimmer.V_max, rel=0.001)
     low, high = 0.0, 8.0
-    for _ in range(20):  # the steepest trim at that speed that full throttle sustains
+    for _ in range(20):  # bisect for the fastest climb at that speed in trim
         climb = (low + high) / 2
         try:
             trimmer.solve(V=performance.best_climb_speed, climb=climb)
@@ -67,9 +67,7 @@ def test_highest_speed_and_climb_are_those_of_trimmed_flight(nexstar, model, con
 def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(
     propeller, parameters, model, condition, flown_CL
 ) -> None:
-    heavy = condition._replace(
-        weight_N=2.2 * condition.weight_N
-    )  # so that the ceiling lies well inside the troposphere
+    heavy = condition._replace(weight_N=2.2 * condition.weight_N)  # puts the ceiling well inside the troposphere
     ceiling, absolute = ceilings_m(model, heavy, (0.508, 0.0))
     h = float(ceiling.value)
     assert 1000 < h < 10_000
@@ -82,7 +80,7 @@ def test_at_the_service_ceiling_a_hundred_feet_a_minute_are_left(
 def test_a_weight_far_too_large_has_no_climb_and_gives_no_warning(
     propeller, parameters, model, condition, flown_CL
 ) -> None:
-    """At 100 times the weight the slowest flight is faster than the propeller at full throttle can follow."""
+    """At 100 times the weight, even the slowest speed is too fast for the propeller at full throttle."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         heavy = condition._replace(weight_N=100 * condition.weight_N)
@@ -104,8 +102,8 @@ def test_power_available_equals_power_required_at_the_highest_speed(
 def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(
     propeller, parameters, model, condition, flown_CL
 ) -> None:
-    """Drag known to 3 %: speed to 1 %. If that is outside the search range it is extrapolated to first order, accurate
-    to a tenth."""
+    """With A0 known to 3 %, the speed is known to 1 %. Beyond the end of the search range it is extrapolated to first
+    order, which gives the standard error to a tenth."""
     variance = parameters.covariance.copy()
     variance[0, 0] = (0.03 * parameters.values[0]) ** 2
     unsure = replace(parameters, covariance=variance)
@@ -120,7 +118,7 @@ def test_a_highest_speed_near_the_end_of_the_search_keeps_its_interval(
 
 
 def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, model, condition, flown_CL) -> None:
-    """T V cos(alpha) (3.47): at the slowest speed alpha is above 0.1 rad, which makes power 0.5 % smaller or more."""
+    """It is T V cos(alpha) (3.47): alpha exceeds 0.1 rad at the slowest speed, which reduces power by over 0.5 %."""
     performance = full_throttle_performance(model, condition)
     p = dict(zip(parameters.names, parameters.values, strict=True))
     V, sine = performance.V[0], performance.climb.value[0] / performance.V[0]
@@ -135,7 +133,7 @@ def test_power_available_is_of_the_thrust_along_the_path(propeller, parameters, 
 
 
 def test_the_highest_level_speed_is_the_last_at_which_climb_becomes_descent() -> None:
-    """A sigma point that still climbs at the last speed is taken by the slope of the estimate, -4 per m/s there."""
+    """If a sigma point still climbs at the last speed, the estimate's slope, -4 per m/s, gives its crossing."""
     V, climb = np.arange(4.0), np.array([[1.0, -1.0, 1.0, -3.0], [1.0, 1.0, -1.0, -1.0], [1.0, 1.0, 1.5, 0.5]])
     assert _last_crossings(V, climb) == pytest.approx([2.25, 1.5, 2.25 + (1.5 - 0.25) / 4])
     assert np.isnan(_last_crossings(V, climb[[2, 0]])[0])

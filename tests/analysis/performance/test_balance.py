@@ -1,4 +1,4 @@
-"""Sums all forces in steady flight again, along the path and across it."""
+"""Checks that all forces in steady flight balance, along the path and across it."""
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,7 @@ V = np.linspace(11.5, 25.0, 20)
 
 
 def forces(thrust: np.ndarray, sine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What is left over along the path and across it [N], at the angle of attack that carries what thrust does not."""
+    """Return the unbalanced force along and across the path [N], with the angle of attack that balances it across."""
     qS = AT.rho * V**2 / 2 * AT.wing_area_m2
     low, high = np.full_like(thrust, 0.0), np.full_like(thrust, 3.0)
 
@@ -35,7 +35,7 @@ def test_in_level_flight_nothing_is_left_over() -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 0.8])
 def test_in_a_climb_and_in_a_glide_nothing_is_left_over(share: float) -> None:
-    """From a glide to a climb of 45 deg."""
+    """The cases range from a glide to a climb of 45 deg."""
     thrust = np.full((1, len(V)), share * AT.weight_N)
     sine, along_path = climb_angle(POINTS, thrust, V, AT)
     assert np.abs(forces(thrust, sine)).max() < 1e-3 * AT.weight_N
@@ -54,7 +54,7 @@ def test_a_turn_takes_the_thrust_of_level_flight_at_the_weight_times_the_load_fa
 
 
 def test_thrust_that_carries_weight_saves_drag_at_low_speed() -> None:
-    """At 11.5 m/s and 9.6 deg it carries 2 % of the weight: thrust is 0.7 % below drag over cos(alpha)."""
+    """At 11.5 m/s and 9.6 deg, thrust carries 2 % of the weight and is 0.7 % below drag over cos(alpha)."""
     CL = lift_coefficient(V, AT)
     alone = drag(POINTS, V, CL, AT) / np.cos(-0.075 + 0.235 * CL)
     saved = 1 - steady_thrust(POINTS, V, AT) / alone
@@ -66,7 +66,7 @@ def test_incidence_is_the_line_that_was_flown() -> None:
     CL = np.linspace(0.2, 1.1, 60)
     data = pd.DataFrame({"CL": CL, "alpha": -0.075 + 0.235 * CL, "covered": True})
     data.loc[5, "alpha"], data.loc[9, "CL"] = np.nan, np.nan
-    data.loc[20, ["alpha", "covered"]] = 1.0, False  # power that the table does not contain
+    data.loc[20, ["alpha", "covered"]] = 1.0, False  # outside the propeller table
     result = incidence(data)
     assert result.names == ("alpha_0", "alpha_CL")
     assert result.values == pytest.approx([-0.075, 0.235])

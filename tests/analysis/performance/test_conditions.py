@@ -1,4 +1,4 @@
-"""Weights and airs that are computed where something, or nothing, is requested."""
+"""Tests which weights and densities performance is computed for, with and without a request."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Best endurance and range of closed forms."""
+"""Best endurance and range agree with closed forms."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ def of_battery(V: np.ndarray, power: np.ndarray) -> LevelFlight:
 
 
 def test_best_endurance_and_range_of_a_closed_form() -> None:
-    """P = a V^3 + b/V: least at V^4 = b/(3a), least over V at V^4 = b/a; 74 Wh of which 80 % are flown with."""
+    """P = a V^3 + b/V is least at V^4 = b/(3a), and P/V at V^4 = b/a; 80 % of 74 Wh are used."""
     a, b = 0.011, 330.0
     V = np.linspace(6, 30, 2000)
     flight = of_battery(V, a * V**3 + b / V)
@@ -38,7 +38,7 @@ def test_a_best_speed_at_the_end_of_the_flown_range_is_marked() -> None:
 
 
 def test_a_best_speed_is_sought_where_full_throttle_sustains_level_flight() -> None:
-    """P = V^3 is least at the slowest speed; where only 15 m/s and faster are sustained, it is there."""
+    """P = V^3 is least at the slowest speed; if only 15 m/s and faster are sustained, the best speed is 15 m/s."""
     V = np.linspace(12, 24, 121)
     best = best_endurance(of_battery(V, V**3), 1e5, V > 14.95)
     assert float(best.speed_mps.value) == pytest.approx(15.0) and not best.at_slowest
@@ -59,7 +59,7 @@ def test_a_best_speed_outside_the_table_is_marked() -> None:
 
 
 def test_the_maximum_of_a_parabola_is_exact_between_points() -> None:
-    """Each row has its own; at an end, or beside a point that is not known, it is the highest point."""
+    """Each row has its own maximum; at an end, or next to an unknown point, it is the highest point."""
     x = np.arange(4.0)
     beside_unknown = np.array([np.nan, 4.0, 3.0, np.nan])
     rows = np.array([5 - (x - 1.3) ** 2, 5 - (x - 2.2) ** 2 / 4, x, beside_unknown, np.full(4, np.nan)])

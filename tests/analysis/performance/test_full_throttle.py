@@ -1,4 +1,4 @@
-"""The motor at full throttle against the simulator's motor."""
+"""The motor fitted at full throttle agrees with the simulator's motor."""
 
 from dataclasses import replace
 
@@ -31,11 +31,11 @@ def test_the_motor_turns_as_the_simulator_s_at_other_speeds_and_densities(nexsta
         power_train(nexstar.propulsion, propeller, V=V, n=n * factor, throttle=1.0, rho=rho).motor_acceleration_revps2
         for factor in (0.995, 1.005)
     )
-    assert np.all((slower > 0) & (faster < 0)), "the balance of torques lies within 0.5 %"
+    assert np.all((slower > 0) & (faster < 0)), "torques must balance within 0.5 % of this speed"
 
 
 def test_a_flight_may_begin_at_any_time_of_the_log(nexstar, propeller, motor) -> None:
-    """The step is that between two rows: a run of less than the seconds needed stays too short an hour later."""
+    """The time step is that between two rows, so a run that is too short is still too short an hour later."""
     late = full_throttle_run(nexstar, propeller)
     late.index += 3600.0
     full_throttle = fit_full_throttle(late, nexstar.propulsion, propeller)
@@ -47,7 +47,7 @@ def test_a_flight_may_begin_at_any_time_of_the_log(nexstar, propeller, motor) ->
 
 
 def test_a_throttle_not_quite_open_is_not_taken_for_full(nexstar, propeller, motor) -> None:
-    """Climbing at 0.98 the motor turns 2 % slower: it must not pass for full throttle at that torque."""
+    """At a throttle of 0.98 the motor turns 2 % slower; these samples must not count as full throttle."""
     run = full_throttle_run(nexstar, propeller)
     nearly = run.iloc[:15].assign(throttle=0.98, n=0.98 * run["n"].iloc[:15])
     both = pd.concat([run, nearly])
@@ -58,9 +58,9 @@ def test_a_throttle_not_quite_open_is_not_taken_for_full(nexstar, propeller, mot
 
 
 def test_a_throttle_a_little_below_full_counts_for_what_it_is(nexstar, propeller) -> None:
-    """A slow climb at 0.996, within which a controller may hold it: at 12 m/s full throttle is known to 0.01 %.
+    """With a slow climb at a throttle of 0.996, as a controller may hold it, full throttle is still found to 0.01 %.
 
-    Taken for full, it makes full throttle 0.08 % slower, and that climb 0.3 %.
+    The motor turns 0.3 % slower in that climb; counted as full, it would make full throttle 0.08 % slower.
     """
     climb, run = at_throttle(nexstar, propeller, np.full(30, 13.0), 0.996), full_throttle_run(nexstar, propeller, 40.0)
     both = pd.concat([climb, climb[:5].assign(throttle=0.5), run])
@@ -82,7 +82,7 @@ def test_no_full_throttle_is_reported_and_not_made_up(nexstar, propeller) -> Non
 
 
 def accelerating_rotor(propulsion: Propulsion, propeller: Propeller, V: float, seconds: float) -> np.ndarray:
-    """Speed of rotation [rev/s] every STEP_S at full throttle and V [m/s], from 60 rev/s, by the simulator's motor."""
+    """Return the simulator's motor speed [rev/s] every STEP_S at full throttle and V [m/s], from 60 rev/s."""
     n, small_s, recorded_n = 60.0, 0.001, []
     for i in range(round(seconds / small_s)):
         if i % round(STEP_S / small_s) == 0:
@@ -94,13 +94,13 @@ def accelerating_rotor(propulsion: Propulsion, propeller: Propeller, V: float, s
 
 
 def test_a_rotor_that_still_accelerates_takes_torque_from_the_motor(nexstar, propeller, motor) -> None:
-    """A rotor of 120 times the inertia speeds up over seconds, slower than the propeller's torque alone explains.
+    """A rotor of 120 times the inertia speeds up over seconds, more slowly than propeller torque alone would explain.
 
-    The fit finds the motor of the settled rotor; finite differences of 0.2 s leave 0.2 % of n_0 and 1.3 % of n_Q.
+    The fit finds the same motor as a settled rotor; finite differences of 0.2 s leave 0.2 % in n_0 and 1.3 % in n_Q.
     """
     heavy = replace(nexstar.propulsion, propeller_inertia_kgm2=120 * nexstar.propulsion.propeller_inertia_kgm2)
     n = accelerating_rotor(heavy, propeller, V=18.0, seconds=8.0)
-    assert n[-1] - n[5] > 20, "the rotor is still accelerating after SETTLING_S"
+    assert n[-1] - n[5] > 20, "the rotor must still accelerate after settling_s"
     data = recorded(replace(nexstar, propulsion=heavy), propeller, np.full(len(n), 18.0), n, np.ones(len(n)))
     full_throttle = fit_full_throttle(data, heavy, propeller)
     assert full_throttle.parameters is not None, full_throttle.reason
@@ -108,7 +108,7 @@ def test_a_rotor_that_still_accelerates_takes_torque_from_the_motor(nexstar, pro
 
 
 def test_the_first_tenths_of_a_second_at_full_throttle_are_left_out(nexstar, propeller) -> None:
-    """The speed controller ramps up for 0.6 s after the stick has moved."""
+    """The speed controller ramps up for 0.6 s after the stick moves."""
     settled = full_throttle_run(nexstar, propeller)
     ramping = settled.assign(n=settled["n"] * np.where(np.arange(len(settled)) < 3, 0.9, 1.0))
     expected, result = (fit_full_throttle(run, nexstar.propulsion, propeller).parameters for run in (settled, ramping))
@@ -117,9 +117,9 @@ def test_the_first_tenths_of_a_second_at_full_throttle_are_left_out(nexstar, pro
 
 
 def test_one_speed_leaves_the_loss_by_torque_to_the_resistances(nexstar, propeller) -> None:
-    """At one torque the flight determines n_0 - n_Q Q and not n_Q: it stays what the simulator's motor loses for each
-    N m between two other speeds, uncertain by half of it. (Density makes the torque the same at every noisy n, and the
-    rotor is light.)"""
+    """At a single torque, the flight determines n_0 - n_Q Q and not n_Q. So n_Q stays at its prior, the loss per N m of
+    the simulator's motor between two other speeds, and is uncertain by half of that. (Density is chosen for equal
+    torque at every noisy n, and the rotor is light.)"""
     run = at_throttle(nexstar, propeller, np.full(40, 15.0), 1.0)
     noisy = run["n"].to_numpy() + np.random.default_rng(0).normal(0, 0.05, len(run))
     power_W = [propeller.thrust_and_power(15.0, n, RHO)[1] / n for n in (run["n"].to_numpy(), noisy)]
@@ -136,8 +136,8 @@ def test_one_speed_leaves_the_loss_by_torque_to_the_resistances(nexstar, propell
 
 
 def test_motor_speed_at_full_throttle_is_that_of_the_motor_s_constants(nexstar) -> None:
-    """The recorded speed; with 12 poles entered instead of 14 it reads 7/6 of the true one. Half throttle says
-    nothing."""
+    """The ratio is 1 for a true motor speed and 7/6 if 12 poles are entered instead of 14. There is no ratio without
+    full throttle, battery data or a motor constant."""
     p = nexstar.propulsion
     voltage, current = 14.0, 30.0
     n_revps = p.motor_kv_rpm_per_volt * (voltage - current * p.motor_resistance_ohm) / 60

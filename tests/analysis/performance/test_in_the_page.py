@@ -1,4 +1,4 @@
-"""The page interpolates performance on a grid from Python: power within 0.3 % at any weight, in any air."""
+"""The page interpolates performance on a grid from Python, to 0.3 % of power at any weight and density."""
 
 import json
 from importlib import resources
@@ -30,8 +30,8 @@ VALUES = POLAR | {
     "friction": 0.16, "copper": 56.0, "meter_scale": 0.0, "unloaded_revps": 137.0, "revps_per_Nm": 30.0,
 }  # fmt: skip
 ENERGY_J = 3600 * 74 * 0.8
-DENSITIES = (0.5, 1.6)  # least and greatest [kg/m^3] that the controls reach
-WITHIN = 3e-3  # of power
+DENSITIES = (0.5, 1.6)  # [kg/m^3], range of the page's controls
+WITHIN = 3e-3  # share of power
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def browser(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Brows
 
 
 def model(propeller: Propeller, *, full_throttle: bool = True) -> PerformanceModel:
-    """All parameters uncertain, by 2 % each and correlated."""
+    """Return a model whose parameters are all uncertain, by 2 % each, and correlated."""
     names = tuple(VALUES) if full_throttle else tuple(VALUES)[:-2]
     values = np.array([VALUES[name] for name in names])
     spread = 0.02 * np.maximum(np.abs(values), 0.05)
@@ -59,7 +59,7 @@ def model(propeller: Propeller, *, full_throttle: bool = True) -> PerformanceMod
 def answers_of(
     browser: Browser, by_python: PerformanceModel, flown: Condition, conditions: list[Condition]
 ) -> list[Any]:
-    """What the page answers at each condition."""
+    """Return the page's performance at each condition."""
     grid = to_json(embedded_grid(by_python, flown, DENSITIES))
     conditions_json = json.dumps([condition._asdict() for condition in conditions])
     return browser.value_of(
@@ -79,7 +79,7 @@ def random_conditions(flown: Condition, count: int, seed: int) -> list[Condition
 def test_power_is_interpolated_to_three_parts_in_a_thousand(
     browser: Browser, condition: Condition, propeller: Propeller, beyond_zero_thrust: str, full_throttle: bool
 ) -> None:
-    """Over all weights and densities that the controls reach."""
+    """Random conditions lie anywhere within the weights and densities of the page's controls."""
     by_python = model(propeller.with_beyond_zero_thrust(beyond_zero_thrust), full_throttle=full_throttle)
     conditions = random_conditions(condition, 12, seed=5)
     compared = 0
@@ -98,7 +98,7 @@ def test_power_is_interpolated_to_three_parts_in_a_thousand(
         compared += len(finite)
         assert result["possible"] == expected.sustained
         agrees_at_its_best(result, expected)
-    assert compared > 250, "of 12 curves of 31 points"
+    assert compared > 250, "too few of the points of 12 curves"
 
 
 def agrees_at_its_best(result: Any, expected: ConditionPerformance) -> None:
@@ -115,7 +115,7 @@ def agrees_at_its_best(result: Any, expected: ConditionPerformance) -> None:
     V, power = (np.array(result["full"][name], dtype=float)[finite] for name in ("V", "power"))
     highest = float(np.nanmax(full.power.value))
     expected_W = np.interp(V, full.V, full.power.value)
-    pulling = expected_W > 0.1 * highest  # where a propeller begins to brake, or folds, is far beyond level flight
+    pulling = expected_W > 0.1 * highest  # a propeller brakes or folds only far beyond level flight
     assert power[pulling] == pytest.approx(expected_W[pulling], abs=WITHIN * highest) and pulling.sum() > 8
     agrees(result["full"]["maximumSpeed"], case.maximum_speed_mps, WITHIN)
     if case.best_climb_mps is not None:
@@ -123,7 +123,7 @@ def agrees_at_its_best(result: Any, expected: ConditionPerformance) -> None:
 
 
 def agrees(result: dict[str, float | None], expected: Interval | None, within: float) -> None:
-    """A value, and its interval to a twentieth of itself; null where Python has none."""
+    """Check a value, and the width of its interval to 5 %; the error must be null if Python has no interval."""
     if expected is None:
         assert result["error"] is None
         return
@@ -146,7 +146,7 @@ def test_what_was_flown_is_a_node(browser: Browser, condition: Condition, propel
 def test_twice_the_weight_needs_two_to_the_power_of_three_halves(
     browser: Browser, condition: Condition, propeller: Propeller
 ) -> None:
-    """At equal lift coefficient, by (W/W_s)^1.5: speeds by the square root."""
+    """At equal lift coefficient, power grows with (W/W_s)^1.5 and speed with the square root of W/W_s."""
     light, heavy = answers_of(
         browser, model(propeller), condition, [condition, condition._replace(weight_N=2 * condition.weight_N)]
     )

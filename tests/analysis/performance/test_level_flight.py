@@ -1,4 +1,4 @@
-"""Level flight by hand, and against the simulator's trimmed flight."""
+"""Level flight agrees with a calculation by hand, and with the simulator's trimmed flight."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from flightpower.sim.trim import Trimmer
 
 
 def test_one_speed_by_hand(propeller, condition) -> None:
-    """Drag from the polar; motor speed where the table's thrust is that; its power is the battery's, without losses."""
+    """The polar gives drag, thrust equal to drag gives motor speed, and shaft power is battery power without losses."""
     V = 16.0
     q = RHO * V**2 / 2
     CL = condition.weight_N / (q * condition.wing_area_m2)
@@ -38,7 +38,7 @@ def test_one_speed_by_hand(propeller, condition) -> None:
 
 
 def test_the_battery_gives_what_the_simulator_s_gives_in_trimmed_flight(nexstar, propeller, condition) -> None:
-    """To 0.3 %, of the losses' fit. At 12 m/s thrust points up by 8.6 deg: left out, that alone is 0.5 %."""
+    """They agree to 0.3 %, the error of the fitted losses. The tilt of thrust, 8.6 deg at 12 m/s, alone is 0.5 %."""
     plant = plant_of(nexstar)
     trimmer = Trimmer(plant, height_of(plant.air, RHO))
     V = np.array([12.0, 14.0, 17.0, 20.0, 23.0])
@@ -72,7 +72,7 @@ def test_the_ends_of_the_flown_range_count_as_inside_in_spite_of_rounding(propel
 
 
 def test_speeds_outside_the_propeller_table_are_marked(propeller, condition) -> None:
-    """At 30 times the weight the propeller turns faster than its table at any lift coefficient."""
+    """At 30 times the weight, the propeller turns faster than in its table at any lift coefficient."""
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, **ALONG_PATH), LOSSLESS.parameters)
     heavy = condition._replace(weight_N=30 * condition.weight_N)
     flight = level_flight(model_of(parameters, propeller), heavy, speed_at([0.5, 0.8], heavy))
@@ -80,7 +80,7 @@ def test_speeds_outside_the_propeller_table_are_marked(propeller, condition) -> 
 
 
 def test_the_overall_efficiency_is_the_product_of_both(propeller, condition) -> None:
-    """With losses; power required is drag times speed at lift = weight, whatever weight thrust carries."""
+    """There are losses. Power required is drag times speed at lift = weight, whatever weight thrust carries."""
     losses = exact(shaft_scale=1.05, friction=0.1, copper=300.0, meter_scale=0.0)
     train = PowerTrainModel(losses, 0.01, True, "", ())
     parameters = combine_independent(exact(**POLAR, **NO_CORRECTION, alpha_0=0.0, alpha_CL=0.3), losses)

@@ -1,4 +1,4 @@
-"""Performance as results.json has it: intervals, field table, flags and notes of hand-made curves."""
+"""Hand-made curves test performance in results.json: intervals, field table, flags and notes."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from flightpower.analysis.records.flight import AvailableResult, BatteryResult, 
 BATTERY_W = np.array([60.0, 64.0, 70.0, 80.0])
 TEST = Condition(weight_N=37.7, rho=1.2, wing_area_m2=0.4636)
 V = np.array([12.0, 14.0, 16.0, 18.0])
-FASTEST = V[-1]  # flown
+FASTEST = V[-1]  # fastest speed flown
 
 
 def uncertain(value, standard_error=0.0) -> UncertainValue:
@@ -51,7 +51,7 @@ EVERYWHERE = np.ones(len(V), dtype=bool)
 
 
 def case(title: str, minutes: float, km: float, speed: float, condition: Condition = TEST) -> PerformanceCase:
-    """What `_cost` reads of a case, over that of a level flight of hand-made numbers."""
+    """Return a case of hand-made numbers, with these values in the fields that `_cost` reads."""
     complete = performance_case(TitledCondition(title, condition), level(BATTERY_W), full_throttle(), (1e5, EVERYWHERE))
     return msgspec.structs.replace(
         complete,
@@ -77,7 +77,7 @@ def test_intervals_are_of_95_percent_and_end_at_the_slowest_speed_flown() -> Non
 
 
 def test_the_field_table_divides_the_usable_energy_by_battery_power() -> None:
-    """50 Wh of which 80 % are used are 144 kJ: at 60 W 2400 s, in which 12 m/s make 28.8 km."""
+    """80 % of 50 Wh are 144 kJ, enough for 2400 s at 60 W, which is 28.8 km at 12 m/s."""
     battery = BatteryResult(energy_Wh=50.0, usable=0.8)
     flight = level(np.array([60.0, np.nan, 72.0, 80.0]))
     first, third, last = field_rows(flight, full_throttle(), battery.usable_J)
@@ -96,7 +96,7 @@ def test_the_cost_of_a_change_names_endurance_range_and_speed_before_and_after()
 
 
 def test_a_single_change_is_of_weight_or_of_air() -> None:
-    """Within half a percent, weights and densities are the same."""
+    """Weights and densities within half a percent count as the same."""
 
     def single(weight: float, density: float) -> bool:
         condition = TEST._replace(weight_N=weight * TEST.weight_N, rho=density * TEST.rho)
@@ -124,7 +124,7 @@ def test_density_altitude_of_thin_air_is_positive() -> None:
 def test_a_highest_speed_beyond_the_fastest_flown_or_the_table_is_an_extrapolation(
     maximum: float, covered_to: float, extrapolated: bool, notes: int
 ) -> None:
-    """A note for each, besides that on the ceilings."""
+    """Each of the two reasons gives a note, in addition to the note on the ceilings."""
     full = full_throttle(maximum, covered_to)
     assert available(full).maximum_speed_extrapolated == extrapolated
     assert len(available(full).notes) == notes + 1
@@ -139,7 +139,7 @@ def test_a_best_speed_outside_the_propeller_table_is_an_extrapolation() -> None:
 
 @pytest.mark.parametrize(("maximum", "last_speed_mps"), [(17.0, 18.0), (22.0, 22.5)])
 def test_power_available_is_drawn_to_the_highest_or_the_fastest_speed(maximum: float, last_speed_mps: float) -> None:
-    """To 3 % beyond the highest level speed, and at least to the fastest flown; extrapolated from there on."""
+    """It is drawn to 3 % beyond the highest level speed or to the fastest flown, and extrapolated beyond the latter."""
     result = available(full_throttle(maximum=maximum))
     assert result.power_available[-1].speed_mps == last_speed_mps
     assert len(result.climb_mps) == len(result.power_available)
@@ -175,13 +175,13 @@ def test_the_power_train_has_standard_errors_units_and_efficiencies() -> None:
         ("friction", 0.3, pytest.approx(0.05), "W s/rev"),
     ]
     points = level(BATTERY_W).efficiencies()
-    assert [point.speed_mps for point in points] == [12.0, 16.0, 18.0], "none where the thrust is too large"
+    assert [point.speed_mps for point in points] == [12.0, 16.0, 18.0], "no point where the efficiency is unknown"
     assert points[0].propeller.value == 0.6 and points[0].motor.value == 0.8
     assert [point.extrapolated for point in points] == [False, False, True]
 
 
 def test_an_endurance_that_is_hardly_known_is_not_below_zero() -> None:
-    """A thousand seconds with a standard error of a thousand: 95 % would begin at -960 s."""
+    """For 1000 s with a standard error of 1000 s, the 95 % interval would begin at -960 s."""
     hardly, well = (uncertain(1000.0, error).interval(0.0) for error in (1000.0, 100.0))
     assert hardly.lo == 0.0 and hardly.hi == pytest.approx(2960, abs=1)
     assert (well.lo, well.hi) == (pytest.approx(804, abs=1), pytest.approx(1196, abs=1))

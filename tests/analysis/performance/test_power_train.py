@@ -1,4 +1,4 @@
-"""From thrust to the battery, against the simulator's motor, which is written independently."""
+"""Power from thrust to battery agrees with the simulator's motor, which is written independently."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def test_the_speed_of_rotation_found_gives_the_thrust_asked_for(propeller) -> No
     actual = corrected_thrust(propeller, V, n, RHO, thrust_scale=scale, thrust_slope=slope)
     _, shaft = propeller.thrust_and_power(V, n, RHO)
     assert actual == pytest.approx(thrust, rel=1e-8)
-    assert np.all(shaft > thrust * V * 0.9), "a propeller cannot give more than it takes, the correction aside"
+    assert np.all(shaft > thrust * V * 0.9), "thrust power exceeds shaft power by at most the thrust correction"
 
 
 def test_the_thrust_correction_at_the_reference_advance_ratio_is_the_scale_alone(propeller) -> None:
@@ -35,13 +35,13 @@ def test_a_thrust_no_speed_of_rotation_gives_has_none(propeller) -> None:
 
 
 def predicted(train, propeller, V, n):
-    """The battery's power at speeds and motor speeds, (estimate, standard error)."""
+    """Return the battery power and its standard error at air speeds V [m/s] and motor speeds n [rev/s]."""
     _, shaft = propeller.thrust_and_power(V, n, RHO)
     return from_sigma_points(train.battery_power(shaft, n, train.parameters.sigma_points()))
 
 
 def elsewhere(nexstar, propeller):
-    """Points that no steady point was flown at, and what the battery truly gives there."""
+    """Return V [m/s] and n [rev/s] that differ from all steady points, and the true battery power [W] there."""
     V = np.array([11.0, 15.0, 18.0, 21.0, 23.5])
     n = V / (np.array([0.50, 0.64, 0.60, 0.68, 0.64]) * propeller.diameter_m)
     truth = recorded(nexstar, propeller, V, n, throttle_for(nexstar.propulsion, propeller, V=V, n=n, rho=RHO))
@@ -77,7 +77,7 @@ def test_the_power_that_accelerates_the_rotor_is_not_called_loss(nexstar, propel
 
 
 def test_measured_efficiencies_use_the_true_shaft_power(nexstar, propeller) -> None:
-    """With a table whose power is 5 % too small, shaft power is the table's times the scale found."""
+    """If the table's power is 5 % too small, shaft power is table power times the fitted scale."""
     data, low = steady_points(nexstar, propeller), replace_power(propeller, 0.95)
     train = fit_power_train(data, nexstar.propulsion, low, **NO_CORRECTION)
     point, row = train.points[0], data.iloc[0]
@@ -89,7 +89,7 @@ def test_measured_efficiencies_use_the_true_shaft_power(nexstar, propeller) -> N
 
 
 def test_fast_changes_of_motor_speed_are_left_out(nexstar, propeller) -> None:
-    """Motor speed that swings by 20 % every 6 s is slow (below 4 %/s) for less than 3 s at a time."""
+    """If motor speed swings by 20 % every 6 s, it changes by less than 4 %/s for less than 3 s at a time."""
     data = steady_points(nexstar, propeller)
     swinging = data.assign(n=data["n"] * (1 + 0.2 * np.sin(np.arange(len(data)) * STEP_S)))
     train = fit_power_train(swinging, nexstar.propulsion, propeller, **NO_CORRECTION)
@@ -97,7 +97,7 @@ def test_fast_changes_of_motor_speed_are_left_out(nexstar, propeller) -> None:
 
 
 def test_battery_power_is_shaft_power_friction_and_copper_losses() -> None:
-    """100 W at 100 rev/s are 0.159 N m: 1.1 x 100 + 0.3 x 100 + 500 (0.159 + 0.02)^2 = 156.05 W."""
+    """100 W at 100 rev/s are 0.159 N m, so the sum is 1.1 x 100 + 0.3 x 100 + 500 (0.159 + 0.02)^2 = 156.05 W."""
     parameters = exact(shaft_scale=1.1, friction=0.3, copper=500.0, meter_scale=0.0)
     train = PowerTrainModel(parameters, 0.02, True, "", ())
     battery_W = train.battery_power(np.array([100.0]), np.array([100.0]), parameters.sigma_points())
@@ -114,9 +114,9 @@ def test_a_meter_that_reads_high_makes_the_fitted_powers_too_large() -> None:
 
 
 def test_intervals_cover_as_often_as_they_say(nexstar, propeller) -> None:
-    """40 flights: table off by 5 % in power, the meter by 2 %, noise of half an ampere that lasts 1 s.
+    """In 40 flights, table power has an error of 5 % (1 sigma), the meter of 2 %, and noise of 0.5 A lasts 1 s.
 
-    95 % within 3 standard errors of a binomial share of 40 x 5 points that err together: the effective number is 40.
+    At least 95 % are covered, less 3 standard errors of a share; each flight's 5 points err together and count as one.
     """
     data = steady_points(nexstar, propeller)
     V, n, truth = elsewhere(nexstar, propeller)
@@ -134,7 +134,7 @@ def test_intervals_cover_as_often_as_they_say(nexstar, propeller) -> None:
 
 
 def replace_power(propeller, factor):
-    """This propeller with a table whose power coefficients are off by a factor."""
+    """Return the propeller with all power coefficients of its table multiplied by a factor."""
     rows = tuple(replace(row, cP=tuple(factor * c for c in row.cP)) for row in propeller.rows)
     return type(propeller)("off", propeller.diameter_m, rows)
 
@@ -150,7 +150,7 @@ def test_without_battery_data_the_aircraft_file_is_believed_and_that_is_reported
     V, n, truth = elsewhere(nexstar, propeller)
     result = predicted(train, propeller, V, n)
     assert np.all((result.lo <= truth) & (truth <= result.hi))
-    assert result.value == pytest.approx(truth, rel=0.01), "the simulator's motor is that of the file"
+    assert result.value == pytest.approx(truth, rel=0.01), "the simulator's motor is the one in the aircraft file"
     measured = fit_power_train(steady_points(nexstar, propeller), nexstar.propulsion, propeller, **NO_CORRECTION)
     assert np.all(result.standard_error > 1.5 * predicted(measured, propeller, V, n).standard_error)
 
@@ -159,7 +159,7 @@ def test_a_few_seconds_are_no_measurement(nexstar, propeller) -> None:
     data = steady_points(nexstar, propeller, seconds=5.0).iloc[:20]
     train = fit_power_train(data, nexstar.propulsion, propeller, **NO_CORRECTION)
     assert not train.measured and "Only" in train.basis
-    assert "losses ±50 %, shaft power ±5 %" in train.basis, "as the settings assume"
+    assert "losses ±50 %, shaft power ±5 %" in train.basis, "must match the settings"
 
 
 def test_efficiencies_are_means_of_five_seconds_and_a_windmilling_propeller_has_none(nexstar, propeller) -> None:
@@ -169,7 +169,7 @@ def test_efficiencies_are_means_of_five_seconds_and_a_windmilling_propeller_has_
     assert len(times) == 20, "four means in each of five points of 20 s"
     assert np.diff(times.reshape(5, 4)) == pytest.approx(5.0, abs=0.5)
     late = np.arange(len(data)) >= len(data) - round(10 / STEP_S)
-    windmilling = data.assign(V=data["V"] * np.where(late, 2.0, 1.0))  # the last 10 s, at the same motor speed
+    windmilling = data.assign(V=data["V"] * np.where(late, 2.0, 1.0))  # in the last 10 s, at the same motor speed
     assert propeller.thrust_and_power(45.0, data["n"].iloc[-1], RHO)[0] < 0
     points = fit_power_train(windmilling, nexstar.propulsion, propeller, **NO_CORRECTION).points
-    assert max(point.time_s for point in points) < 80.0, "the whole stretch is left out"
+    assert max(point.time_s for point in points) < 80.0, "windmilling must be left out altogether"

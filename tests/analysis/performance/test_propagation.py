@@ -1,4 +1,4 @@
-"""ParameterVector with covariance through functions: exact where they are linear, first order elsewhere."""
+"""A ParameterVector's covariance propagates exactly through linear functions, and to first order through others."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_a_linear_function_gets_its_exact_standard_error() -> None:
 
 
 def test_a_curved_function_gets_that_of_many_draws() -> None:
-    """sin(a) exp(b/3): with these covariances draws scatter within 6 % of what first order says."""
+    """For sin(a) exp(b/3) with these covariances, draws scatter within 6 % of the first-order standard error."""
     points = PARAMETERS.sigma_points()
     uncertain_value = from_sigma_points((np.sin(points["a"]) * np.exp(points["b"] / 3))[:, 0])
     draws = np.random.default_rng(1).multivariate_normal(PARAMETERS.values, COVARIANCE, 200_000)

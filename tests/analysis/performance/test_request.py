@@ -1,4 +1,4 @@
-"""What a user may ask, with units; what cannot be meant is refused in one line that names the option."""
+"""Requests are read with their units; impossible ones are refused in one line that names the option."""
 
 import pytest
 
@@ -36,7 +36,7 @@ def test_an_energy(text: str) -> None:
 
 
 def test_what_is_far_from_the_aircraft_is_asked_about() -> None:
-    """4 kg flown: 12.4 kg is three times that, 74 J are 5 mWh/kg, 2 kWh are more than 4 kg of the best cells."""
+    """With 4 kg flown, 12.4 kg is over three times that, 74 J are 5 mWh/kg, and 2 kWh exceed 4 kg of the best cells."""
     flown_N = 4 * 9.80665
     assert parse_request("74", weights="3 kg, 9 lb, 11.9 kg, 1.4 kg").questions(flown_N) == []
     heavy, light = parse_request(weights="4 kg, 12.4 kg, 1.3 kg").questions(flown_N)
@@ -76,7 +76,7 @@ def test_a_height_that_is_none(text: str) -> None:
 
 
 def test_heights_end_where_the_standard_atmosphere_ceases_to_be_colder() -> None:
-    """At 216.65 K, 11 km."""
+    """This is at 11 km, where it has 216.65 K."""
     assert temperature_at(TROPOPAUSE_M) == pytest.approx(216.65)
     assert parse_request(density_altitudes="10999 m").density_altitudes_m == pytest.approx((10999.0,))
     with pytest.raises(InputError, match="below 11000 m"):

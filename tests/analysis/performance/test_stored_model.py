@@ -1,4 +1,4 @@
-"""The model of results.json computes what the model that wrote it computes."""
+"""The model read from results.json computes the same as the model that was written."""
 
 import msgspec
 import numpy as np

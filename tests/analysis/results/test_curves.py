@@ -1,4 +1,4 @@
-"""What the results say about turbulence, and when a single run is not trusted."""
+"""Tests what the results say about turbulence, and when a single run is refused."""
 
 import numpy as np
 import pandas as pd
@@ -39,8 +39,8 @@ def test_one_run_alone_in_strong_gusts_is_refused_with_the_reason() -> None:
 def test_more_runs_are_taken_with_a_warning_and_a_calm_flight_without_a_word() -> None:
     (note,) = gust_notes(trajectory(0.8, 0.5), 2, "log.mcap")
     assert "0.5 deg" in note
-    assert gust_notes(trajectory(0.8, 0.2), 1, "log.mcap") == []  # a long flight knows its angle of attack
-    assert gust_notes(trajectory(0.02, 0.5), 1, "log.mcap") == []  # a short one in still air: its interval says enough
+    assert gust_notes(trajectory(0.8, 0.2), 1, "log.mcap") == []  # a long flight determines its angle of attack
+    assert gust_notes(trajectory(0.02, 0.5), 1, "log.mcap") == []  # a short flight in still air needs no note
 
 
 def test_a_log_in_which_nothing_flew_says_which_transducer_was_dead() -> None:

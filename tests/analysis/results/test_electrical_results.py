@@ -1,4 +1,4 @@
-"""The results that come with a curve of electrical power: endurance, range, best speeds and their intervals."""
+"""Tests the results that come with a curve of electrical power: endurance, range, best speeds, and intervals."""
 
 from types import SimpleNamespace
 
@@ -52,7 +52,7 @@ def estimate(
     scale: float = 0.02,
     rho_sigma: float = 0.0,
 ):
-    """A curve whose error is one scale of all power, as large as this share, and noise."""
+    """Return an estimate whose curve has noise and a scale error of all power, with the standard error `share`."""
     power = Uncertain(POWER_W, noise_W**2 * np.eye(len(V)), {"current": share * POWER_W})
     curve = Curve(kind=Kind.ELECTRICAL, condition=Condition(30.0, 1.2, 0.5), V_mps=V, power_W=power)
     return SimpleNamespace(
@@ -83,7 +83,7 @@ def test_endurance_is_energy_over_the_least_power_and_range_over_that_per_speed(
     assert result.range_m.value == pytest.approx(BATTERY.usable_J / np.min(POWER_W / V))
     for interval in (result.endurance_s, result.range_m):
         ends = interval.value / (1 + 1.96 * 0.03), interval.value / (1 - 1.96 * 0.03)
-        assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # 400 draws
+        assert (interval.lo, interval.hi) == pytest.approx(ends, rel=0.015)  # from 400 draws
     assert curve(battery=None).endurance_s is None
 
 
@@ -110,7 +110,7 @@ def test_best_speeds_are_those_of_the_least_power_and_of_the_least_energy_per_me
 
 
 def test_a_power_of_less_than_a_tenth_is_not_believed() -> None:
-    """A curve that is known to 60 % only has no longer endurance than ten times that of its value."""
+    """If power is known only to 60 %, the interval of endurance ends at ten times its value."""
     result = curve(share=0.6)
     assert result.endurance_s.hi == pytest.approx(10 * result.endurance_s.value)
     assert result.range_m.hi == pytest.approx(10 * result.range_m.value)
@@ -120,7 +120,7 @@ def test_a_best_speed_at_the_slowest_flown_has_no_lower_end() -> None:
     rising = V.copy()
     least = speed_of_least(V, rising, np.stack([rising] * 10))
     assert (least.speed_mps, least.lo_mps, least.inside_flown_range) == (10.0, None, False)
-    # A twentieth of the draws at the slowest speed: more than the 2.5 % beyond the interval; of one in a hundred, less.
+    # With 5 % of the draws at the slowest speed, more than 2.5 %, the interval has no lower end; with 1 % it has one.
     mixed = np.stack([rising] * 5 + [(V - 14.0) ** 2] * 95)
     assert speed_of_least(V, (V - 14.0) ** 2, mixed).lo_mps is None
     few = np.stack([rising] + [(V - 14.0) ** 2] * 99)
@@ -147,7 +147,7 @@ def test_a_power_s_interval_ends_at_zero_and_what_is_not_known_is_left_out() -> 
 
 
 def test_the_polar_is_that_of_the_quadratic_form() -> None:
-    """C_D0 + K (C_L - C_LminD)^2, and e = 1/(pi A K)."""
+    """The polar is C_D0 + K (C_L - C_LminD)^2, with e = 1/(pi A K)."""
     p = unpack(DRAG, np.array([np.log(0.04), np.log(0.06), 0.2, 0.0]))
     aircraft = SimpleNamespace(wing_area_m2=0.5, span_m=2.0)
     polar = _polar(SimpleNamespace(parameters=SimpleNamespace(named=lambda: p)), aircraft)
@@ -190,7 +190,7 @@ PARAMETERS = unpack((*DRAG, "idle_drag"), np.array([np.log(0.04), np.log(0.06), 
 
 
 def source(**more):
-    """Quantities with a standard error of 3 %, in the flight's own conditions."""
+    """Return quantities with a standard error of 3 % in the flight's own conditions."""
 
     def quantity(of):
         value = of(PARAMETERS, GIVEN)
@@ -207,7 +207,7 @@ def values(drag=None, best=(14.0, 13.5, 14.2), **of):
 
 
 def test_a_glide_is_with_the_idling_propeller_unless_its_table_gives_the_drag() -> None:
-    """Sink = D V/W at the cruise speed, of C_D0 (1 + 0.25) + K C_L^2 or without the quarter."""
+    """Sink is D V/W at the cruise speed, from C_D0 (1 + 0.25) + K C_L^2, or without the 0.25 of the propeller."""
     weight_N = 3.0 * GRAVITY_MPS2
     qS = 1.1 * 14.0**2 / 2 * 0.5
     for drag, CD0 in ((None, 0.05), (source(), 0.04)):
@@ -220,7 +220,7 @@ def test_a_glide_is_with_the_idling_propeller_unless_its_table_gives_the_drag() 
 
 
 def test_drag_that_takes_more_than_the_battery_gives_is_withheld() -> None:
-    """Drag needs 43.7 W at 14 m/s: 46 W for the motor means an efficiency of 95 %, and 41 W an impossible one."""
+    """Drag takes 43.7 W at 14 m/s. 46 W for the motor means an efficiency of 95 %; 41 W means an impossible one."""
     possible = values()
     assert possible.sink and possible.CD0 and possible.B and possible.cruise_power
     weaker = estimate()
@@ -232,7 +232,7 @@ def test_drag_that_takes_more_than_the_battery_gives_is_withheld() -> None:
 
 
 def test_equivalent_airspeeds_have_the_error_of_scale_and_zero() -> None:
-    """A zero of 2 Pa at 10 m/s is 2/(rho V^2) of the speed."""
+    """A zero error of 2 Pa changes the speed by a share of 2/(rho V^2)."""
     to_equivalent = np.sqrt(1.1 / SEA_LEVEL_DENSITY)
     result = values()
     for interval, speed in ((result.slowest, 10.0), (result.fastest, 20.0)):
@@ -269,7 +269,7 @@ def test_powers_and_the_factor_of_airspeed_have_intervals_of_95_per_cent() -> No
 
 
 def test_half_an_error_of_the_density_is_one_of_the_airspeed_as_far_as_gps_shows_it() -> None:
-    """V goes with 1/sqrt(rho); of a scale of 4 % a priori GPS leaves 1 %."""
+    """V goes with 1/sqrt(rho). GPS reduces the standard error of the airspeed scale from 4 % to 1 %."""
     by_density = (1 - (0.01 / GPS.scale_sigma) ** 2) * 0.06 / 2
     factor = values(rho_sigma=0.06).airspeed_factor
     assert factor.hi - factor.value == pytest.approx(NORMAL_95 * np.hypot(0.01, by_density))
@@ -279,7 +279,7 @@ def test_half_an_error_of_the_density_is_one_of_the_airspeed_as_far_as_gps_shows
 def test_two_answers_for_the_battery_are_reported_where_errors_hardly_explain_them(
     electrical_W: float, is_reported: bool
 ) -> None:
-    """10 % each are 14 % together, and 3.29 of such standard deviations 23.7 %: exp(0.237) is 1.268."""
+    """Two half widths of 10 % combine to 14 %; 3.29 standard deviations are then 23.7 %, and exp(0.237) is 1.268."""
 
     def points(power_W: float) -> list[PowerPoint]:
         return [

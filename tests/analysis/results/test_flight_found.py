@@ -1,4 +1,4 @@
-"""Wind, heights and residuals of a flight as `results.json` has them."""
+"""Tests the wind, heights and residuals of a flight in `results.json`."""
 
 from types import SimpleNamespace
 
@@ -25,7 +25,7 @@ def trajectory(north: np.ndarray, east: np.ndarray, error_mps: float = 0.2, **st
 
 @pytest.mark.parametrize(("north", "east", "from_deg"), [(3.0, 4.0, 233.13), (-3.0, -4.0, 53.13), (3.0, -4.0, 126.87)])
 def test_the_wind_is_the_mean_over_the_runs_and_named_by_where_it_comes_from(north, east, from_deg) -> None:
-    """Not that over the rest of the flight; without rows of runs that over all of the flight."""
+    """Only the runs count; without rows of runs, the mean is over all of the flight."""
     during = (T_S >= 110) & (T_S < 120)
     flown = pd.DataFrame(
         {"height_m": [40.0, np.nan, 55.0, 31.0], "temperature_K": [280.0, 281.0, 282.0, 285.0], "static_Pa": 1e5},
@@ -38,7 +38,7 @@ def test_the_wind_is_the_mean_over_the_runs_and_named_by_where_it_comes_from(nor
     assert (result.gust_mps, result.gust_length) == (0.4, 0.7)
     assert result.wind_standard_error_mps == pytest.approx(0.2)
     assert (result.lowest_height_m, result.highest_height_m, result.temperature_K) == (31.0, 55.0, 282.0)
-    assert result.density_altitude_m == pytest.approx(1110, abs=15)  # ISO 2533
+    assert result.density_altitude_m == pytest.approx(1110, abs=15)  # from ISO 2533
     flown.index = [1.0, 2.0, 3.0, 4.0]
     all_of_it = air_found(wind, flown, Condition(40.0, 1.1, 0.5))
     aloft = np.where(during, north, 50.0)[:100].mean(), np.where(during, east, 50.0)[:100].mean()
@@ -55,9 +55,9 @@ def test_residuals_are_measured_less_modeled_and_their_correlation_reaches_four_
     (run_residual,) = run_residuals(SimpleNamespace(fits=[fit]), {"1 acceleration": "acceleration"})
     assert (run_residual.points, run_residual.step_s) == (199, pytest.approx(0.2))
     assert run_residual.rms_mps2 == pytest.approx(0.3 / np.sqrt(2), rel=0.01)
-    assert len(run_residual.autocorrelation) == 21  # 0 to 4 s
+    assert len(run_residual.autocorrelation) == 21  # lags of 0 to 4 s
     half, full_period = run_residual.autocorrelation[10], run_residual.autocorrelation[20]
-    assert half == pytest.approx(-0.95, abs=0.02) and full_period == pytest.approx(0.9, abs=0.02)  # of n - k products
+    assert half == pytest.approx(-0.95, abs=0.02) and full_period == pytest.approx(0.9, abs=0.02)  # n - k products
 
 
 def test_the_autocorrelation_is_about_zero_and_not_about_the_mean() -> None:

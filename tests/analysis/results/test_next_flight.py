@@ -1,4 +1,4 @@
-"""Advice for the next flight: effects of sensor errors on power, and the rest once one is known."""
+"""Tests advice for the next flight: effects of sensor errors on power, and the interval once one is reduced."""
 
 from types import SimpleNamespace
 
@@ -22,7 +22,7 @@ class Blocks(dict):  # type: ignore[type-arg]
 
 
 def flown(sigma: dict[str, float], gust_mps: float = 0.0) -> SimpleNamespace:
-    """A flight at 12 to 24 m/s whose angle of attack is linear in lift and measured with a known bias."""
+    """Return a flight at 12 to 24 m/s; its angle of attack is linear in lift and measured with a known bias."""
     V = np.linspace(12.0, 24.0, 60)
     CL = 2 * AT.weight_N / (AT.rho * V**2 * AT.wing_area_m2)
     alpha = np.where(Blocks.flying, ALPHA_0 + ALPHA_PER_CL * CL + BIAS, 1.0)
@@ -34,8 +34,8 @@ def flown(sigma: dict[str, float], gust_mps: float = 0.0) -> SimpleNamespace:
 
 @pytest.mark.parametrize("V", [13.0, 20.0])
 def test_power_errs_by_the_turned_lift_and_by_the_drag_of_another_speed(V: float) -> None:
-    """An angle's error turns the lift W: Power changes by W V for each radian. D = q S A0 + A1 W + A2 W^2/(q S) gives
-    dD/dV."""
+    """An error of the angle turns the lift W, so power changes by W V per radian. dD/dV follows from
+    D = q S A0 + A1 W + A2 W^2/(q S)."""
     effects, places = _effects_W(flown({}), A, AT, V)  # type: ignore[arg-type]
     of = dict(zip(MATTERS, effects, strict=True))
     qS = AT.rho * V**2 / 2 * AT.wing_area_m2
@@ -57,9 +57,9 @@ ANGLE = Share.ANGLE_OF_ATTACK
 def test_the_largest_part_is_named_and_half_its_error_leaves_a_quarter_of_it(
     largest: Share, cause: NextFlightLowers
 ) -> None:
-    """The share of an error is that of the variance where the interval is widest, by the report's record."""
+    """An error's share is its part of the variance at the speed where the interval is widest in percent."""
     CL = (0.25, 1.1)
-    # A0 alone errs, so that the interval in percent is widest at the highest speed.
+    # Only A0 is uncertain, so the interval in percent is widest at the highest speed.
     polar = Polar(A, np.diag([0.002**2, 0.0, 0.0]))
     fastest = np.sqrt(2 * AT.weight_N / (AT.rho * CL[0] * AT.wing_area_m2))
     qSV = AT.rho * fastest**3 / 2 * AT.wing_area_m2
@@ -84,7 +84,7 @@ def test_the_largest_part_is_named_and_half_its_error_leaves_a_quarter_of_it(
 
 @pytest.mark.parametrize(("error", "sigma"), [("alpha_bias", 0.01), ("alpha_scale", 0.2)])
 def test_of_the_angle_of_attack_the_error_with_the_larger_effect_is_named(error: str, sigma: float) -> None:
-    """W V 0.01 is more than W V alpha 1e-9, and the other way round."""
+    """A bias of 0.01 rad outweighs a scale error of 1e-9, and a scale error of 0.2 outweighs a bias of 1e-9 rad."""
     polar = Polar(A, np.diag([0.002**2, 0.0, 0.0]))
     trajectory = flown({error: sigma, "V_scale": 0.5})
     result = missing_information(trajectory, polar, AT, (0.25, 1.1), lambda V: {ANGLE: 1 + V, Share.NOISE: V})  # type: ignore[arg-type]
@@ -93,13 +93,13 @@ def test_of_the_angle_of_attack_the_error_with_the_larger_effect_is_named(error:
 
 def test_a_narrow_interval_needs_no_other_flight_and_calm_air_no_calmer_day() -> None:
     def sentences(percent: float, gust_mps: float, cause: Share = ANGLE) -> list[str]:
-        """The half width at the highest speed, where A0 = 0.04 is all of the drag."""
+        """Return the advice for a half width in percent at the highest speed, where A0 = 0.04 is all of the drag."""
         polar = Polar(np.array([0.04, 0.0, 0.0]), np.diag([(0.04 * percent / 196) ** 2, 0.0, 0.0]))
         trajectory = flown({"alpha_bias": 1e-4}, gust_mps)
         return list(next_flight(trajectory, polar, AT, (0.25, 1.1), lambda V: {cause: 1e-9 * V}).sentences)  # type: ignore[arg-type]
 
-    assert sentences(0.99 * 0.98, 0.5) == [], "a standard error of half a percent"
+    assert sentences(0.99 * 0.98, 0.5) == [], "a standard error below half a percent"
     assert len(sentences(1.01 * 0.98, 0.5)) == 2
     assert len(sentences(1.01 * 0.98, 0.0)) == 1
-    assert len(sentences(3.0, 0.5, Share.NOISE)) == 1, "more runs, whatever the air"
+    assert len(sentences(3.0, 0.5, Share.NOISE)) == 1, "only more runs, whatever the air"
     assert len(sentences(3.0, 0.5, Share.WEIGHT)) == 1

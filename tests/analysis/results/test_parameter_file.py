@@ -1,4 +1,4 @@
-"""Files of parameters, read back as their ground stations do; no airspeed below the stall margin."""
+"""Parameter files can be read as ground stations read them; they have no airspeed below the stall margin."""
 
 import sys
 from pathlib import Path
@@ -39,11 +39,11 @@ from flightpower.analysis.results.parameter_file import (
 )
 from flightpower.flight.errors import InputError
 
-NO_STALL = StallMargin(1.0)  # far below anything flown
+NO_STALL = StallMargin(1.0)  # stall far below any speed flown
 
 
 def results(largest_CL: float | None = None, logged: dict[str, float] | None = None, **changed: Any) -> Results:
-    """Flown between 11 and 22 m/s, cruise at 13.117 m/s."""
+    """Return results of a flight between 11 and 22 m/s with cruise at 13.117 m/s."""
     values = FlightValues(
         cruise=around(13.117, 0.2), slowest=around(11.0, 0.1), fastest=around(22.0, 0.1),
         wing_loading=around(132.7, 1.0), cruise_power=around(74.66, 2.0), idle_power=around(8.0, 0.5),
@@ -65,7 +65,7 @@ def results(largest_CL: float | None = None, logged: dict[str, float] | None = N
 
 
 def read(text: str, firmware: For) -> dict[str, float]:
-    """As QGroundControl, Mission Planner and INAV's command line read it."""
+    """Read a file as QGroundControl, Mission Planner and INAV's command line do."""
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     if firmware is For.PX4:
         rows = [line.split("\t") for line in lines]
@@ -98,7 +98,7 @@ def test_of_two_names_of_one_parameter_the_log_decides() -> None:
 @pytest.mark.parametrize("firmware", For)
 @pytest.mark.parametrize("stall_mps", [None, 9.0, 12.345])
 def test_no_airspeed_is_below_the_stall_margin(firmware: For, stall_mps: float | None) -> None:
-    """In meters or centimeters per second, and after rounding; what lies above it stays."""
+    """This holds in m/s or cm/s and after rounding; airspeeds above the margin are not changed."""
     result = results(largest_CL=1.3)
     at_stall = float(speed_at(1.3, Condition(37.66, 1.225, 0.4636))) if stall_mps is None else stall_mps
     values = read(parameter_file(result, firmware, StallMargin(stall_mps, 1.2)), firmware)
@@ -125,7 +125,7 @@ def test_where_no_stall_is_known_the_slowest_flown_stands_for_it(firmware: For) 
 
 
 def test_sink_and_power_are_those_of_a_raised_cruise() -> None:
-    """Power as the cube of airspeed: 1.3 times the speed takes 2.197 times the power; the interval widens with it."""
+    """Power goes with the cube of airspeed: 1.3 times the speed takes 2.197 times the power and interval."""
     speeds = [10.0, *np.linspace(12.0, 20.0, 801), 24.0]
     points = [PowerPoint(speed_mps=v, power_W=v**3, power_lo_W=0.9 * v**3, power_hi_W=1.1 * v**3) for v in speeds]
     result = results()
@@ -139,13 +139,13 @@ def test_sink_and_power_are_those_of_a_raised_cruise() -> None:
     text = parameter_file(result, For.INAV, raised)
     assert read(text, For.INAV)["cruise_power"] == pytest.approx(7466 * 1.3**3, rel=1e-3)
     assert f"({7266 * 1.3**3:.4g} to {7666 * 1.3**3:.4g})" in text and "Cruise is now the lowest airspeed" in text
-    assert read(text, For.INAV)["idle_power"] == 800  # of a stopped motor at any speed
+    assert read(text, For.INAV)["idle_power"] == 800  # with the motor stopped, at any speed
     slower = parameter_file(result, For.INAV, StallMargin(10.0))
     assert read(slower, For.INAV)["cruise_power"] == 7466 and "Cruise is now" not in slower
 
 
 def test_without_a_curve_of_drag_the_sink_of_a_raised_cruise_is_that_of_the_polar() -> None:
-    """V^3 (C_D0 + B C_L^2), C_L = K / V^2; and the power is withheld where no curve has it."""
+    """It goes with V^3 (C_D0 + B C_L^2), C_L = K / V^2; cruise power is withheld if no curve contains it."""
     V, raised_mps = 13.117, 15.6
     power = [v**3 * (0.0405 + 0.0510 * (132.7 / v**2) ** 2) for v in (V, raised_mps)]
     text = parameter_file(results(), For.PX4, StallMargin(13.0))
@@ -191,7 +191,7 @@ def test_what_does_not_follow_is_named_in_the_names_of_the_firmware_alone(firmwa
     [(For.PX4, "FW_T_CLMB_MAX", "FW_T_SINK_MAX"), (For.ARDUPILOT, "TECS_CLMB_MAX", "TECS_SINK_MAX")],
 )
 def test_climb_and_sink_are_limited_by_full_throttle_and_by_drag(firmware: For, climb: str, sink: str) -> None:
-    """Half way between 4 and 5 m/s at cruise, 10 % less at the lower end; 120 W lift 37.66 N by 3.19 m/s."""
+    """Climb at cruise is 4.5 m/s, less 10 % at its lower end; 120 W over 37.66 N are a sink of 3.19 m/s."""
     points = [PowerPoint(speed_mps=v, power_W=p, power_lo_W=0.95 * p, power_hi_W=1.05 * p)
               for v, p in ((12.0, 50.0), (16.0, 120.0))]  # fmt: skip
     case = PerformanceCase(

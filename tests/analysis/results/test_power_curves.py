@@ -1,4 +1,4 @@
-"""Curves, optimum speeds and the CSV file of a known polar."""
+"""Tests curves, optimum speeds and the CSV file for a known polar."""
 
 import csv
 import io
@@ -22,7 +22,7 @@ POLAR = Polar(np.array([CD0, 0.0, K]), np.diag([0.001**2, 0.0, 0.0]))
 
 
 def test_the_curve_is_drag_times_speed_with_a_95_percent_interval() -> None:
-    """An A0 known to 0.001 is power known to rho V^3 S / 2 times that."""
+    """If A0 is known to 0.001, power is known to 0.001 rho V^3 S / 2."""
     points = power_curves.power_curve(POLAR, AT, (0.3, 0.9)).points()
     assert points[0].speed_mps < points[-1].speed_mps
     for point in points:
@@ -46,7 +46,7 @@ def test_a_point_of_a_method_keeps_its_coefficients_at_another_weight_and_densit
 
 
 def test_optimum_speeds_are_those_of_the_textbook_and_marked_outside_the_flown_range() -> None:
-    """CDi = 3 CD0 at least power (1.6), CDi = CD0 at least drag (1.10)."""
+    """CDi is 3 CD0 at least power (1.6), and CD0 at least drag (1.10)."""
     slow = polar_curve(POLAR, AT, (0.3, 1.6)).best(Cost.POWER)
     far = polar_curve(POLAR, AT, (0.9, 1.6)).best(Cost.ENERGY_PER_METER)
     for result, CL, inside in ((slow, np.sqrt(3 * CD0 / K), True), (far, np.sqrt(CD0 / K), False)):
@@ -57,7 +57,7 @@ def test_optimum_speeds_are_those_of_the_textbook_and_marked_outside_the_flown_r
 
 
 def test_an_optimum_slower_than_was_flown_is_not_named() -> None:
-    """Least drag at C_L = 0.82, flown up to 0.7; and one that is just inside, its interval is not."""
+    """Least drag is at C_L = 0.82, but 0.7 is the most flown; next, it is just inside but its interval is not."""
     not_flown = polar_curve(POLAR, AT, (0.3, 0.7)).best(Cost.ENERGY_PER_METER)
     assert (not_flown.speed_mps, not_flown.lo_mps, not_flown.inside_flown_range) == (None, None, False)
     assert not_flown.reason == "It lies below the slowest speed flown."
@@ -98,7 +98,7 @@ def test_csv_rows_hold_their_condition_speed_power_and_interval() -> None:
 
 
 def test_the_two_parts_of_an_interval_are_those_of_their_covariances(nexstar) -> None:
-    """A0 known to 0.001 by noise and to 0.002 by systematic errors."""
+    """A0 has a standard error of 0.001 from noise and of 0.002 from systematic errors."""
     noise, systematic = np.diag([0.001**2, 0, 0, 0, 0]), np.diag([0.002**2, 0, 0, 0, 0])
     estimate = DynamicEstimate(
         polar=Polar(POLAR.A, (noise + systematic)[:3, :3]), parameters=[], status=CurveStatus.CONVERGED, verdict="",
@@ -126,7 +126,7 @@ def test_the_drag_polar_in_both_forms_is_the_same(nexstar) -> None:
 
 
 def test_the_polar_of_two_terms_is_the_nearest_and_its_interval_that_of_the_polar() -> None:
-    """Exact where A1 = 0. A1 alone is known to 0.01 there: C_L is nearly a line in C_L^2, by least squares."""
+    """It is exact for A1 = 0. For other A1, a line in C_L^2 is fitted to C_L by least squares."""
     flown = (0.3, 1.1)
     exact = Polar(np.array([0.04, 0.0, 0.06]), np.diag([0.002**2, 0.0, 0.005**2]))
     for result, value, error in zip(

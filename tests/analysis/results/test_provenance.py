@@ -1,4 +1,4 @@
-"""What results were made of, and that results of other options do not replace them without a word."""
+"""Tests the record of what results were made from, and the note if they replace results with other options."""
 
 import hashlib
 from pathlib import Path
@@ -70,7 +70,7 @@ def made(
 
 def test_date_place_and_health_are_those_of_the_log(log: Log) -> None:
     result = made(log)
-    assert (result.start_utc, result.clock) == ("2016-05-14T09:29:50Z", "satellites"), "ten seconds before the fix"
+    assert (result.start_utc, result.clock) == ("2016-05-14T09:29:50Z", "satellites"), "starts 10 s before the fix"
     assert (result.latitude_deg, result.longitude_deg, result.height_msl_m) == (-35.5, 78.25, 100.0)
     assert (result.ticks, result.ticks_missed, result.duration_s) == (2, 3, 60.0)
     imu = next(sensor for sensor in result.sensors if sensor.topic == "/imu")
@@ -80,7 +80,7 @@ def test_date_place_and_health_are_those_of_the_log(log: Log) -> None:
 
 
 def test_implausible_readings_last_until_they_are_plausible_again_or_the_log_ends(log: Log) -> None:
-    """Times are those of the runs, from the first message of the IMU; a second warning changes nothing."""
+    """Times count from the first message of the IMU, as for runs; a second warning changes nothing."""
 
     def event(seconds: float, severity: str, compared: Comparison | None) -> LogEntry:
         return LogEntry(START_NS + round(seconds * 1e9), 0, Event(severity=severity, compared=compared))
@@ -107,7 +107,7 @@ def test_a_log_of_an_autopilot_has_its_name(tmp_path: Path) -> None:
 
 
 def written_with(provenance: Provenance) -> bytes:
-    """A results.json of a flight that had this origin."""
+    """Return the results.json of a flight with this provenance."""
     condition = ConditionResult(weight_N=37.0, air_density_kgpm3=1.2)
     aircraft = AircraftResult(name="a", title="A", wing_area_m2=0.46, span_m=1.75, propeller="")
     kind = Kind.POWER_REQUIRED
@@ -179,9 +179,9 @@ def test_tables_of_an_earlier_analysis_beside_the_new_ones_are_reported(log: Log
 
 def test_another_log_or_file_is_reported(log: Log, tmp_path: Path) -> None:
     now = SimpleNamespace(provenance=made(log))
-    assert replaced(tmp_path, now) == "", "nothing was there"
+    assert replaced(tmp_path, now) == "", "there were no results before"
     (tmp_path / "results.json").write_text("{}")
-    assert "not known" in replaced(tmp_path, now), "of an earlier version"
+    assert "not known" in replaced(tmp_path, now), "results of an earlier version have no provenance"
     (tmp_path / "results.json").write_bytes(written_with(now.provenance))
     log.attachments["probe.json"] = b"edited"
     assert "another probe calibration" in replaced(tmp_path, SimpleNamespace(provenance=made(log)))
@@ -214,5 +214,5 @@ def test_errors_of_parameters_are_correlated_by_noise_and_what_is_common_and_not
     correlation = parameter_correlation(SimpleNamespace(noise=noise, systematic=systematic))  # type: ignore[arg-type]
     assert correlation.names[:2] == ["A0", "A1"] and len(correlation.names) == 5
     expected = np.zeros((5, 5))
-    expected[:2, :2] = [[1.0, -0.5], [-0.5, 1.0]]  # -3 over the roots of 4 and 9
+    expected[:2, :2] = [[1.0, -0.5], [-0.5, 1.0]]  # -3 / (sqrt(4) sqrt(9))
     assert np.array(correlation.matrix) == pytest.approx(expected)

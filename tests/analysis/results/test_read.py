@@ -1,4 +1,4 @@
-"""One record of results, whatever format their file has."""
+"""Results are read into one kind of record, whatever the format of their file."""
 
 import json
 from pathlib import Path
@@ -23,7 +23,7 @@ AT = {"weight_N": 37.0, "air_density_kgpm3": 1.2}
 
 
 def of_format_2(**more: Any) -> dict[str, Any]:
-    """The fields that both kinds had."""
+    """Return the fields that results of both kinds had in format 2."""
     return {
         "format": "flightpower-results-2", "trust": "trusted", "evidence": [], "software_version": "1.0", "log": "log",
         "aircraft": {"name": "a", "title": "A", "wing_area_m2": 0.46, "span_m": 1.75, "propeller": "p"}, "test": AT,
