@@ -85,7 +85,7 @@ def test_it_differs_where_the_intervals_do_not_allow_it() -> None:
 
 
 def test_of_a_long_flight_runs_of_both_kinds_from_beginning_to_end_are_checked() -> None:
-    """Of 240 runs in two hours, those checked are evenly spread, and about half of them are decelerations."""
+    """The runs checked, of 240 in two hours, are evenly spread, and about half of them are decelerations."""
     runs = [
         Maneuver(DECELERATION if i % 2 else ACCELERATION, slice(i, i + 1), 30.0 * i, 30.0 * i + 12, 11.0, 22.0, 0.0)
         for i in range(240)

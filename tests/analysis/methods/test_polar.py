@@ -65,7 +65,7 @@ def test_classic_form_gives_back_what_the_polar_was_made_of() -> None:
 
 
 def test_power_scales_exactly_with_weight_and_density() -> None:
-    """By PIW and VIW (2.3, 2.5), P sqrt(sigma)/W^1.5 is a function of V sqrt(sigma/W) alone."""
+    """P sqrt(sigma)/W^1.5 is a function of V sqrt(sigma/W) alone (PIW and VIW, 2.3 and 2.5)."""
     polar = Polar(np.array([0.0465, -0.0195, 0.065]), NO_DOUBT)
     heavy = Condition(weight_N=1.3 * NEXSTAR.weight_N, rho=0.8 * NEXSTAR.rho, wing_area_m2=NEXSTAR.wing_area_m2)
     V = np.linspace(11, 25, 20)

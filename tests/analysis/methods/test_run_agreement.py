@@ -36,7 +36,7 @@ def with_gear(run: MethodEstimate) -> MethodEstimate:
 
 
 def test_noise_alone_exceeds_the_limit_at_the_stated_rate_at_most() -> None:
-    """Of 1000 sets of five runs, 0.3 % exceed the limit by chance, plus up to three standard errors of that."""
+    """0.3 % of 1000 sets of five runs exceed the limit by chance, or up to three standard errors more."""
     rng = np.random.default_rng(5)
     limit = noise_limit(5)
     alarms = sum(

@@ -59,7 +59,7 @@ STILL = np.zeros((1, len(T_S), 2))
 
 
 def test_errors_of_states_reach_the_polar_as_those_of_the_data_do() -> None:
-    """By least squares, the covariance is (X'X)^-1 times the variance of z due to both states together."""
+    """In least squares, the covariance is (X'X)^-1 times the variance of z due to both states together."""
     fit, trajectory, along = flown(WHITE, STILL, sigma=0.05)
     variance = 0.05**2 * (BY_STATE[0] ** 2 + BY_STATE[1] ** 2)
     assert _by_states(fit, trajectory, along) == pytest.approx(variance * np.linalg.inv(X.T @ X), rel=1e-6)

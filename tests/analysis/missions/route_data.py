@@ -1,4 +1,4 @@
-"""Results of an analysis without a flight: an aircraft of 3.84 kg with its propeller, and how well it is known."""
+"""Made-up results of an analysis: the values of an aircraft of 3.84 kg with its propeller, and their errors."""
 
 from dataclasses import replace
 from typing import Any
@@ -40,7 +40,7 @@ VALUES = {
     "alpha_CL": 0.235, "shaft_scale": 1.0, "friction": 0.28, "copper": 300.0, "meter_scale": 0.0,
     "unloaded_revps": 165.0, "revps_per_Nm": 60.0,
 }  # fmt: skip
-SHARES = {"A0": 0.03, "A1": 0.05, "A2": 0.04, "shaft_scale": 0.03, "friction": 0.1, "copper": 0.1}  # standard errors
+SHARES = {"A0": 0.03, "A1": 0.05, "A2": 0.04, "shaft_scale": 0.03, "friction": 0.1, "copper": 0.1}  # relative
 AT = ConditionResult(weight_N=WEIGHT_N, air_density_kgpm3=RHO)
 CALM = Wind(0.0, 0.0, 0.0)
 BATTERY = Battery(energy_J=74 * 3600.0, reserve=0.2)
@@ -99,7 +99,7 @@ def electrical_results(**changed: Any) -> RouteInput:
 
 
 def electrical_flight(**changed: Any) -> Results:
-    """A curve of electrical power with 8 W of idle power in it."""
+    """Return results with a curve of electrical power that includes 8 W of idle power."""
     V = np.linspace(11.0, 22.0, 13)
     power_W = 8 + 0.022 * V**3 + 500 / V
     statistics = PowerStatistics(

@@ -24,7 +24,7 @@ def nexstar() -> ExpectedAircraft:
 
 
 def plan(aircraft: ExpectedAircraft, *, minutes: float = 10.0, height_m: float = 40.0) -> Any:
-    """Level at 16 m/s, in a circle of 200 m about a point 200 m east of the take-off."""
+    """Return a level plan at 16 m/s, on a circle of radius 200 m around a point 200 m east of the take-off."""
     n, V = round(minutes * 60 / PATH.step_s), 16.0
     drag_N = float(aircraft.drag_N(V))
     table = pd.DataFrame({
@@ -51,7 +51,7 @@ def test_a_table_that_ends_below_the_revolutions_flown_is_warned_of(nexstar: Exp
 
 
 def test_a_battery_that_is_empty_before_the_landing_is_warned_of(nexstar: ExpectedAircraft) -> None:
-    """Drag times speed over an efficiency of a half to two thirds; a tenth of the time takes a tenth of the energy."""
+    """Energy is drag times distance over an efficiency of a half to two thirds, in proportion to the time."""
     needed = [card.energy_Wh(plan(nexstar, minutes=minutes)) for minutes in (10.0, 1.0)]
     work_Wh = float(nexstar.drag_N(16.0)) * 16.0 / 6
     assert 1.4 * work_Wh < needed[0] < 2.2 * work_Wh and needed[1] == pytest.approx(needed[0] / 10, rel=1e-3)
@@ -67,7 +67,7 @@ def test_a_flight_above_the_limit_of_height_is_warned_of(nexstar: ExpectedAircra
 
 
 def test_a_wind_that_the_flight_hardly_advances_against_is_warned_of(nexstar: ExpectedAircraft) -> None:
-    slow = replace(nexstar, stall_mps=plan(nexstar).request.wind_mps / 0.72 / 1.6)  # 1.6 times that between maneuvers
+    slow = replace(nexstar, stall_mps=plan(nexstar).request.wind_mps / 0.72 / 1.6)  # cruise is 1.6 times the stall
     (warning,) = card.warnings(plan(slow))
     assert f"the speed between maneuvers {slow.cruise_mps:.1f} m/s" in warning
 
@@ -85,8 +85,8 @@ def test_without_a_heading_there_is_no_map_and_without_a_direction_no_wind_in_it
 
 @pytest.mark.parametrize(("heading_deg", "axis", "side"), [(0.0, 0, 1), (90.0, 1, 1), (180.0, 0, -1), (270.0, 1, -1)])
 def test_the_map_has_north_up(nexstar: ExpectedAircraft, heading_deg: float, axis: int, side: int) -> None:
-    """A circle to the right of the take-off lies east of it when the first leg is to the north, south when it is to the
-    east, where y points down."""
+    """A circle to the right of the first leg lies east of the take-off if that leg points north, and south of it if the
+    leg points east. In the map, y points down."""
     flown = plan(nexstar)
     flown.request = replace(flown.request, heading_deg=heading_deg)
     pairs = card._map(flown).split('points="')[1].split('"')[0].split()
@@ -112,7 +112,7 @@ def test_there_is_a_box_to_tick_for_each_time() -> None:
 
 
 def test_a_run_that_is_planned_twice_is_ticked_off_twice() -> None:
-    """From rest to 20 m/s, down to 12, up again, and down to 12 once more."""
+    """The runs go from rest to 20 m/s, down to 12, up again, and down to 12 once more."""
     runs = tuple(Run(0.5, 1.0, until_mps) for until_mps in (20.0, 12.0, 20.0, 12.0))
     listed = tomllib.loads(card.runs_to_tick_off(SimpleNamespace(maneuvers=runs)))["run"]  # type: ignore[arg-type]
     assert [(run["kind"], run["from_mps"], run["to_mps"], run["times"]) for run in listed] == [

@@ -1,4 +1,4 @@
-"""What a plan assumes of an aircraft: lift carries the weight, the motor drives the propeller, and speeds follow."""
+"""In a plan's aircraft, lift carries the weight and the motor drives the propeller, and its speeds follow from that."""
 
 from dataclasses import replace
 from math import exp, pi, sqrt
@@ -35,7 +35,7 @@ def test_density_is_that_of_the_standard_atmosphere_at_the_height(nexstar: Expec
 
 
 def test_the_drag_of_an_unknown_aircraft_is_a_parabola_about_its_least(nexstar: ExpectedAircraft) -> None:
-    """C_D0 0.05 at C_L 0.2, span efficiency 0.75, largest C_L 1.2."""
+    """The least C_D is 0.05 at C_L = 0.2, span efficiency is 0.75, and the largest C_L is 1.2."""
     A, AR = nexstar.A, nexstar.aircraft.aspect_ratio
     polar = np.polynomial.Polynomial(A)
     assert polar.deriv().roots() == pytest.approx([0.2])
@@ -66,7 +66,7 @@ def test_lift_follows_alpha_by_helmbold_s_slope(nexstar: ExpectedAircraft) -> No
 
 @pytest.mark.parametrize("throttle", [1.0, 0.6])
 def test_the_motor_s_torque_is_the_propeller_s(nexstar: ExpectedAircraft, throttle: float) -> None:
-    """Voltage = throttle times the battery's less its loss; (2.17)-(2.19): U = k omega + R I, M = k (I - I0)."""
+    """The motor gets throttle times battery voltage less loss: U = k omega + R I, M = k (I - I0), (2.17)-(2.19)."""
     V = nexstar._grid_V[4]
     p = nexstar.aircraft.propulsion
     thrust_N = nexstar.thrust_N(throttle, V)
@@ -131,7 +131,7 @@ def test_any_speed_of_rotation_from_5_to_400_a_second_is_found(nexstar: Expected
 
 
 def test_thrust_is_known_from_0_8_to_4_5_times_the_stall(nexstar: ExpectedAircraft) -> None:
-    """Beyond, it is that at the end."""
+    """Beyond these speeds, thrust keeps its value at the end."""
     stall = nexstar.stall_mps
     for end, inside in ((0.8, 0.83), (4.5, 4.4)):
         at_the_end = nexstar.thrust_N(1.0, end * stall)
@@ -140,7 +140,7 @@ def test_thrust_is_known_from_0_8_to_4_5_times_the_stall(nexstar: ExpectedAircra
 
 
 def test_an_assumed_motor_may_turn_at_any_speed_from_5_to_400_a_second(aircraft: Aircraft) -> None:
-    """A standing throttle is five revolutions a second."""
+    """With the throttle closed, the propeller turns at five revolutions per second."""
     unknown = replace(aircraft, keys=aircraft.keys - {"propulsion.motor_resistance"})
     quick = expected_aircraft(unknown, HEIGHT_M, fastest_mps=47.0)
     assert quick.thrust_N(1.0, 47.0) == pytest.approx(float(quick.drag_N(47.0)), rel=0.01)
@@ -151,7 +151,7 @@ def test_an_assumed_motor_may_turn_at_any_speed_from_5_to_400_a_second(aircraft:
 
 
 def with_table_to(aircraft: ExpectedAircraft, rpm: float, monkeypatch: pytest.MonkeyPatch) -> ExpectedAircraft:
-    """This aircraft with a propeller table that ends at this speed of rotation."""
+    """Return the aircraft with a propeller table that ends at `rpm`."""
     propeller = aircraft.propeller
     rows = tuple(replace(row, rpm=row.rpm * rpm / propeller.rows[-1].rpm) for row in propeller.rows)
     short = Propeller(propeller.name, propeller.diameter_m, rows, beyond_zero_thrust=propeller.beyond_zero_thrust)
@@ -160,17 +160,17 @@ def with_table_to(aircraft: ExpectedAircraft, rpm: float, monkeypatch: pytest.Mo
 
 
 def test_nothing_is_planned_beyond_the_propeller_s_table(nexstar: ExpectedAircraft, monkeypatch) -> None:
-    """Neither held nor in an acceleration at its highest speed; a run at full throttle is left out."""
+    """Steady flight and accelerations stay within it up to the highest speed; runs at full throttle are left out."""
     assert nexstar.full_throttle and nexstar.acceleration_throttle == 0.87
     short = with_table_to(nexstar, 6500.0, monkeypatch)
     fast = np.array([0.92 * short.fastest_mps])
     assert 1.6 * short.stall_mps < fast[0] < 0.92 * nexstar.fastest_mps and not short.full_throttle
     for thrust_N in (short.drag_N(fast), np.array([short.thrust_N(short.acceleration_throttle, fast[0])])):
         assert 60 * short.revps_of_thrust(fast, thrust_N)[0] <= 6500.0
-    assert short.thrust_N(short.acceleration_throttle, fast[0]) > 1.05 * short.drag_N(fast)[0], "it still accelerates"
-    # A turn, and porpoising by 1 g: drag is a parabola of lift, and the mean of (1 + sin)^2 is 1.5, of 1.21^2 1.47.
+    assert short.thrust_N(short.acceleration_throttle, fast[0]) > 1.05 * short.drag_N(fast)[0], "must still accelerate"
+    # Drag is a parabola of lift: porpoising by 1 g has a mean (1 + sin)^2 of 1.5, a turn at 1.21 g has 1.21^2 = 1.47.
     in_turns = short.revps_of_thrust(fast, short.drag_N(fast, 1.21))[0]
-    assert 0.97 * 6500 < 60 * in_turns / 0.92 <= 6500, "with its margin, and no slower than that takes"
+    assert 0.97 * 6500 < 60 * in_turns / 0.92 <= 6500, "slower by its margin, and not by more"
 
 
 def test_between_maneuvers_the_aircraft_is_no_faster_than_the_table(nexstar: ExpectedAircraft, monkeypatch) -> None:
@@ -181,7 +181,7 @@ def test_between_maneuvers_the_aircraft_is_no_faster_than_the_table(nexstar: Exp
 
 
 def test_a_table_that_begins_with_fast_blades_still_has_an_end(nexstar: ExpectedAircraft, monkeypatch) -> None:
-    """Whatever slow flight lies outside, fast flight is limited."""
+    """Even if slow flight lies outside the table, its end limits fast flight."""
     V = np.array([1.15 * nexstar.stall_mps])
     begin = 60 * nexstar.revps_of_thrust(V, nexstar.drag_N(V))[0]
     rows = [row for row in nexstar.propeller.rows if row.rpm in (4000.0, 6000.0)]
@@ -206,7 +206,7 @@ def test_no_climb_is_planned_that_the_battery_does_not_give(nexstar: ExpectedAir
 
 @pytest.mark.parametrize("stall_mps", [0.01, 1.0, 30.0, 100.0])
 def test_a_stall_speed_that_no_wing_has_is_refused(aircraft: Aircraft, stall_mps: float) -> None:
-    """A largest lift coefficient is between a quarter and four: the stall speed of 1.2, over 1.8 and times 2.2."""
+    """The largest C_L must lie between 0.25 and 4: the stall speed between that for 1.2 over 1.8 and times 2.2."""
     with pytest.raises(InputError, match=r"a stall speed of .* 5\.9 to 23\.6 m/s is possible") as refused:
         expected_aircraft(aircraft, HEIGHT_M, stall_mps=stall_mps)
     assert "\n" not in str(refused.value)
@@ -216,21 +216,21 @@ def test_a_stall_speed_that_no_wing_has_is_refused(aircraft: Aircraft, stall_mps
 def test_a_plan_without_a_speed_between_stall_and_full_throttle_is_refused(
     aircraft: Aircraft, stall_mps: float
 ) -> None:
-    """It gives 24.5 m/s, of which 92 % are planned; the slowest keeps 9 % to the stall."""
+    """Full throttle gives 24.5 m/s, of which 92 % are planned; the slowest speed is 9 % above the stall."""
     request = Request(21.0, 5.0, Space(500.0, 40.0), Pilot(False, 1.0))
     with pytest.raises(InputError, match=r"is not below the fastest that is planned, 22\.\d m/s"):
         plan_flight(expected_aircraft(aircraft, 40.0, stall_mps=stall_mps), request)
 
 
 def test_a_run_without_thrust_stays_at_half_the_stall(nexstar: ExpectedAircraft) -> None:
-    """It does not fly backward: the drag of level flight grows without limit where lift comes from no speed."""
+    """It does not fly backward, although the drag of level flight grows without limit as speed goes to zero."""
     halted = of_time_history.paths([Run(0.1, 1.0, 30.0)], nexstar, HEIGHT_M, airborne=True)[0]
     assert halted.V[-1] == pytest.approx(nexstar.stall_mps / 2)
     assert np.all(np.diff(halted.V) <= 0)
 
 
 def test_a_plan_knows_that_a_table_was_computed(aircraft: Aircraft) -> None:
-    """For an aircraft file that does not state the uncertainty of thrust."""
+    """If the aircraft file does not state the uncertainty of thrust, it is that of a computed table."""
     silent = replace(aircraft, keys=aircraft.keys - {"uncertainty.thrust_scale", "uncertainty.thrust_slope"})
     assert expected_aircraft(aircraft, HEIGHT_M).aircraft.uncertainty == aircraft.uncertainty
     assert expected_aircraft(silent, HEIGHT_M).aircraft.uncertainty.thrust_scale_fraction == pytest.approx(

@@ -1,4 +1,4 @@
-"""Missions of QGroundControl, Mission Planner and maps, read as what they make an aircraft fly."""
+"""Missions of QGroundControl, Mission Planner, INAV and maps are read as the path that the aircraft flies."""
 
 import json
 from math import cos, radians
@@ -12,7 +12,7 @@ from flightpower.analysis.missions.mission_files import load_mission
 from flightpower.flight.errors import InputError
 
 HOME_DEG = (48.1, 11.5)
-NORTH_DEG = 1000.0 / (6_371_000.0 * radians(1.0))  # a kilometer
+NORTH_DEG = 1000.0 / (6_371_000.0 * radians(1.0))  # of one kilometer
 EAST_DEG = NORTH_DEG / cos(radians(HOME_DEG[0]))
 
 
@@ -24,7 +24,7 @@ def item(
     height_m: float = 80.0,
     frame: int = 3,
 ) -> dict[str, Any]:
-    """A simple item of a plan, at a place from home or without one."""
+    """Return a simple item of a plan, at a place relative to home or without a place."""
     four = [*params, *[0.0] * (4 - len(params))]
     place = [0, 0] if east_km is None else [HOME_DEG[0] + north_km * NORTH_DEG, HOME_DEG[1] + east_km * EAST_DEG]
     return {"type": "SimpleItem", "command": command, "frame": frame, "params": [*four, *place, height_m]}
@@ -70,7 +70,7 @@ def test_plan_and_waypoints_of_one_mission_are_the_same(tmp_path: Path, write: A
     assert home.to == HOME._replace(height_m=80)
     assert first.speed is None
     assert second.speed == home.speed == Speed(18.0)
-    assert len(mission.notes) == 1  # the camera's trigger, and the end of its video after landing
+    assert len(mission.notes) == 1  # on both camera commands
 
 
 def test_circles_holds_drops_and_climbs_are_taken_over(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_a_speed_goes_back_to_the_default_and_stays_without_change(tmp_path: Pat
 
 
 def test_a_cruise_speed_of_qgroundcontrol_is_not_flown(tmp_path: Path) -> None:
-    """It writes one into every plan for times of its own; the vehicle never gets it."""
+    """QGroundControl writes one into every plan for its own time estimates, and never sends it to the vehicle."""
     fast = read(tmp_path, plan_text(item(16, east_km=1.0), cruiseSpeed=22))
     assert {step.speed for step in fast.steps} == {None} and "with 22 m/s, which the plan does not send" in fast.notes[
         0
@@ -111,7 +111,7 @@ def test_a_cruise_speed_of_qgroundcontrol_is_not_flown(tmp_path: Path) -> None:
 
 
 def test_a_plan_for_a_multicopter_is_named(tmp_path: Path) -> None:
-    """Six of thirteen public plans are, with legs of a few meters; those for a wing and for a VTOL say nothing."""
+    """Six of thirteen public plans are for one, with legs of a few meters. Fixed wings and VTOLs give no note."""
     for kind, expected in ((2, "quadrotor (vehicleType 2)"), (11, "boat"), (1, ""), (20, ""), (None, "")):
         notes = read(tmp_path, plan_text(item(16, east_km=1.0), cruiseSpeed=0, vehicleType=kind)).notes
         message = [note for note in notes if "vehicleType" in note]
@@ -120,8 +120,8 @@ def test_a_plan_for_a_multicopter_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", [16, 22])
 def test_heights_above_home_in_the_frame_of_the_sea_are_refused(command: int, tmp_path: Path) -> None:
-    """100 m in frame 0 with a home 500 m high is 400 m under the ground; 60 m below home can be a valley if the user
-    says so."""
+    """100 m in frame 0 with home at 500 m is 400 m under the ground. 60 m below home can be a valley if it is given
+    relative to home, or for a landing."""
     with pytest.raises(InputError, match=r"item 1 .*: 400 m below home; 100 m above sea level, and home at 500 m"):
         read(tmp_path, plan_text(item(command, frame=0, height_m=100.0, east_km=1.0)))
     with pytest.raises(InputError, match=r"60 m below home; 440 m"):
@@ -167,7 +167,7 @@ def test_a_jump_repeats_what_lies_between(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("write", [plan_text, waypoints_text])
 def test_a_jump_names_an_item_by_the_number_it_has(write: Any, tmp_path: Path) -> None:
-    """QGroundControl counts the items of a survey, too, so that its numbers have gaps; they may repeat."""
+    """QGroundControl also counts the items inside a survey, so its numbers have gaps; they may repeat as well."""
     items = [
         item(22, east_km=0.2) | {"doJumpId": 10},
         item(16, east_km=1.0) | {"doJumpId": 20},
@@ -184,13 +184,13 @@ def test_a_jump_names_an_item_by_the_number_it_has(write: Any, tmp_path: Path) -
 
 
 def test_a_jump_counts_over_the_whole_mission(tmp_path: Path) -> None:
-    """An inner one is not begun anew by an outer one: neither ArduPilot nor PX4 sets its count back."""
+    """An outer jump does not restart an inner one: neither ArduPilot nor PX4 resets its count."""
     flown = read(tmp_path, plan_text(item(16, east_km=1.0), item(16, east_km=2.0), item(177, 2, 2), item(177, 1, 1)))
     assert [step.name[0] for step in flown.steps[:-1]] == ["1", "2", "2", "2", "1", "2"]
 
 
 def test_a_jump_to_a_tag_repeats_what_follows_the_tag(tmp_path: Path) -> None:
-    """JUMP_TAG and DO_JUMP_TAG of ArduPlane 4.4: the tag is a mark, and takes neither place nor energy."""
+    """JUMP_TAG and DO_JUMP_TAG are commands of ArduPlane 4.4; a tag is a mark without a place, and costs no energy."""
     tagged = [
         item(22, 15, east_km=0.2, height_m=40.0),
         item(600, 7, frame=0, height_m=0.0),
@@ -229,7 +229,7 @@ AGAIN = [item(22, 15, east_km=0.2), item(16, east_km=3.0), item(20)]
     ],
 )
 def test_a_mission_is_flown_up_to_its_landing(tmp_path: Path, after: list[dict[str, Any]], note: str | None) -> None:
-    """What follows are way-points of an aborted approach, whose jump back has no end, or another flight."""
+    """The items after it are for an aborted approach, whose jump back has no end, or for another flight."""
     mission = read(tmp_path, waypoints_text(*LANDED, *after))
     assert [step.name for step in mission.steps] == ["1 take-off", "2 waypoint", "3 landing"]
     assert len(mission.notes) == (note is not None) and all(message.endswith(note or "") for message in mission.notes)
@@ -237,7 +237,7 @@ def test_a_mission_is_flown_up_to_its_landing(tmp_path: Path, after: list[dict[s
 
 @pytest.mark.parametrize("write", [plan_text, waypoints_text])
 def test_zeros_are_here(write: Any, tmp_path: Path) -> None:
-    """0, 0, 0: where the aircraft is, at its height; a height alone is flown there. A landing ends on the ground."""
+    """0, 0, 0 is the aircraft's own place and height; 0, 0 and a height is its place at that height. Landings end at 0."""
     mission = read(
         tmp_path,
         write(item(16, east_km=1.0, height_m=90.0), item(18, 2, height_m=0.0), item(19, 60, height_m=120.0),
@@ -260,7 +260,7 @@ def test_lines_of_waypoints_may_be_comments(tmp_path: Path) -> None:
 
 
 def test_a_first_item_that_is_no_waypoint_is_no_home(tmp_path: Path) -> None:
-    """Its height would be home's above the sea, and its take-off would be lost."""
+    """Otherwise its height would count as home's height above the sea, and its take-off would be lost."""
     rows = waypoints_text(*SQUARE).split("\n")
     without = "\n".join([rows[0], *rows[2:]])
     with pytest.raises(InputError, match=r'give --home "48.1,11.5". Item 1 \(command 22\) is not the home'):
@@ -285,7 +285,7 @@ def test_home_of_mission_planner_may_be_a_zero_and_one_in_another_frame_has_no_k
 
 
 def test_home_may_have_no_known_height_and_no_known_place(tmp_path: Path) -> None:
-    """It is wanted where a height is above the sea; --elevation tells it, and 0 in the file is doubted."""
+    """Home's height is needed only for heights above the sea. --elevation gives it; a 0 in the file is doubted."""
     unknown = {"plannedHomePosition": [*HOME_DEG, None]}
     assert read(tmp_path, plan_text(item(16, east_km=1.0), **unknown)).steps[0].to.height_m == 80
     high = item(16, frame=0, height_m=600.0, east_km=1.0)
@@ -296,7 +296,7 @@ def test_home_may_have_no_known_height_and_no_known_place(tmp_path: Path) -> Non
     zero = {"plannedHomePosition": [*HOME_DEG, 0]}
     assert read(tmp_path, plan_text(high, **zero), assumed).steps[0].to.height_m == 150
     assert any("home at 0 m" in note for note in read(tmp_path, plan_text(high, **zero)).notes)
-    assert read(tmp_path, plan_text(high), assumed).steps[0].to.height_m == 100, "the file knows it"
+    assert read(tmp_path, plan_text(high), assumed).steps[0].to.height_m == 100, "the file's own height counts"
     for nowhere in ([None, None, None], [0, 0, 0], []):
         with pytest.raises(InputError, match="has no home position"):
             read(tmp_path, plan_text(high, plannedHomePosition=nowhere))
@@ -330,7 +330,7 @@ def test_an_old_landing_says_of_each_height_what_it_is_above(tmp_path: Path) -> 
 
 
 def test_a_mission_file_before_plans_is_read(tmp_path: Path) -> None:
-    """Version 1 of QGroundControl: four parameters, and the place in a key of its own."""
+    """Version 1 of QGroundControl has four parameters in an item, and a separate key for the place."""
     plan = plan_text(item(22, 15, east_km=0.2), item(18, 3, 0, -60, east_km=1.0), item(20))
     items = [
         {"type": "missionItem", "command": item["command"], "frame": item["frame"], "coordinate": item["params"][4:]}
@@ -344,7 +344,7 @@ def test_a_mission_file_before_plans_is_read(tmp_path: Path) -> None:
 
 
 def inav_text(*items: str, home: str = f'home-x="{HOME_DEG[1]}" home-y="{HOME_DEG[0]}"') -> str:
-    """Each item: action, latitude, longitude, height and the parameters."""
+    """Return a mission of INAV; an item is its action, latitude, longitude, height and parameters."""
     rows = []
     for number, item in enumerate(items, start=1):
         action, latitude, longitude, height_m, *params = item.split()
@@ -359,7 +359,7 @@ FAR = f"{HOME_DEG[0]} {HOME_DEG[1] + 2 * EAST_DEG}"
 
 
 def test_a_mission_of_inav_is_what_the_same_of_mavlink_is(tmp_path: Path) -> None:
-    """Speeds of legs are for multicopters; a jump names a number; a height above the sea has a bit of its own."""
+    """Leg speeds are for multicopters and ignored; a jump names a number; a flag marks a height above the sea."""
     inav = read(
         tmp_path,
         inav_text(f"WAYPOINT {EAST} 80 1500 0 0", f"POSHOLD_TIME {FAR} 90 45 0 0", "JUMP 0 0 0 1 2 0",
@@ -459,7 +459,7 @@ def test_a_line_above_the_sea_begins_where_home_is_told_to_be(tmp_path: Path) ->
 
 
 def test_the_flight_path_of_qgroundcontrol_begins_at_home_on_the_ground(tmp_path: Path) -> None:
-    """Its heights are above the sea; the first point is home's own, from which the aircraft takes off."""
+    """Its heights are above the sea, and its first point is home, from which the aircraft takes off."""
     line = KML.format("<altitudeMode>absolute</altitudeMode>", 500, HOME_DEG[0] + 2 * NORTH_DEG, 580)
     path = line.replace("<Placemark>", "<Placemark><name>Flight Path</name>")
     mission = read(tmp_path, path)

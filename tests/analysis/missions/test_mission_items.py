@@ -1,4 +1,4 @@
-"""Items of missions against a second reader, pymavlink's: numbers of commands, and files of every habit."""
+"""Mission items agree with a second reader, pymavlink: the numbers of commands, and files of any writing style."""
 
 import random
 from math import nan
@@ -64,7 +64,7 @@ def test_frames_and_kinds_are_numbered_as_by_mavlink() -> None:
 
 
 def random_items(seed: int) -> list[Item]:
-    """Items with and without positions, in all frames, and with gaps in their numbers."""
+    """Return items with and without positions, in all frames, and with gaps in their numbers."""
     rng = random.Random(seed)
     number, items = 0, []
     for _ in range(rng.randrange(1, 12)):
@@ -80,7 +80,7 @@ def random_items(seed: int) -> list[Item]:
 
 
 def habits(text: str, seed: int) -> str:
-    """This file as others write it: spaces for tabs, comments, empty lines, line ends of Windows."""
+    """Return the file as other programs write it: spaces for tabs, comments, empty lines, line ends of Windows."""
     rng = random.Random(seed)
     head, *rows = text.strip().split("\n")
     lines = [head]
@@ -103,7 +103,7 @@ def test_waypoints_are_read_as_pymavlink_reads_them(seed: int, tmp_path: Path, m
     first = loader.wp(0)
     assert read.start == (first.x, first.y, first.z) == home
     numbers = [int(line.split()[0]) for line in path.read_text("utf-8").splitlines()[1:] if line[:1].isdigit()]
-    assert [item.number for item in read.items] == numbers[1:], "pymavlink counts them anew"
+    assert [item.number for item in read.items] == numbers[1:], "numbers in the file, where pymavlink renumbers"
     for i, item in enumerate(read.items, start=1):
         other = loader.wp(i)
         assert (item.command, item.frame) == (other.command, other.frame)
@@ -113,7 +113,7 @@ def test_waypoints_are_read_as_pymavlink_reads_them(seed: int, tmp_path: Path, m
 
 @pytest.mark.parametrize("seed", range(40))
 def test_both_formats_hold_the_same_items(seed: int) -> None:
-    """What is written is read again; waypoints have eight digits, and no number is zero there."""
+    """Both read back what was written; waypoint files have eight digits, and zero stands for a missing number."""
     home, written = Start(48.1, 11.5, 500.0), random_items(seed)
     plan = read_plan(plan_text(written, home, Vehicle("px4", 15.0, [(48.0, 11.0)])), "here")
     text = read_waypoints(waypoints_text(written, home), "here")

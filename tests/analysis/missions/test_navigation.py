@@ -1,4 +1,4 @@
-"""A plan over the ground: it stays where it is watched from, in any wind, and says so of the path that it flies."""
+"""The path of a plan over the ground stays near the place from which it is watched, in any wind."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def nexstar() -> ExpectedAircraft:
 
 @pytest.fixture(scope="module")
 def pieces_flown(nexstar: ExpectedAircraft) -> list[Piece]:
-    """All pieces of the catalog in turn."""
+    """Return all pieces of the catalog, in sequence."""
     return catalog(nexstar, Space(LEG_M, HEIGHT_M), Pilot(autopilot=False, load=0.8), 5.0)
 
 
@@ -30,8 +30,8 @@ def farthest_m(maneuvers: list[Maneuver], aircraft: ExpectedAircraft, wind_mps: 
 
 @pytest.mark.parametrize("wind_mps", [0.0, 4.0, 8.0])
 def test_a_flight_stays_in_sight_in_any_wind(nexstar, pieces_flown: list[Piece], wind_mps: float) -> None:
-    """A leg about the place of take-off; in a strong wind half as much more, since runs downwind cannot be shortened.
-    As planned for still air, it would drift miles away."""
+    """It stays within a leg of the take-off; in strong wind within 1.5, since downwind runs cannot be shortened.
+    Without the correction, it would go more than 1.5 km away."""
     plan = sequence(pieces_flown, nexstar)
     corrected = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), wind_mps)
     assert farthest_m(corrected, nexstar, wind_mps) < (1.1 if wind_mps < 5 else 1.5) * LEG_M
@@ -49,9 +49,9 @@ def test_legs_end_at_the_same_two_places_and_take_longer_against_the_wind(nexsta
     x, y = history.position_m.T
     legs = [i for i, maneuver in enumerate(corrected) if isinstance(maneuver, Hold)][
         3:-1
-    ]  # after the first, before landing
+    ]  # without the first ones and the one before landing
     ends = np.array([index[i + 1] for i in legs])
-    assert np.ptp(y[ends]) < 60.0, "crabbed: all end on one line"
+    assert np.ptp(y[ends]) < 60.0, "with crab angles, all must end on one line"
     seconds = {}
     for into_the_wind in (True, False):
         these = [k for k, i in enumerate(legs) if (x[index[i + 1]] > x[index[i]]) == into_the_wind]
@@ -74,7 +74,7 @@ def test_the_landing_is_into_the_wind(nexstar: ExpectedAircraft, pieces_flown: l
 def test_a_wind_from_elsewhere_keeps_the_flight_in_sight(
     nexstar, pieces_flown: list[Piece], wind_from_deg: float
 ) -> None:
-    """Computed for another direction than it is flown in, it drifts off by more than a leg."""
+    """If the wind is not from the direction that was assumed, the flight drifts more than two legs away."""
     plan = sequence(pieces_flown, nexstar, wind_from_deg)
     corrected = kept_in_place(plan, nexstar, Space(LEG_M, HEIGHT_M), 4.0, wind_from_deg)
 

@@ -1,4 +1,4 @@
-"""The catalog of an aircraft that stalls at 10 m/s and reaches 30 m/s: speeds, durations and turns of its pieces."""
+"""Tests the speeds, durations and turns of the catalog's pieces for a stall at 10 m/s and a fastest speed of 30."""
 
 from math import cos, degrees, pi
 from types import SimpleNamespace
@@ -10,13 +10,13 @@ from flightpower.analysis.missions import pieces
 from flightpower.analysis.missions.pieces import Hold, Pilot, Porpoise, Run, Space, Turn
 
 AIRCRAFT: Any = SimpleNamespace(stall_mps=10.0, fastest_mps=30.0, cruise_mps=16.0, acceleration_throttle=0.87)
-SLOW, FAST = 11.0, 27.6  # 1.08 and 0.002 for each of 10 kt; 92 %
+SLOW, FAST = 11.0, 27.6  # (1.08 + 0.002 x 10 kt) x stall; 92 % of the fastest
 HELD = 1.04 * SLOW
 WIND_KT = 10.0
 
 
 def turning_mps(bank_rad: float) -> float:
-    """15 % above the speed at which the turn's lift is as near to the stall's as at the slowest speed."""
+    """Return 115 % of the speed at which a turn has the stall margin that SLOW has in level flight."""
     return 1.15 * SLOW / cos(bank_rad) ** 0.5
 
 
@@ -28,7 +28,7 @@ def test_runs_go_from_the_slowest_speed_to_the_fastest_and_back(i, ramp_s, settl
     assert up == Run(0.87, ramp_s, pytest.approx(FAST)) and down == Run(0.495, 2.5, pytest.approx(SLOW))
     assert rest == Hold(4.0, 13.0) and turn == Turn(16.0, pi, 0.6)
     assert f"throttle over {ramp_s:.0f} s" in piece.title
-    # Both runs last 38 s; what does not fit into one leg is flown on two, with a turn at the fast speed.
+    # Both runs together last 38 s; if they do not fit into one leg, they take two, with a turn at the fast speed.
     needed_m = SLOW * settle_s + (SLOW + FAST) / 2 * 38 + hold_s * FAST
     for more_m, legs in ((1.0, 1), (-1.0, 2)):
         maneuvers = list(pieces.run_pairs(AIRCRAFT, Space(needed_m + more_m, 60.0), WIND_KT))[i].maneuvers
@@ -53,7 +53,7 @@ def test_circuits_are_at_six_speeds_for_8_to_60_seconds() -> None:
 
 
 def test_where_there_is_little_time_level_flight_and_porpoising_are_short_and_runs_are_not() -> None:
-    """20 s of porpoising, two legs of 10 s; beyond 10 and 8 s they say nothing more for being shorter."""
+    """In 20 s fit 20 s of porpoising or two legs of 10 s. Porpoising is never shorter than 10 s, nor a leg than 8 s."""
     wide, pilot = Space(5000.0, 60.0), Pilot(autopilot=False, load=1.0)
     for longest_s, porpoising_s, leg_s in ((20.0, 20.0, 10.0), (2.0, 10.0, 8.0), (1000.0, 75.0, 60.0)):
         catalog = pieces.catalog(AIRCRAFT, wide, pilot, WIND_KT, longest_s)
@@ -88,7 +88,7 @@ def test_circles_are_two_at_three_speeds_and_two_banks() -> None:
     ("load", "over_stall"), [(0.8, [1.5, 1.6, 1.75, 1.95, 2.76]), (1.0, [1.6, 1.75, 1.95, 2.76]), (1.6, [1.95, 2.76])]
 )
 def test_porpoising_is_where_the_wing_carries_more_than_its_load(load: float, over_stall: list[float]) -> None:
-    """(V/V_stall)^2 >= 1.1^2 (1 + load), at two rates; for a leg less 4 s, from 10 to 75 s."""
+    """It is flown if (V/V_stall)^2 >= 1.1^2 (1 + load), at two rates, for a leg less 4 s, but 10 to 75 s."""
     for leg_m, seconds in ((800.0, lambda V: 800 / V - 4.0), (100.0, lambda V: 10.0), (5000.0, lambda V: 75.0)):
         result = list(pieces.porpoising(AIRCRAFT, Space(leg_m, 60.0), Pilot(autopilot=False, load=load), WIND_KT))
         speeds = [10 * ratio for ratio in over_stall for _ in range(2)]

@@ -1,4 +1,4 @@
-"""Options of a plan as a program gives them: names as texts are taken, those that do not exist are refused."""
+"""Programs may give names in the options of a plan as text; names that do not exist are refused."""
 
 import pytest
 
@@ -15,7 +15,7 @@ def test_a_name_given_as_text_is_the_same_as_the_enum() -> None:
     ("heading_deg", "wind_from_deg", "first_deg"), [(250.0, 200.0, 250.0), (250.0, 80.0, 70.0), (10.0, 200.0, 190.0)]
 )
 def test_the_first_leg_is_the_one_into_the_wind(heading_deg: float, wind_from_deg: float, first_deg: float) -> None:
-    """The take-off is along the wind. Without a direction of the wind it is as given."""
+    """The leg direction that is into the wind comes first; without a wind direction, it is the heading given."""
     assert PlanOptions(heading_deg=heading_deg, wind_from_deg=wind_from_deg).first_leg_deg == first_deg
     assert PlanOptions(heading_deg=heading_deg).first_leg_deg == heading_deg and PlanOptions().first_leg_deg is None
     with pytest.raises(InputError, match="without --heading"):

@@ -1,4 +1,4 @@
-"""Plans: information as the estimator states it, files that can be flown, a margin above the stall."""
+"""Plans predict the estimator's standard errors, give files that can be flown, and keep a margin above the stall."""
 
 import json
 import re
@@ -49,7 +49,7 @@ def nexstar() -> ExpectedAircraft:
 
 @pytest.fixture(scope="module")
 def plan(nexstar: ExpectedAircraft) -> FlightPlan:
-    """A plan of 9 minutes from a small catalog, with a leg too short for an acceleration and a deceleration."""
+    """Return a plan of 9 minutes from a small catalog; a leg is too short for an acceleration and a deceleration."""
     few = pieces.catalog
 
     def small(*arguments: object) -> list[pieces.Piece]:
@@ -65,7 +65,7 @@ def plan(nexstar: ExpectedAircraft) -> FlightPlan:
 
 
 def test_no_acceleration_is_planned_that_the_analysis_finds_too_gentle(nexstar: ExpectedAircraft):
-    """A table that ends at half again the stall leaves little throttle: over 13 s it does not accelerate enough."""
+    """A table that ends at 1.5 times the stall leaves little throttle, so a ramp of 13 s accelerates too gently."""
     request = Request(9.0, 0.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=0.8))
     V = 1.5 * nexstar.stall_mps
     narrow = replace(nexstar, fastest_mps=V / 0.92, acceleration_throttle=throttle_at(nexstar, V) + 0.1)
@@ -106,7 +106,7 @@ def test_porpoising_swings_the_load_factor_and_not_the_speed(nexstar: ExpectedAi
 
 
 def test_the_information_is_that_of_the_estimator(nexstar: ExpectedAircraft):
-    """The estimator, given the history as a flight, states the same standard errors."""
+    """If the history is analyzed like a flight, the estimator states the same standard errors."""
     V = nexstar.stall_mps
     flown = [
         Stand(20.0),
@@ -127,12 +127,12 @@ def test_the_information_is_that_of_the_estimator(nexstar: ExpectedAircraft):
 
 
 def without_keys(nexstar: ExpectedAircraft, *keys: str) -> ExpectedAircraft:
-    """The aircraft as of a file that lacks these keys."""
+    """Return the aircraft as if its file lacked these keys."""
     return replace(nexstar, aircraft=replace(nexstar.aircraft, keys=nexstar.aircraft.keys - set(keys)))
 
 
 def test_a_probe_elsewhere_pulls_at_the_sensor_errors_as_the_estimator_finds(nexstar: ExpectedAircraft):
-    """Porpoising with a probe 0.2 m further ahead reads like another slope of the angle of attack."""
+    """In porpoising, a probe 0.2 m further ahead looks like another slope of the angle of attack."""
     V, lacking = nexstar.stall_mps, without_keys(nexstar, "probe.position")
     flown = [Stand(20.0), TakeOff(1.6 * V), Porpoise(20.0, 1.7 * V, 0.8), Turn(1.7 * V), Hold(30.0, 2 * V)]
     history = fly([*flown, Land(1.6 * V)], nexstar, HEIGHT_M, 2.0)
@@ -158,7 +158,7 @@ def test_a_probe_elsewhere_pulls_at_the_sensor_errors_as_the_estimator_finds(nex
 def test_keys_that_the_aircraft_file_lacks_widen_a_plans_interval(
     nexstar, acceleration, stated_variance, complete_uncertainty
 ):
-    """Scores explain half of the variance at most: a value assumed a standard deviation off is no other polar."""
+    """Each key adds less than half of the variance, since an error of the assumed value does not change the polar."""
     complete = replace(nexstar, aircraft=replace(nexstar.aircraft, uncertainty=complete_uncertainty))
     for key in ("probe.upwash_per_CL", "probe.position", "imu_position"):
         assert 1.0001 < variance_of_drag(acceleration, without_keys(complete, key)) / stated_variance < 1.5, key
@@ -166,22 +166,22 @@ def test_keys_that_the_aircraft_file_lacks_widen_a_plans_interval(
 
 @pytest.fixture(scope="module")
 def acceleration(nexstar: ExpectedAircraft) -> TimeHistory:
-    """One acceleration: in a deceleration a lag has the opposite effect."""
+    """Return a single acceleration; in a deceleration, a lag would have the opposite effect."""
     V = nexstar.stall_mps
     return fly([Hold(8.0, 1.15 * V), Run(1.0, 1.0, 2.2 * V), Hold(4.0, 2.2 * V)], nexstar, HEIGHT_M, 0.0, airborne=True)
 
 
 def variance_of_drag(history: TimeHistory, aircraft: ExpectedAircraft) -> float:
-    powers_of_CL = np.array([1.0, 0.9, 0.81])  # one lift coefficient
+    powers_of_CL = np.array([1.0, 0.9, 0.81])  # 1, C_L and C_L^2 at C_L = 0.9
     return float(powers_of_CL @ expected(history, aircraft, 0.0125, alpha_scale_sigma=0.01).total @ powers_of_CL)
 
 
 @pytest.fixture(scope="module")
 def complete_uncertainty(nexstar: ExpectedAircraft) -> Uncertainty:
-    """With a calibrated airspeed, vibration measured in a run-up, and a calm hour.
+    """Return the uncertainty with a calibrated airspeed, vibration measured in a run-up, and calm air.
 
-    With the default of 1.25 % a less certain thrust takes up some of the airspeed's error in one acceleration, and the
-    interval is 0.9 % narrower.
+    With the default airspeed error of 1.25 %, less certain thrust would take up some of that error in a single
+    acceleration, and the interval would be 0.9 % narrower.
     """
     calm = replace(nexstar.aircraft.uncertainty, updraft_mps=0.005)
     return replace(calm, airspeed_scale_fraction=0.002, accelerometer_vibration_mps2=0.002)
@@ -194,7 +194,7 @@ def stated_variance(nexstar: ExpectedAircraft, acceleration: TimeHistory, comple
     )
 
 
-# Plans are without hysteresis, calm air without gusts, two belong to a stand, and a level run has one load factor.
+# Plans have no hysteresis and calm air no gusts; two errors belong to a stand; a level run has one load factor.
 ELSEWHERE = ("gust_length", "hysteresis_fraction", "static_thrust_ratio_fraction", "thrust_curvature_fraction",
              "boom_bending_rad")  # fmt: skip
 
@@ -203,7 +203,7 @@ ELSEWHERE = ("gust_length", "hysteresis_fraction", "static_thrust_ratio_fraction
 def test_every_error_that_the_aircraft_file_states_is_in_a_plans_interval(
     nexstar, acceleration, complete_uncertainty, stated_variance, key: str
 ):
-    """Stated five times as large, or as 1 where it was 0, it widens the interval."""
+    """An error that is stated five times as large, or as 1 instead of 0, widens the interval."""
     larger = replace(
         nexstar.aircraft,
         uncertainty=replace(complete_uncertainty, **{key: 5 * getattr(complete_uncertainty, key) or 1.0}),
@@ -265,7 +265,7 @@ def test_a_knot_is_a_nautical_mile_an_hour(plan: FlightPlan, monkeypatch):
     assert replace(windy, space=Space(500.0, 20 * 0.3048)).wind_mps == pytest.approx(15 * 1852 / 3600, rel=1e-5)
     assert windy.wind_mps / replace(windy, space=Space(500.0, 20 * 0.3048)).wind_mps == pytest.approx(
         np.log(HEIGHT_M / (0.15 * 0.3048)) / np.log(20 / 0.15)
-    ), "logarithmic (MIL-F-8785C)"
+    ), "wind over height is logarithmic (MIL-F-8785C)"
 
 
 def test_every_piece_of_a_plan_narrows_its_interval(plan: FlightPlan):
@@ -309,7 +309,7 @@ def test_the_simulator_reads_the_plan(plan: FlightPlan):
 
 
 def test_the_rehearsal_is_turned_with_its_wind_so_that_the_first_leg_points_north(plan: FlightPlan):
-    """A leg toward 250 degrees in wind from 280: in the simulator toward 0, in wind from 30, on the right as there."""
+    """A leg toward 250 deg in wind from 280 deg becomes a leg toward 0 in wind from 30 deg, also from the right."""
     request = replace(plan.request, heading_deg=250.0, wind_from_deg=280.0)
     planned = parse_plan(simulator_plan(plan.maneuvers, plan.aircraft, request), "planned")
     assert planned.heading_rad == 0.0
@@ -317,8 +317,8 @@ def test_the_rehearsal_is_turned_with_its_wind_so_that_the_first_leg_points_nort
 
 
 def test_the_mission_is_what_ground_stations_load(plan: FlightPlan, tmp_path, monkeypatch):
-    """Fields of QGroundControl's plan format; commands as pymavlink numbers them; the text as pymavlink reads it."""
-    monkeypatch.delenv("MAVLINK20", raising=False)  # pymavlink looks at it again where it loads a mission
+    """It has the fields of QGroundControl's plan format and pymavlink's command numbers; pymavlink reads the text."""
+    monkeypatch.delenv("MAVLINK20", raising=False)  # pymavlink reads it again when it loads a mission
     home = Home(48.1, 11.5, 0.0)
     content = json.loads(qgroundcontrol_plan(plan, home, "ardupilot"))
     assert (content["fileType"], content["version"], content["mission"]["version"]) == ("Plan", 1, 2)
@@ -341,7 +341,7 @@ def test_the_mission_is_what_ground_stations_load(plan: FlightPlan, tmp_path, mo
 
 
 def test_too_little_time_is_refused(nexstar: ExpectedAircraft):
-    """Two minutes of standing, and one and a half at least for the take-off, two pairs of runs and the landing."""
+    """Standing takes two minutes; the take-off, two pairs of runs and the landing take at least one and a half more."""
     with pytest.raises(InputError, match=r"3 minutes are too short: .* landing take [4-6]\.\d$"):
         plan_flight(nexstar, Request(3.0, 0.0, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
 
@@ -356,8 +356,8 @@ def test_a_flight_without_a_run_has_no_interval(nexstar: ExpectedAircraft) -> No
 
 @pytest.mark.thorough
 def test_a_slow_aircraft_in_wind_uses_its_time_and_stays_in_sight() -> None:
-    """9 m/s of wind at airspeeds of 7 to 13 m/s: each piece needs twice the time it needs alone. The card
-    warns."""
+    """In 9 m/s of wind, at airspeeds of 7 to 13 m/s, each piece takes twice the time that it takes alone. The card
+    warns of the wind."""
     light = expected_aircraft(load_aircraft("light-1kg"), HEIGHT_M)
     plan = plan_flight(light, Request(15.0, 12.0, Space(500.0, HEIGHT_M), Pilot(autopilot=False, load=1.0)))
     assert 0.9 * 900 < plan.seconds <= 900
@@ -386,7 +386,7 @@ def test_a_run_follows_drag_and_thrust(nexstar: ExpectedAircraft):
 
 
 def test_earlier_flights_are_known_by_what_they_added_to_the_prior():
-    """In the units of the equations; only errors that stay with the installation."""
+    """The information is in the units of the equations, and only for errors that stay with the installation."""
 
     def error(name: str, sigma: float, prior: float) -> SimpleNamespace:
         return SimpleNamespace(name=name, standard_error=sigma, assumed_sigma=prior)
@@ -476,7 +476,7 @@ def test_the_card_tells_margin_room_and_what_a_piece_is_worth(plan: FlightPlan):
 
 
 def test_points_of_the_mission_lie_where_the_legs_are(plan: FlightPlan):
-    """Distances on the sphere, by the haversine formula; a fence leaves three radii of the fastest turn."""
+    """Distances are on a sphere with a radius of 6371 km; the fence leaves three radii of the fastest turn."""
     home = Home(48.1, 11.5, 0.7)
 
     def from_home(place: tuple[float, float]) -> tuple[float, float]:
@@ -506,7 +506,7 @@ def test_points_of_the_mission_lie_where_the_legs_are(plan: FlightPlan):
 
 
 def test_turns_keep_within_the_room_beside_the_legs(nexstar: ExpectedAircraft):
-    """Every turn's diameter fits, with the lift margin of all turns; fast circles go first; a fence is as wide."""
+    """Every turn's diameter fits and keeps the lift margin of turns; only circles may be left out altogether."""
     for side_m in (60.0, 100.0, 200.0):
         catalog = pieces.catalog(nexstar, Space(1300.0, HEIGHT_M, side_m), Pilot(autopilot=False, load=1.0), 3.0)
         turns = [m for piece in catalog for m in piece.maneuvers if isinstance(m, Turn)]
@@ -515,7 +515,7 @@ def test_turns_keep_within_the_room_beside_the_legs(nexstar: ExpectedAircraft):
         assert all(m.speed_mps > stall for m, stall in zip(turns, stalls_mps, strict=True))
         assert {"runs", "circuit", "porpoise"} <= {piece.kind for piece in catalog}
     everything = pieces.catalog(nexstar, Space(1300.0, HEIGHT_M), Pilot(autopilot=False, load=1.0), 3.0)
-    assert catalog == everything, "200 m are room enough"
+    assert catalog == everything, "200 m must be enough for all pieces"
     with pytest.raises(InputError, match=r"--side 40: too narrow for a turn of nexstar; .* needs 50 m"):
         pieces.catalog(nexstar, Space(1300.0, HEIGHT_M, 40.0), Pilot(autopilot=False, load=1.0), 3.0)
 
@@ -528,7 +528,7 @@ def test_a_fence_is_as_wide_as_the_room(plan: FlightPlan):
 
 
 def test_half_widths_and_questions_are_those_of_the_power_curve(plan: FlightPlan):
-    """95 %: 1.96 standard errors. Endurance is asked at the speed of least power, range at that of least drag."""
+    """Half widths are 1.96 standard errors. Endurance is asked near the speed of least power, range near least drag."""
     aircraft = plan.aircraft
     endurance, far = (question(name, aircraft, 8.0, 30.0).speeds for name in ("endurance", "range"))
     V = np.linspace(9.0, 29.0, 4001)

@@ -1,4 +1,4 @@
-"""A mission by the curve of several flights: the pool's polar with its covariance, and the mean of the power trains."""
+"""A mission from several flights uses the pooled polar with its covariance, and the mean of their power trains."""
 
 import json
 import sys
@@ -29,11 +29,11 @@ from tests.analysis.missions.route_data import (
     route_of,
 )
 
-SCALES = (0.9, 1.0, 1.04)  # of the shaft power of each flight
+SCALES = (0.9, 1.0, 1.04)  # factor on the shaft power of each flight
 
 
 def contents(*, measured: tuple[bool, ...] = (True, True, True), use: bool = True) -> list[dict[str, Any]]:
-    """Flights of one aircraft with drag of their own errors, and power trains whose shaft powers differ by SCALES."""
+    """Return results of flights of one aircraft, each with its own errors of drag and one of SCALES on shaft power."""
     rng = np.random.default_rng(3)
     x = truth(rng)
     contents = []
@@ -49,7 +49,7 @@ def contents(*, measured: tuple[bool, ...] = (True, True, True), use: bool = Tru
 
 
 def route_input(pool: JointPool) -> RouteInput:
-    """As written and read."""
+    """Return the results of a pool as they are after writing and reading."""
     return msgspec.convert(upgraded(msgspec.to_builtins(pool.results())), RouteInput)
 
 
@@ -65,10 +65,10 @@ def test_polar_and_thrust_are_those_of_the_pool_with_their_joint_covariance() ->
     np.testing.assert_allclose(
         parameters.covariance[:5, 3:5], pool.estimate.parameters.covariance[np.ix_(index, index[3:])]
     )
-    assert np.any(parameters.covariance[:3, 3:5]), "thrust and drag err together"
+    assert np.any(parameters.covariance[:3, 3:5]), "errors of thrust and drag must be correlated"
     assert use.model.flown_CL == pool.flown_CL
     largest = pool.results().slowest_flown
-    assert largest is not None and largest.largest_lift_coefficient == pytest.approx(1.4), "of any flight"
+    assert largest is not None and largest.largest_lift_coefficient == pytest.approx(1.4), "the largest of all flights"
 
 
 def test_losses_are_the_mean_of_the_flights_that_measured_them_and_no_surer_than_one() -> None:
@@ -93,7 +93,7 @@ def _model_of_one() -> Any:
 def test_power_by_a_pool_has_the_spread_of_the_pool_and_less_than_that_of_a_flight() -> None:
     def spread(number: int) -> float:
         flights = contents()[:number]
-        for content in flights:  # of drag alone
+        for content in flights:  # leaves only the errors of drag
             content["use"]["model"]["covariance"] = np.zeros((13, 13)).tolist()
         route = route_of(route_input(joint_pool(flights)), legs("3 km 000"), flight(power_sd=0.0))
         power_W = route.source.power_draws.battery_W(route.V, route.legs.condition, 0.0, 1.0)
@@ -140,7 +140,7 @@ def test_the_command_takes_a_pool_and_says_whose_losses_count(
 
 
 def test_a_pool_gives_endurance_and_range_as_a_flight_does() -> None:
-    """Uses the pooled polar and the last flight's battery, also at other weights; needs power-train models."""
+    """They use the pooled polar and the last flight's battery, also at other weights, and need power-train models."""
     result = joint_pool(contents()).results()
     assert result.performance is not None and result.battery is not None and result.battery.energy_Wh == 74.0
     flown = result.performance.loadings[0]

@@ -1,4 +1,4 @@
-"""Energy left and probabilities against flights in worlds that are stepped through second by second."""
+"""Energy left and probabilities agree with flights in random worlds that are simulated in small time steps."""
 
 import msgspec
 import numpy as np
@@ -32,10 +32,10 @@ WIND = Wind(4.0, -2.0, 1.0)
 
 
 def flown(route: Route, rng: np.random.Generator, worlds: int, power_sigma: float = 0.03) -> np.ndarray:
-    """Energy [J] of the route in other worlds, (worlds,), stepped every two seconds.
+    """Return the energy [J] of the route (worlds,) in random worlds, in steps of two seconds.
 
-    Polar, train and losses are drawn from their covariance; the wind's mean is wrong, and turbulence is added to it as
-    a process in time; power is wrong by `power_sigma`, half of it by a share of all legs and half anew by leg.
+    Polar, train and losses are drawn from their covariance. The wind's mean is wrong, and turbulence is added to it as
+    a process in time. Power is wrong by `power_sigma`; half of its variance is common to all legs, half is per leg.
     """
     model_parameters, step_s = parameters(), 2.0
     values = rng.multivariate_normal(model_parameters.values, model_parameters.covariance, worlds)
@@ -84,7 +84,7 @@ def route_and_worlds(request) -> tuple[Route, np.ndarray]:
 
 
 def test_the_interval_of_the_energy_holds_what_it_promises(route_and_worlds) -> None:
-    """Between 92 and 98 % of worlds; the median is right to 2 %, and neither side is missed alone."""
+    """It contains 92 to 98 % of the worlds; the median is right to 2 %, and each end misses less than 5 %."""
     route, truth_J = route_and_worlds
     drawn_J = route.left()[0].sum(axis=1)
     low, median, high = np.quantile(drawn_J, [0.025, 0.5, 0.975])
@@ -95,7 +95,7 @@ def test_the_interval_of_the_energy_holds_what_it_promises(route_and_worlds) -> 
 
 @pytest.mark.parametrize("expected", [0.5, 0.8, 0.9, 0.95, 0.99])
 def test_a_probability_of_return_is_the_share_that_returns(route_and_worlds, expected: float) -> None:
-    """With the battery that makes the prediction say so: as many return, within the 1200 worlds' scatter and 3 %."""
+    """With a battery for which a probability is predicted, that share returns, to 3 % and the worlds' scatter."""
     route, truth_J = route_and_worlds
     drawn_J = route.left()[0].sum(axis=1)
     assert np.mean(truth_J <= np.quantile(drawn_J, expected)) == pytest.approx(
@@ -104,7 +104,7 @@ def test_a_probability_of_return_is_the_share_that_returns(route_and_worlds, exp
 
 
 def test_probability_and_interval_of_the_result_are_those_of_the_draws() -> None:
-    """The battery's own uncertainty counts: capacity 20 % wrong makes the charge left far less certain."""
+    """The battery's own uncertainty counts: a capacity known to 20 % makes the charge left far less certain."""
     more = predict(aerodynamic_results(), legs(TRIANGLE), flight(WIND))
     battery = BATTERY._replace(energy_J=3600 * more.energy_Wh.value / 0.79)
     sure = predict(aerodynamic_results(), legs(TRIANGLE), flight(WIND, battery=battery))
@@ -129,13 +129,13 @@ def test_a_curve_known_better_and_a_wind_known_better_narrow_the_interval() -> N
 
 
 def test_beyond_the_point_of_no_return_the_energy_for_the_way_home_is_missing() -> None:
-    """Straight out without errors: half of the usable energy, in calm and at the same speed both ways."""
+    """Straight out in calm air, at the same speed both ways, it is where half of the usable energy is used."""
     results = electrical_results()
     prediction = predict(results, legs("30 km 000"), flight(CALM, battery=BATTERY._replace(energy_J=40 * 3600.0)))
     usable_Wh, per_m = 0.8 * 40, prediction.legs[0].energy_Wh.value / 30_000
     assert prediction.no_return is not None
     assert prediction.no_return.route_m == pytest.approx(prediction.no_return.from_home_m)
-    # The median reaches half the usable energy out; the safe point lies nearer, to the step of the search.
+    # In the median, half the usable energy is used on the way out; the safe point is nearer, to the step of the search.
     assert (
         prediction.no_return.from_home_m < usable_Wh / (2 * per_m) < prediction.no_return.from_home_m + 30_000 / 8 * 1.5
     )
@@ -146,20 +146,20 @@ def test_beyond_the_point_of_no_return_the_energy_for_the_way_home_is_missing() 
 
 
 def test_a_leg_that_cannot_be_flown_in_some_draws_is_safe_in_none_of_these() -> None:
-    """Its energy is infinite there: without a warning, and the last safe point lies before it where many are lost."""
+    """Its energy is infinite in them, without a warning; if they are many, the last safe point lies before the leg."""
     route = route_of(electrical_results(), legs("2 km 000, 2 km 180"), flight(CALM))
     energy_J, _, _ = route.left()
     with np.errstate(all="raise"):
         assert route._no_return(energy_J) is None
         energy_J[: len(energy_J) // 100, 1] = np.inf
-        assert route._no_return(energy_J) is None  # 1 % of 5 %
+        assert route._no_return(energy_J) is None  # 1 % lost, of 5 % allowed
         energy_J[: len(energy_J) // 10, 1] = np.inf
         no_return = route._no_return(energy_J)
     assert no_return is not None and no_return.route_m == pytest.approx(2000.0)
 
 
 def test_a_leg_against_a_wind_that_wins_is_named_with_wind_and_airspeed() -> None:
-    """A meter per second slower it can be flown; a leg that stays in place can be, and one with the wind."""
+    """In a wind that is 1.1 m/s weaker it can be flown, and so can a leg with the wind."""
     mission, results = legs("2 km 090, 2 km 270"), electrical_results()
     fastest = route_of(results, mission, flight(CALM)).limits.fastest[0]
     with pytest.raises(
@@ -184,8 +184,8 @@ def test_how_far_out_and_back_is_what_the_battery_gives_both_ways() -> None:
     windy = predict(results, legs("2 km 000"), flight(WIND))
     assert all(direction.safe_radius_m < direction.radius_m for direction in windy.directions)
     for there, back in zip(windy.directions, windy.directions[18:], strict=False):
-        assert there.radius_m == pytest.approx(back.radius_m, rel=1e-6)  # the same way, begun at the other end
-    assert max(direction.radius_m for direction in windy.directions) < radii.min()  # wind costs in every direction
+        assert there.radius_m == pytest.approx(back.radius_m, rel=1e-6)  # the same two legs, in the other order
+    assert max(direction.radius_m for direction in windy.directions) < radii.min()  # wind always costs energy
     assert windy.headwind_Wh_per_km.value > calm.headwind_Wh_per_km.value
 
 
@@ -224,7 +224,7 @@ def test_a_launch_takes_the_kinetic_energy() -> None:
 
 
 def test_a_faster_leg_takes_the_gain_of_kinetic_energy_and_a_slower_one_gives_it_back() -> None:
-    """15 to 19 m/s: m (19^2 - 15^2) / 2, at the efficiency of a climb."""
+    """From 15 to 19 m/s, the gain is m (19^2 - 15^2) / 2; it takes the efficiency of a climb."""
     steps = legs("3 km 000, 3 km 000").steps
     speeds = [Speed(mps, over_ground=False) for mps in (15.0, 19.0)]
     mission = legs("3 km 000, 3 km 000")
@@ -257,7 +257,7 @@ def test_the_point_of_no_return_is_reported_in_kilometers() -> None:
 def test_the_efficiency_is_power_required_over_that_of_the_motor_within_a_tenth_and_nine(
     of_battery: float, result: float
 ) -> None:
-    """The battery drives an idling 5 W besides; at other speeds than those of power required."""
+    """The battery also feeds an idle load of 5 W, and its points have other speeds than those of power required."""
     required = [PowerPoint(speed_mps=v, power_W=6 * v, power_lo_W=5 * v, power_hi_W=7 * v) for v in (12.0, 14.0)]
     battery = [
         PowerPoint(speed_mps=v, power_W=6 * v / of_battery + 5, power_lo_W=0, power_hi_W=0) for v in (10.0, 13.0, 16.0)

@@ -1,4 +1,4 @@
-"""Energy and time of single legs against what a hand computes."""
+"""Energy and time of single legs agree with calculations by hand."""
 
 from dataclasses import replace
 
@@ -80,7 +80,7 @@ def test_out_against_the_wind_and_back_takes_the_time_of_the_wind_triangle() -> 
 
 @pytest.mark.parametrize("course", [0.0, 90.0])
 def test_a_leg_on_which_the_wind_allows_no_progress_never_ends(course: float) -> None:
-    """Across the course or against it, stronger than the airspeed."""
+    """The wind is faster than the airspeed, across the course or against it."""
     energy_J, seconds = energy_of(straight(1000.0, course), 12.0, world(source().nominal, east=-13.0))
     assert np.isinf(energy_J) and np.isinf(seconds)
     assert np.isnan(ground_speed(np.array(12.0), np.radians(course), np.array(-13.0), np.array(0.0)))
@@ -146,7 +146,7 @@ def test_the_battery_heats_its_resistance() -> None:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_the_best_speed_is_that_of_a_search_through_all_speeds(seed: int) -> None:
-    """In any wind and on any course, climbing, level or descending: to 0.1 % of the speed, or of no cost at all."""
+    """They agree to 0.1 % in any wind and on any course, climbing, level or descending, at no more than equal cost."""
     rng = np.random.default_rng(seed)
     result = source(electrical=seed % 3 == 0)
     windy = world(result.nominal, *rng.uniform(-6, 6, 2))
@@ -181,7 +181,7 @@ def test_the_chosen_speeds_keep_the_stall_margin_at_every_weight(wind_mps: float
 
 
 def test_the_mean_wind_of_a_leg_scatters_as_in_drydens_turbulence() -> None:
-    """Means of the first-order process over 60 s, stepped every 0.1 s."""
+    """The reference is the scatter of means of the first-order process over 60 s, in steps of 0.1 s."""
     V, seconds, height_m = 15.0, 60.0, 80.0
     w20 = 6.0 * dryden.mean_wind_profile(6.1) / dryden.mean_wind_profile(height_m)
     gust = dryden.longitudinal(0.1 * float(w20), height_m, V)
@@ -239,7 +239,7 @@ def test_no_climb_is_steeper_than_full_throttle_allows() -> None:
 
 
 def test_the_stall_is_where_the_wing_carried_most_not_where_a_gust_took_the_airspeed() -> None:
-    """Airspeeds of level flight reach C_L = 1 in gusts; the wing carried 0.9."""
+    """In gusts, airspeed falls to the speed of level flight at C_L = 1; the wing carried at most 0.9."""
     results = aerodynamic_results()
     assert results.slowest_flown is not None
     slowest = msgspec.structs.replace(results.slowest_flown, largest_lift_coefficient=0.9)

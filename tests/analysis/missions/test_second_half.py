@@ -1,4 +1,4 @@
-"""The second half of a real flight under PX4: its energy by the curve of the first half, before it is looked at."""
+"""The curve of one half of a real PX4 flight predicts the energy of the other half without its data."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ class Half(NamedTuple):
 
 
 def only(flight: FlightTable, rows: slice) -> FlightTable:
-    """These rows as a flight of their own."""
+    """Return these rows as a separate flight."""
     airborne = [
         slice(max(item.start, rows.start), min(item.stop, rows.stop))
         for item in flight.airborne
@@ -77,7 +77,7 @@ def halves() -> tuple[FlightTable, FlightTable]:
 
 @pytest.mark.parametrize("forward", [True, False])
 def test_the_energy_of_the_other_half_lies_in_the_interval(halves, forward: bool) -> None:
-    """Two minutes each: at 8 to 12 m/s, and at 9 to 20 m/s. The interval is as wide as two minutes make it."""
+    """The halves last two minutes each, at 8 to 12 and at 9 to 20 m/s; such short data give a wide interval."""
     half = predicted(*(halves if forward else reversed(halves)))
     low, median, high = np.quantile(half.drawn_J, [0.025, 0.5, 0.975])
     assert low < half.measured_J < high

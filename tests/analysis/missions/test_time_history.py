@@ -1,4 +1,4 @@
-"""The time history of a plan is a motion that physics allows, and the maneuvers are those of the plan."""
+"""The time history of a plan is a motion that physics allows, and its maneuvers are those of the plan."""
 
 from math import pi
 
@@ -47,7 +47,7 @@ def history(nexstar: ExpectedAircraft) -> TimeHistory:
 
 
 def part(history: TimeHistory, kind: type) -> slice:
-    """The rows of the first maneuver of a kind."""
+    """Return the rows of the first maneuver of a kind."""
     i = next(i for i, maneuver in enumerate(FLOWN) if isinstance(maneuver, kind))
     return slice(*(round(float(s) / PATH.step_s) for s in history.starts_s[i : i + 2]))
 
@@ -80,7 +80,7 @@ def test_the_airspeed_is_the_velocity_relative_to_the_wind(history: TimeHistory,
     high = (table["height_m"] > 30).to_numpy()
     air = history.velocity - np.column_stack([history.wind, np.zeros(len(table))])
     assert np.allclose(np.linalg.norm(air, axis=1)[high], table["V_mps"][high], atol=1e-6)
-    # A wind from 310 deg blows to the south and the east, as strongly as asked for at the height of the flight.
+    # A wind from 310 deg blows toward the southeast, with the strength requested at the height of the flight.
     level = np.abs(table["height_m"] - HEIGHT_M) < 1.0
     assert np.allclose(np.linalg.norm(history.wind, axis=1)[level], WIND_MPS, rtol=0.01)
     assert np.degrees(np.arctan2(*-history.wind[high][0][::-1])) % 360 == pytest.approx(310.0)
@@ -187,7 +187,7 @@ def test_a_part_of_a_plan_begins_at_its_height(nexstar: ExpectedAircraft) -> Non
 
 
 def test_a_hold_reaches_its_speed_as_a_pilot_does(nexstar: ExpectedAircraft) -> None:
-    """A first-order change with 2 s, no harder than 1.5 m/s^2 nor than drag without thrust allows."""
+    """Speed changes with a time constant of 2 s, at up to 1.5 m/s^2 and no faster than drag without thrust allows."""
     slower = fly([Hold(5.0, 20.0), Hold(30.0, 13.0)], nexstar, HEIGHT_M, 0.0, airborne=True).table["V_mps"].to_numpy()
     rate = np.diff(slower) / PATH.step_s
     drag = nexstar.drag_N(slower[:-1]) / nexstar.aircraft.mass_kg
@@ -234,16 +234,16 @@ def test_porpoising_goes_from_the_first_period_to_the_last(history: TimeHistory)
     periods = np.diff(up)
     assert periods[1] == pytest.approx(1.75, abs=0.08) and periods[-2] == pytest.approx(1.24, abs=0.08)
     assert load[100:-100].max() == pytest.approx(0.5, abs=0.06)
-    assert np.abs(load[:5]).max() < 0.2  # it begins gently
+    assert np.abs(load[:5]).max() < 0.2  # porpoising begins gently
 
 
 @pytest.mark.parametrize("height_m", [12.0, 40.0, 90.0])
 def test_a_take_off_gains_its_height_and_begins_and_ends_smoothly(nexstar: ExpectedAircraft, height_m: float) -> None:
-    """Speed rises from zero by a polynomial of the fifth order, steepest in the middle at 15/8 of its mean rate."""
+    """Speed rises from zero as a fifth-order polynomial, steepest in the middle at 15/8 of its mean rate."""
     path = _take_off(nexstar, 16.0, height_m)
     V, seconds = path.V, PATH.take_off_s
     rising = round(seconds / PATH.step_s)
-    # Slow rolling limits the angle, not the rate, to half a radian: that costs the height of the first seconds.
+    # While it is slow, the climb angle is limited to half a radian, which costs the height of the first seconds.
     assert 0.9 * height_m < float(np.sum(V * np.sin(path.climb)) * PATH.step_s) <= height_m + 0.01
     assert V[rising - 1 :] == pytest.approx(16.0) and V[rising // 2 - 1] == pytest.approx(8.0, rel=0.01)
     assert np.diff(V).max() / PATH.step_s == pytest.approx(15 / 8 * 16.0 / seconds, rel=0.01)
@@ -254,7 +254,7 @@ def test_a_take_off_gains_its_height_and_begins_and_ends_smoothly(nexstar: Expec
 
 
 def test_thrust_carries_the_weight_s_component_in_a_climb(nexstar: ExpectedAircraft) -> None:
-    """m Vdot = T - D - m g sin(climb), at the angles at which lift carries m g cos(climb)."""
+    """m Vdot = T - D - m g sin(climb) holds, at angles of attack at which lift carries m g cos(climb)."""
     history = fly([Stand(2.0), TakeOff(16.0), Hold(2.0, 16.0)], nexstar, 90.0, 0.0)
     rows = slice(-round(17.0 / PATH.step_s), -round(12.0 / PATH.step_s))  # climbing at a constant rate
     climb = np.arcsin(-history.velocity[rows, 2] / 16.0)
@@ -269,7 +269,7 @@ def test_thrust_carries_the_weight_s_component_in_a_climb(nexstar: ExpectedAircr
 def test_a_change_of_speed_is_limited_by_thrust_and_drag_and_then_ends_by_the_lag(
     nexstar: ExpectedAircraft, V: float, wanted: float
 ) -> None:
-    """Drag alone decelerates, full throttle less drag accelerates; within those the difference falls by the lag."""
+    """Drag limits deceleration, and full throttle less drag acceleration; within these, speed follows the lag."""
     speeds = _towards(nexstar, V, wanted, 1500)
     change = np.diff(speeds) / PATH.step_s
     drag_mps2 = nexstar.drag_N(speeds[:-1]) / nexstar.aircraft.mass_kg
@@ -281,4 +281,4 @@ def test_a_change_of_speed_is_limited_by_thrust_and_drag_and_then_ends_by_the_la
     free = (by_lag > low + cell) & (by_lag < high - cell)
     assert free.sum() > 1000 and change[free] == pytest.approx(by_lag[free], abs=1e-9)
     assert speeds[-1] == pytest.approx(wanted, abs=1e-9)
-    assert (wanted == V) or np.any(np.abs(by_lag) > np.abs(change) + cell), "the limits were reached"
+    assert (wanted == V) or np.any(np.abs(by_lag) > np.abs(change) + cell), "the limits must be reached"

@@ -1,4 +1,4 @@
-"""Missions and options that are wrong: one line on stderr each, and nothing on stdout."""
+"""Each wrong mission or option gives one line on stderr, and nothing on stdout."""
 
 import sys
 from pathlib import Path
@@ -139,7 +139,7 @@ def test_a_wrong_mission_is_one_line(case: str, folder, monkeypatch, capsys) -> 
 
 
 def test_the_same_without_a_mistake_is_done(folder, monkeypatch, capsys) -> None:
-    """Each way to give a mission; a battery too small for it is not an error, but gives exit code 1."""
+    """Each way to give a mission works; a battery too small for it is not an error, but gives exit code 1."""
     right = ("--results", "results.json", *WIND)
     assert ended(monkeypatch, *right, "mission", "--map", "map.svg") == 0
     assert ended(monkeypatch, *right, *LEGS, "--speed", "time") == 0
