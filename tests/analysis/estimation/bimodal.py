@@ -1,7 +1,7 @@
-"""Records with several optima, or one that is hard to find: two modes whose damping is known, and an unstable aircraft.
+"""Makes records with several optima or one that is hard to find: two modes of known damping, an unstable aircraft.
 
-Where the damping is free the search passes by way of a heavily damped response; where it is known, a frequency that is
-off by a factor slips cycles, and each slip is an optimum of its own.
+If damping is free, the search passes through a heavily damped response. If it is known, a wrong frequency slips cycles,
+and each slip is an optimum of its own.
 """
 
 from typing import NamedTuple
@@ -39,7 +39,7 @@ MODE = Model(
 
 
 class Bimodal(NamedTuple):
-    """noise : that filter error looks for; there is none in the records"""
+    """A record, its model and true values. noise : process noise that filter error looks for; the records have none"""
 
     model: Model
     record: Segment
@@ -48,7 +48,7 @@ class Bimodal(NamedTuple):
     options: FitOptions = FitOptions()
 
     def starts(self, count: int, seed: int, factor: float = 2.0) -> list[dict[str, float]]:
-        """Each true value times a random factor between its inverse and `factor`."""
+        """Return the true values, each times a random factor between 1/factor and factor."""
         rng = np.random.default_rng(seed)
         return [
             {name: value * factor ** rng.uniform(-1, 1) for name, value in self.truth.items()} for _ in range(count)
@@ -56,8 +56,8 @@ class Bimodal(NamedTuple):
 
 
 def cases(seed: int) -> dict[str, Bimodal]:
-    """With white noise and with colored noise, whose residuals are never white, so the verdict alone cannot
-    distinguish them."""
+    """Return cases with white and with colored noise. With colored noise, residuals are never white, so the verdict
+    alone cannot distinguish optima."""
     bimodals = {}
     for kind, color in (("white", 0.0), ("colored", 0.8)):
         bimodals |= {
@@ -78,7 +78,7 @@ def cases(seed: int) -> dict[str, Bimodal]:
 
 
 def _ringing(model: Model, truth: dict[str, float], sigma: tuple[float, ...], color: float, seed: int) -> Segment:
-    """30 s of a mode that rings from the start and meets a doublet. color: lag-one correlation of the noise."""
+    """Return 30 s of a mode that rings from the start, with a doublet. color: lag-one correlation of the noise."""
     t, step_s = np.arange(600) * twins.STEP_S, twins.STEP_S
     (name,) = model.inputs
     u = twins.steps(t, 1.0, 0.5, (1, 1), 0.02)

@@ -1,4 +1,4 @@
-"""Motion in turbulence, simulated independently of the estimator, as data for tests of filter error."""
+"""Simulates motion in turbulence, independently of the estimator, as data for tests of filter error."""
 
 import numpy as np
 from scipy.linalg import expm
@@ -9,14 +9,14 @@ from flightpower.analysis.estimation.model import Model, Parameter
 
 STEP_S, N = 0.04, 250
 T_S = np.arange(N) * STEP_S
-# Two doublets and a step, in ramps of two samples with corners on samples.
+# Two doublets, with ramps of two samples that begin and end on samples.
 DE = 0.03 + np.deg2rad(3) * np.interp(
     T_S,
     STEP_S * np.array([25, 27, 55, 57, 75, 77, 125, 127, 150, 152, 175, 177]),
     [0, 1, 1, -1, -1, 0, 0, 1, 1, -1, -1, 0],
 )
 
-# The short period of a small jet, as in ATTAS test case 11; turbulence drives the angle of attack.
+# The model is the short period of a small jet, as in ATTAS test case 11; turbulence drives the angle of attack.
 LINEAR_TRUTH = {"Z0": -0.009, "Zal": -0.48, "Zde": 0.3, "M0": 0.2, "Mal": -4.9, "Mq": -2.0, "Mde": -7.2}
 LINEAR = Model(
     name="short period in turbulence",
@@ -32,10 +32,10 @@ LINEAR = Model(
 )
 LINEAR_NOISE = ProcessNoise(state="alpha", start=0.01)
 X0 = np.array([0.05, 0.0])
-INTENSITY = 0.02  # rad per sqrt(s): a standard deviation of 1.2 deg of alpha in this motion
+INTENSITY = 0.02  # rad per sqrt(s); gives alpha a standard deviation of 1.2 deg
 SIGMA = np.array([0.003, 0.005])
 
-# A wing on a spring that stiffens with deflection; turbulence drives the pitch rate.
+# The model is a wing on a spring that stiffens with deflection; turbulence drives the pitch rate.
 NONLINEAR_TRUTH = {"stiffness": 30.0, "hardening": 400.0, "damping": 1.5, "flap_effect": -12.0}
 NONLINEAR = Model(
     name="wing on a hardening spring",
@@ -50,13 +50,13 @@ NONLINEAR = Model(
     output_function=lambda x, u, p: (x.theta, x.q),
 )
 NONLINEAR_NOISE = ProcessNoise(state="q", start=0.1)
-KICKS = 0.15  # rad/s per sqrt(s): in one step as large as the gyro's noise
+KICKS = 0.15  # rad/s per sqrt(s); in one step as large as the gyro's noise
 NONLINEAR_SIGMA = np.array([0.003, 0.03])
 SUBSTEPS = 20
 
 
 def _transition():
-    """[Phi, input, slope of the input, constant] of one step, and its noise covariance (Van Loan 1978)."""
+    """Return [Phi, input, slope of the input, constant] of a step, and its noise covariance (Van Loan 1978)."""
     p = LINEAR_TRUTH
     A = np.array([[p["Zal"], 1.0], [p["Mal"], p["Mq"]]])
     B, b = np.array([p["Zde"], p["Mde"]]), np.array([p["Z0"], p["M0"]])
@@ -72,7 +72,7 @@ TRANSITION, STEP_NOISE = _transition()
 
 
 def linear_record(seed, strength=1.0, name="run"):
-    """The exact solution of the disturbed motion, turbulence `strength` times INTENSITY, with sensor noise SIGMA."""
+    """Return the exact disturbed motion in turbulence of `strength` times INTENSITY, with sensor noise SIGMA."""
     rng = np.random.default_rng(seed)
     root = strength * np.linalg.cholesky(STEP_NOISE + 1e-20 * np.eye(2))
     x = np.empty((N, 2))
@@ -85,7 +85,7 @@ def linear_record(seed, strength=1.0, name="run"):
 
 
 def nonlinear_record(seed, name="run"):
-    """Euler-Maruyama in steps of 2 ms, with sensor noise NONLINEAR_SIGMA."""
+    """Return the nonlinear motion by Euler-Maruyama in steps of 2 ms, with sensor noise NONLINEAR_SIGMA."""
     rng = np.random.default_rng(seed)
     p, h = NONLINEAR_TRUTH, STEP_S / SUBSTEPS
     de = 4 * (np.interp(np.arange(N * SUBSTEPS) * h, T_S, DE) - 0.03)

@@ -17,14 +17,14 @@ from flightpower.analysis.estimation.simulation import build_simulator
 
 
 class Case(NamedTuple):
-    """fit : of a seed     finding : of the verdict"""
+    """fit : makes the fit for a seed     finding : must be in its verdict"""
 
     fit: Callable[[int], Fit]
     finding: Finding
 
 
 def _record(seed, model=LINEAR, noise=None, delay=0, **inputs):
-    """The response of a model with the true values to the elevator, `delay` samples late, with noise SIGMA."""
+    """Return the response of the true model to the elevator, `delay` samples late, with noise SIGMA."""
     u = {"de": DE, **inputs}
     U = np.column_stack([np.concatenate([np.full(delay, u[n][0]), u[n]])[: len(DE)] for n in model.inputs])
     p = np.array([LINEAR_TRUTH.get(q.name, q.start) for q in model.parameters])
@@ -36,7 +36,7 @@ def _record(seed, model=LINEAR, noise=None, delay=0, **inputs):
 
 
 def _with(*parameters, added=lambda x, u, p: 0.0, inputs=("de",)):
-    """The model with another term in the pitch acceleration."""
+    """Return the model with an additional term in the pitch acceleration."""
 
     def dynamics(x, u, p):
         alpha_dot, q_dot = LINEAR.dynamics(x, u, p)

@@ -1,4 +1,4 @@
-"""Models of an aircraft to test and measure the estimators with: elevator inputs, and pitch angle from the gyro."""
+"""Aircraft models for tests and benchmarks of the estimators: with elevator inputs, or pitch angle from the gyro."""
 
 from typing import Any
 
@@ -27,10 +27,10 @@ from flightpower.flight.aircraft import Aircraft
 
 
 def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5) -> Model:
-    """States V, alpha, theta, q, h; outputs V, alpha, q, ax, az, h.
+    """Return a model with the states V, alpha, theta, q, h and the outputs V, alpha, q, ax, az, h.
 
-    With pitching moment Cm0, Cma, Cmq, Cmde and CLq. CLde is free without a prior, because an elevator input separates
-    the effects of elevator and angle of attack. The aircraft file must have moments of inertia.
+    It has the pitching moments Cm0, Cma, Cmq and Cmde, and CLq. CLde is free without a prior, because an elevator input
+    separates the effects of elevator and angle of attack. The aircraft file must have moments of inertia.
     """
     c = Constants.of(aircraft, J_ref)
     mass = aircraft.mass
@@ -59,7 +59,7 @@ def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
         outputs=("V", "alpha", "q", "ax", "az", "h"),
         parameters=(
             *aerodynamic_parameters(c),
-            # Typical of model aircraft and light singles with a static margin of 15 %.
+            # These values are typical of model aircraft and light singles with a static margin of 15 %.
             Parameter(name="Cm0", start=0.05),
             Parameter(name="Cma", start=-0.15 * lift_slope(c.aspect_ratio), unit="1/rad"),
             Parameter(name="Cmq", start=-15.0, unit="1/rad"),
@@ -77,11 +77,11 @@ def longitudinal(aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float 
 def pitch_and_height(
     aircraft: Aircraft, *, priors: Priors = Priors(), J_ref: float = 0.5, with_climb_rate: bool = False
 ) -> Model:
-    """States V, alpha, theta, h: theta is the integral of the gyro with a free bias, and h is an output.
+    """Return a model with the states V, alpha, theta, h; theta is the integral of the gyro, which has a free bias.
 
-    Height determines the bias of alpha and the pitch angle, so that no attitude filter is needed. CLq has a prior,
-    because level runs contain little information about it.
-    with_climb_rate : hdot is an output too
+    Height, an output, determines the bias of alpha and the pitch angle, so no attitude filter is needed. CLq has a
+    prior, because level runs contain little information about it.
+    with_climb_rate : adds the output hdot
     """
     c = Constants.of(aircraft, J_ref)
 

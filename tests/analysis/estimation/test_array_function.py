@@ -1,4 +1,4 @@
-"""CasADi functions as array operations: the numbers of CasADi's own evaluation, sample by sample."""
+"""CasADi functions as array operations give the numbers of CasADi's own evaluation, sample by sample."""
 
 import casadi as ca
 import numpy as np
@@ -22,7 +22,7 @@ EXPRESSIONS = [
 
 
 def by_casadi(function, n, *arguments):
-    """Each result (n, rows, columns), one sample at a time."""
+    """Return each result (n, rows, columns), evaluated one sample at a time."""
     samples = [[np.array([np.broadcast_to(e, n)[k] for e in argument]) for argument in arguments] for k in range(n)]
     results = [function.call([ca.DM(item) for item in sample]) for sample in samples]
     return [np.array([np.array(results[i]) for results in results]) for i in range(function.n_out())]

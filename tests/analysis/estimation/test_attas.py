@@ -1,9 +1,9 @@
-"""Output error on a short period: the published estimates of ATTAS test case 11 (Jategaonkar, Flight Vehicle System
-Identification, 2nd ed.).
+"""Output error on a short period agrees with the published estimates of ATTAS test case 11 (Jategaonkar, Flight
+Vehicle System Identification, 2nd ed.).
 
-The flight records are copyright of their author and the AIAA. What the published numbers promise is tested on two
-simulated maneuvers of the same kind, with the published parameters and noise as truth; the last test reads the
-records themselves where `../shared/data/attas` has them.
+The copyright of the flight records belongs to their author and the AIAA. So most tests use two simulated maneuvers of
+the same kind, with the published parameters and noise as truth; the last test reads the records themselves if
+`../shared/data/attas` has them.
 """
 
 from itertools import pairwise
@@ -38,8 +38,8 @@ TRUTH = np.array([published for _, published, _ in CASE_11.values()])
 NOISE_VARIANCES = np.array([2.72649e-6, 7.93907e-6])  # published R of alpha [rad^2] and q [rad^2/s^2]
 
 STEP_S, SAMPLES = 1 / 25, 626
-TRIM, AMPLITUDE = np.deg2rad([2.2, 2.5])  # elevator
-UNIT_S, RAMP_S = 0.8, 0.2  # of a 3-2-1-1, and the time the elevator takes from one side to the other
+TRIM, AMPLITUDE = np.deg2rad([2.2, 2.5])  # of the elevator
+UNIT_S, RAMP_S = 0.8, 0.2  # unit of a 3-2-1-1, and time in which the elevator changes sides
 
 MODEL = Model(
     name="short period with zero terms",
@@ -56,7 +56,7 @@ MODEL = Model(
 
 
 def elevator(first_side: int, widths: tuple[int, ...], start_s: float) -> np.ndarray:
-    """(SAMPLES,) [rad] a multistep about the trim, with straight ramps between its sides."""
+    """Return a multistep about the trim (SAMPLES,) [rad], with straight ramps between its sides."""
     ends_s = start_s + UNIT_S * np.cumsum((0, *widths))
     sides = [0, *(first_side * (-1) ** i for i in range(len(widths))), 0]
     t, de = [0.0], [0.0]
@@ -73,15 +73,15 @@ ELEVATORS = {
 
 
 def steady(p: np.ndarray, de: float) -> np.ndarray:
-    """(alpha, q) at which nothing changes."""
+    """Return (alpha, q) of steady flight."""
     Z0, Zal, Zq, Zde, M0, Mal, Mq, Mde = p
     return np.linalg.solve([[Zal, Zq + 1], [Mal, Mq]], [-Z0 - Zde * de, -M0 - Mde * de])
 
 
 def exact_response(p: np.ndarray, de: np.ndarray, x0: np.ndarray) -> np.ndarray:
-    """(SAMPLES, 2) alpha and q by the matrix exponential, the elevator straight between samples: no RK4 in it."""
+    """Return alpha and q (SAMPLES, 2) by the matrix exponential, not RK4, for an elevator linear between samples."""
     Z0, Zal, Zq, Zde, M0, Mal, Mq, Mde = p
-    rates = np.zeros((5, 5))  # of alpha, q, 1, elevator, elevator's rate
+    rates = np.zeros((5, 5))  # of alpha, q, 1, elevator, elevator rate
     rates[0], rates[1], rates[3, 4] = (Zal, Zq + 1, Z0, Zde, 0), (Mal, Mq, M0, Mde, 0), 1
     over_a_step = expm(rates * STEP_S)
     x = [x0]
@@ -118,7 +118,7 @@ def fit(segments: list[Segment]) -> Fit:
 
 @pytest.fixture(scope="module")
 def information() -> np.ndarray:
-    """(8, 8) Fisher information of both maneuvers, from sensitivities of the exact response by central differences."""
+    """Return the Fisher information (8, 8) of both maneuvers, from central differences of the exact response."""
     x0, total = steady(TRUTH, TRIM), np.zeros((8, 8))
     for de in ELEVATORS.values():
         sides = [[exact_response(TRUTH + sign * step, de, x0) for sign in (1, -1)] for step in np.eye(8) * 1e-4]
@@ -128,7 +128,7 @@ def information() -> np.ndarray:
 
 
 def test_the_published_parameters_are_found_again_within_their_errors(information: np.ndarray) -> None:
-    """Twenty pairs of maneuvers: weighted by the information, squared errors are chi-squared of 8 each."""
+    """In each of twenty pairs of maneuvers, squared errors weighted by the information are chi-squared of 8."""
     squares = 0.0
     for seed in range(20):
         fit = estimated(maneuvers(seed))
@@ -141,11 +141,11 @@ def test_the_published_parameters_are_found_again_within_their_errors(informatio
 
 @pytest.mark.parametrize("name", CASE_11)
 def test_standard_errors_are_the_bound_and_of_the_published_size(fit, information: np.ndarray, name: str) -> None:
-    """Noise estimated from 626 samples of each output in two maneuvers is good to 2 %, and so is the bound."""
+    """Noise is estimated to 2 % from 626 samples of each output in two maneuvers, and so is the bound."""
     bound = np.sqrt(np.linalg.inv(information).diagonal())[list(CASE_11).index(name)]
     error = fit.parameters[name].standard_error
     assert error == pytest.approx(bound, rel=0.04)
-    assert error == pytest.approx(CASE_11[name][2], rel=0.1), "as long and as large as the maneuvers of the record"
+    assert error == pytest.approx(CASE_11[name][2], rel=0.1), "maneuvers are as long and as large as in the record"
 
 
 def test_converges_in_ten_iterations_with_the_published_noise(fit) -> None:
@@ -154,7 +154,7 @@ def test_converges_in_ten_iterations_with_the_published_noise(fit) -> None:
 
 
 def test_two_maneuvers_are_worth_both_their_information(fit, segments: list[Segment]) -> None:
-    """Information adds, so that the joint bound is below that of either maneuver alone."""
+    """Information adds, so the joint bound is below the bound of either maneuver alone."""
     for segment in segments:
         alone = estimated(segment)
         for name in CASE_11:
@@ -163,11 +163,11 @@ def test_two_maneuvers_are_worth_both_their_information(fit, segments: list[Segm
 
 @needs(RECORDS)
 def test_the_records_give_the_published_estimates() -> None:
-    """Estimates to five digits, standard errors to 1 % or what was printed, the noise to five digits."""
+    """Estimates and noise agree to five digits, standard errors to 1 % or to the last digit that was printed."""
     files = [RECORDS / "fAttasElv1.mat", RECORDS / "fAttasElv2.mat"]
     records = [next(v for k, v in loadmat(file).items() if not k.startswith("__")) for file in files]
     channels = [{"q": r[:, 7], "alpha": r[:, 12], "de": r[:, 21]} for r in np.deg2rad(records)]
-    first = {name: float(channels[0][name][0]) for name in ("alpha", "q")}  # the reference gives it to both
+    first = {name: float(channels[0][name][0]) for name in ("alpha", "q")}  # the reference uses it for both
     segments = [
         Segment(
             name=f"maneuver {i}",

@@ -1,4 +1,4 @@
-"""Output error on static models whose estimate, standard error and likelihood have a closed form."""
+"""Output error agrees with closed forms of estimate, standard error and likelihood on static models."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from flightpower.analysis.estimation.output_error import MeasurementNoise, fit_o
 
 
 def test_a_prior_adds_half_its_squared_deviation_to_the_cost():
-    """Known R, prior two standard deviations from the estimate of a mean: closed form of cost, mean and error."""
+    """With a known R and a prior far from the data, the cost, the mean and its error have closed forms."""
     n, sigma = 50, 0.5
     z = 1.0 + sigma * np.random.default_rng(8).standard_normal(n)
     model = Model(
@@ -29,7 +29,7 @@ def test_a_prior_adds_half_its_squared_deviation_to_the_cost():
 
 
 def test_t_noise_has_the_likelihood_and_information_of_student():
-    """Location of t noise with 4 degrees of freedom: the maximum of scipy's density, and Fisher's information."""
+    """The location of t noise (4 degrees of freedom) maximizes scipy's density, with Fisher's information."""
     from scipy import optimize, stats
 
     n, dof = 400, 4.0
@@ -50,13 +50,13 @@ def test_t_noise_has_the_likelihood_and_information_of_student():
     scale = np.exp(best.x[1])
     assert fit.values[0] == pytest.approx(best.x[0], abs=1e-5)
     assert fit.noise_covariance[0, 0] == pytest.approx(scale**2, rel=1e-4)
-    constant = n * (np.log(scale) + stats.t.logpdf(0, dof, 0, scale))  # constant of the density, which the cost omits
+    constant = n * (np.log(scale) + stats.t.logpdf(0, dof, 0, scale))  # constant that the cost omits
     assert fit.negative_log_likelihood == pytest.approx(best.fun + constant, abs=1e-5)
     assert fit.covariance[0, 0] == pytest.approx(scale**2 / n * (dof + 3) / (dof + 1), rel=1e-3)
 
 
 def test_the_smallest_noise_is_a_billionth_of_the_signal():
-    """Data that the model reproduces to rounding errors: ln det R stays finite."""
+    """If the model reproduces the data to rounding errors, ln det R stays finite."""
     model = Model(
         name="gain",
         inputs=("u",),

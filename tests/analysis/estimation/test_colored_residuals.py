@@ -1,4 +1,4 @@
-"""Autocorrelation that a fit absorbs, and the order of autoregressions, against exact matrices and probabilities."""
+"""Autocorrelation absorbed by a fit and the order of autoregressions agree with exact matrices and probabilities."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ LINE = Model(
 
 
 def test_the_fit_absorbs_what_the_exact_projection_removes_from_the_noise():
-    """Residuals are (1 - H) noise, so that their covariance is O - H O - O H + H O H: means of its diagonals."""
+    """Residuals are (1 - H) noise with the covariance O - H O - O H + H O H, whose diagonals are averaged."""
     t = np.arange(N) * 0.1
     z = np.random.default_rng(0).standard_normal(N)
     fit = fit_output_error(LINE, Segment(name="s", t_s=t, u={"u": t}, z={"z": z}))
@@ -32,7 +32,7 @@ def test_the_fit_absorbs_what_the_exact_projection_removes_from_the_noise():
     gamma[:LAGS] = 0.8 ** np.arange(LAGS)
     S = fit.segment_fits[0].white.S[:, 0]
     noise, H = toeplitz(gamma), S @ fit.covariance @ S.T
-    assert H @ H == pytest.approx(H), "a projection"
+    assert H @ H == pytest.approx(H), "H must be a projection"
     absorbed = H @ noise + noise @ H - H @ noise @ H
     expected = [np.trace(absorbed, -lag) / N for lag in range(LAGS)]
     size = 4 * N
@@ -42,10 +42,10 @@ def test_the_fit_absorbs_what_the_exact_projection_removes_from_the_noise():
 
 @pytest.mark.parametrize("outputs", [1, 2])
 def test_white_noise_is_found_to_be_white_as_often_as_akaike_s_criterion_says(outputs):
-    """An order k adds k outputs^2 coefficients, and without them twice the gain of the log-likelihood is chi-square.
+    """Order k adds k outputs^2 coefficients; for white noise, twice the gain of the log-likelihood is chi-square.
 
     The random walk of gains less penalties stays below zero with probability exp(-sum_k P(chi2(k m) > 2 k m)/k),
-    m = outputs^2 (Shibata 1976): 0.71 for one output, 0.88 for two. Four standard errors of 200 records.
+    m = outputs^2 (Shibata 1976): 0.71 for one output, 0.88 for two. Four standard errors of 200 records are allowed.
     """
     records, samples, orders = 200, 400, 6
     rng = np.random.default_rng(outputs)
@@ -61,7 +61,7 @@ def test_white_noise_is_found_to_be_white_as_often_as_akaike_s_criterion_says(ou
 
 @pytest.mark.parametrize("outputs", [1, 2])
 def test_the_order_is_that_of_least_criterion_among_all_orders_solved_one_by_one(outputs):
-    """What is not predicted by the last k values has the variance Gamma(0) less that of the prediction."""
+    """The part not predicted by the last k values has the variance Gamma(0) less the variance of the prediction."""
     samples, orders, rng = 300, 12, np.random.default_rng(8)
     e = rng.standard_normal((samples, outputs))
     for i in range(4, samples):
@@ -80,7 +80,7 @@ def test_the_order_is_that_of_least_criterion_among_all_orders_solved_one_by_one
 
 
 def test_lags_that_no_covariance_has_are_left_out():
-    """Values cannot be more like those of three steps before than like themselves."""
+    """No process has a covariance at lag 3 that is larger than its variance."""
     gamma = np.array([1.0, 0.7, 0.5, 2.0])[:, None, None]
     fitted = Autoregression.fitted(gamma, 100)
     assert 1 <= len(fitted.A) <= 2 and 0 < float(fitted.Q.item()) < 1

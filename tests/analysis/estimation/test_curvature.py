@@ -1,4 +1,4 @@
-"""The optimizer: curvature of the concentrated likelihood, and the number of iterations."""
+"""Tests the curvature of the concentrated likelihood, and the optimizer's number of iterations."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from flightpower.analysis.estimation.problem import Problem, free_names
 from flightpower.analysis.estimation.simulation import build_simulator
 from tests.analysis.estimation.test_output_error import CLEAN, DE, SHORT_PERIOD, T_S, TRUTH, noisy
 
-# A third output that contradicts the other two: lift from a wrong speed. R then changes along the step.
+# The third output, lift from a wrong speed, contradicts the other two, so R changes along a step.
 CONTRADICTORY = Model(
     name="short period with load factor",
     states=SHORT_PERIOD.states,
@@ -30,9 +30,9 @@ def contradictory(seed, factor=1.3):
 
 @pytest.mark.parametrize("noise", ["diagonal", "full"])
 def test_the_curvature_is_the_hessian_of_the_cost(noise):
-    """Up to the second derivatives of the response, which are left out: zero in an output linear in its parameters.
+    """It leaves out second derivatives of the response, which are zero here, where outputs are linear in parameters.
 
-    The model is a regression, y = a u1 + b u2, on data that it does not fit, so that R changes with a and b.
+    The model is a regression, y = a u1 + b u2, on data that it does not fit, so R changes with a and b.
     """
     model = Model(
         name="regression",
@@ -65,7 +65,7 @@ def test_the_curvature_is_the_hessian_of_the_cost(noise):
 
 
 def test_outputs_that_contradict_each_other_converge_quadratically():
-    """With only the information matrix these need 16 to 23 iterations: each step is off by the same factor."""
+    """With the information matrix alone, they would need 16 to 23 iterations: each step is off by the same factor."""
     fits = [fit_output_error(CONTRADICTORY, contradictory(seed, factor=1.6)) for seed in range(6)]
     assert all(fit.verdict.ok for fit in fits)
     assert max(fit.iterations for fit in fits) <= 13

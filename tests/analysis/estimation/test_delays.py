@@ -1,4 +1,4 @@
-"""Time delays as parameters, and the implicit trapezoidal rule."""
+"""Tests time delays as parameters, and the implicit trapezoidal rule."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def smooth(t):
 
 @pytest.fixture(scope="module")
 def segment():
-    """Integrated by SciPy with the elevator late, not by the estimator."""
+    """Return a record with a late elevator, integrated by SciPy and not by the estimator."""
     p = list(LINEAR_TRUTH.values())
 
     def rates(t, x):
@@ -73,7 +73,7 @@ def test_filter_error_and_unknown_names_are_refused():
 
 
 def test_the_implicit_rule_of_a_linear_model_is_its_closed_form():
-    """(1 - hA/2) x' = (1 + hA/2) x, stable with steps far longer than the time constant."""
+    """(1 - hA/2) x' = (1 + hA/2) x is stable with steps far longer than the time constant."""
     model = Model(
         name="fast mode",
         states=("x",),
@@ -106,7 +106,7 @@ def test_the_implicit_rule_of_a_nonlinear_model_is_solved():
 
 
 def test_two_late_inputs_have_each_its_own_delay():
-    """x' = -x + a(t - ta) + 2 b(t - tb): a change of either delay shifts the effect of its own input only."""
+    """In x' = -x + a(t - ta) + 2 b(t - tb), a change of either delay shifts the effect of its own input only."""
     model = Model(
         name="two late inputs", states=("x",), inputs=("a", "b"), outputs=("x",),
         parameters=(Parameter(name="ta", start=0.1, upper=0.5), Parameter(name="tb", start=0.1, upper=0.5)),

@@ -1,4 +1,4 @@
-"""Equation error on a short period: exact without noise, and good starting values for output error with noise."""
+"""Equation error on a short period is exact without noise, and gives good starting values with noise."""
 
 import numpy as np
 import pytest
@@ -33,15 +33,15 @@ def segment(sigma=0.0, seed=0):
 
 
 def test_without_noise_the_filtered_signals_satisfy_the_equation():
-    """From starting values of zero. The remaining error comes from sampling and truncation of the kernel."""
+    """Starting values are zero. The remaining error comes from sampling and truncation of the kernel."""
     p = fit_equation_error(MODEL, segment(), smoothing_s=0.06).shared()
     for name, value in TRUE.items():
         assert getattr(p, name) == pytest.approx(value, rel=2e-3), name
 
 
 def test_an_input_that_is_held_acts_half_a_step_late_on_the_derivatives_and_at_once_on_other_outputs():
-    """The record: the exact response to an input that stays for 0.1 s, measured every 0.1 s. The smoothed
-    derivatives are right to 1 %; with the inputs at the samples Mal and Mde are 8 % too small."""
+    """The record is the exact response to an input that is held for 0.1 s, measured every 0.1 s. Estimates are right
+    to 1 %; with the input taken at the samples, Mal and Mde would be 8 % too small."""
     step_s, true = 0.1, {"Mal": -6.0, "Mq": -1.5, "Mde": -9.0, "Zde": -3.0}
     model = Model(
         name="held", states=("alpha", "q"), inputs=("de",), outputs=("alpha", "q", "az"),
@@ -58,18 +58,18 @@ def test_an_input_that_is_held_acts_half_a_step_late_on_the_derivatives_and_at_o
     )
     for name, value in true.items():
         assert getattr(right, name) == pytest.approx(value, rel=1e-2), name
-    assert right.Zde == pytest.approx(true["Zde"], rel=1e-9), "an output has the input of its sample"
+    assert right.Zde == pytest.approx(true["Zde"], rel=1e-9), "an output must use the input at its sample"
     assert abs(wrong.Mal / true["Mal"] - 1) > 0.05 and abs(wrong.Mde / true["Mde"] - 1) > 0.05
 
 
 def test_smoothing_removes_the_bias_from_noise_in_the_regressors():
     """30 % noise in a regressor shrinks its coefficient by 0.3^2/(1 + 0.3^2) = 8 %. A low-pass three samples wide
-    leaves 1/(2 sqrt(pi) 3) = 9 % of the noise's variance, so that less than 1 % of shrinkage remains."""
+    leaves 1/(2 sqrt(pi) 3) = 9 % of the noise's variance, so less than 1 % of shrinkage remains."""
     off = {}
     for smoothing_s in (0.01, 0.06):
         p = [fit_equation_error(MODEL, segment(0.3, s), smoothing_s=smoothing_s).shared() for s in range(20)]
         off[smoothing_s] = max(abs(np.mean([getattr(x, n) for x in p]) / v - 1) for n, v in TRUE.items())
-    assert off[0.06] < 0.03  # 1 %, and the mean of 20 records
+    assert off[0.06] < 0.03  # 1 %, and scatter of the mean of 20 records
     assert off[0.01] > 0.05
 
 
@@ -111,7 +111,7 @@ def test_unusable_data_and_models_are_refused():
 
 @pytest.mark.parametrize("smoothing_s", [0.1, 0.2])
 def test_the_low_pass_has_the_width_it_is_given(smoothing_s):
-    """A Gaussian kernel of standard deviation s multiplies a sine of w by exp(-(w s)^2/2): 3 dB at 0.13/s Hz."""
+    """A Gaussian kernel of standard deviation s scales a sine of frequency w by exp(-(w s)^2/2): 3 dB at 0.13/s Hz."""
     t = np.arange(1000) * STEP_S
     w = 2 * np.pi * 0.13 / smoothing_s
     integrator = Model(

@@ -26,14 +26,14 @@ def test_it_is_under_forty_lines():
 def test_it_finds_the_true_values(ran):
     fit, errors = ran["fit"], ran["corrected"].standard_errors
     assert fit.verdict.ok
-    # The data are linear, the model has the sine: an amplitude of 0.1 rad lowers the frequency by 0.1^2/16, 0.06 %.
+    # The data are linear but the model has a sine, whose frequency is 0.1^2/16, 0.06 %, lower at 0.1 rad amplitude.
     for name, truth in (("stiffness", 36 * 1.00125), ("damping", 0.8), ("theta_bias", 0.01)):
         assert abs(fit.parameters[name].value - truth) < 4 * errors[name], name
     assert abs(ran["frequency"].value[0] - 0.9528) < 4 * ran["frequency"].standard_error[0] + 0.0006
 
 
 def test_the_page_shows_what_it_prints(capsys):
-    """Numbers to 1 %, because the last digits depend on the machine."""
+    """Numbers agree to 1 %, because the last digits depend on the machine."""
     exec(compile(CODE, "docs/understand/estimation-example.md", "exec"), {})
     number = re.compile(r"-?\d+\.\d+")
     shown, printed = capsys.readouterr().out, PRINTED

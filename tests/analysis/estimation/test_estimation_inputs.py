@@ -1,4 +1,4 @@
-"""Errors of the user raise InputError with one line that names model, segment or parameter."""
+"""User errors raise InputError with one line that names the model, segment or parameter."""
 
 import math
 import warnings
@@ -125,7 +125,7 @@ def test_invalid_models_and_segments_are_refused(make, message):
 def test_invalid_fits_are_refused(model, segments, options, message):
     fit = lambda: fit_output_error(decay(**model), [record(**s) for s in segments], **options)  # noqa: E731
     if message is None:
-        assert fit().samples == 2  # two samples of one output are enough for a covariance of one
+        assert fit().samples == 2  # two samples of one output suffice for its variance
         return
     with pytest.raises(InputError, match=message) as caught:
         fit()

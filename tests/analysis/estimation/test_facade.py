@@ -1,4 +1,4 @@
-"""The package as others import it: its names, what it loads and imports, and the page that shows its use."""
+"""Tests the package from outside: its names, what it loads and imports, and the page that shows its use."""
 
 import ast
 import re

@@ -1,6 +1,6 @@
-"""Filter error: estimates, standard errors and tests in turbulence and in still air.
+"""Tests estimates, standard errors and significance by filter error, in turbulence and in still air.
 
-More than 350 lines: all tests share the fits of a few simulated records.
+The file has more than 350 lines because all tests share the fits of a few simulated records.
 """
 
 import numpy as np
@@ -56,7 +56,7 @@ def test_without_process_noise_it_is_output_error():
 
 
 def textbook_filter(p, ln_w, ln_v, x0, Z):
-    """Minus ln L of the linear model by the matrix form of the filter; complex numbers pass (missing: NaN)."""
+    """Return minus ln L of the linear model by the filter's matrix form, also of complex numbers; NaN is missing."""
     A = np.array([[p[1], 1.0], [p[4], p[5]]])
     hA, item = STEP_S * A, np.eye(2)
     Phi = item + hA @ (item + hA / 2 @ (item + hA / 3 @ (item + hA / 4)))
@@ -89,7 +89,7 @@ def textbook_filter(p, ln_w, ln_v, x0, Z):
 
 
 def test_likelihood_and_derivatives_equal_those_of_the_matrix_form_of_the_filter():
-    """With missing samples: the value, and the derivatives by complex steps to 1e-8."""
+    """Some samples are missing. Derivatives are compared with complex steps, to 1e-8."""
     segment = linear_record(1)
     Z = np.column_stack([segment.z["alpha"], segment.z["q"]])[:120].copy()
     Z[20:30, 0] = np.nan
@@ -111,8 +111,8 @@ def test_likelihood_and_derivatives_equal_those_of_the_matrix_form_of_the_filter
 
 
 def test_the_covariance_of_a_nonlinear_model_is_propagated_by_the_derivative_of_its_flow():
-    """x' = u - x^2 with u = 0 has x(h) = x/(1 + x h), and so dx(h)/dx = 1/(1 + x h)^2; linearized at the middle of the
-    step it is right to the second order in h."""
+    """x' = u - x^2 with u = 0 has x(h) = x/(1 + x h), so dx(h)/dx = 1/(1 + x h)^2. Linearization at the middle of the
+    step is right to second order in h."""
     model = Model(
         name="quadratic damping",
         states=("x",),
@@ -134,7 +134,7 @@ def test_the_covariance_of_a_nonlinear_model_is_propagated_by_the_derivative_of_
 
 
 def test_the_covariance_is_propagated_with_the_input_in_the_middle_of_the_step():
-    """x' = -u x with an input that rises linearly through the step: x(h)/x is exp(-h times the mean of u)."""
+    """For x' = -u x with an input that rises linearly during the step, x(h)/x is exp(-h times the mean of u)."""
     model = Model(
         name="damping that is an input",
         states=("x",),
@@ -155,7 +155,7 @@ def test_the_covariance_is_propagated_with_the_input_in_the_middle_of_the_step()
 
 
 def test_derivatives_of_an_aircraft_that_noise_drives():
-    """Central differences of the innovations and their variances, extrapolated to an error of h^4."""
+    """They agree with central differences of innovations and their variances, extrapolated to an error of h^4."""
     model = aircraft_models.level_run(load_aircraft("nexstar"))
     rng = np.random.default_rng(0)
     n = 10
@@ -215,14 +215,14 @@ CASES = {
 def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_small(case, seeds):
     """Deviations of the parameters in standard errors have an rms of 1; 90 to 97 % of all are in 95 % intervals.
 
-    Over 30 seeds of two records, and parameters of which about four go their own ways, the rms is known to
-    1/sqrt(2 30 4) = 6 %, the coverage to 2 %; over ten to 11 % and 3.4 %. The bias of a maximum of likelihood is of
-    order 1/N: a quarter of a standard error is allowed on 20 s of record, plus three times what the mean is known to.
-    `benchmarks/estimation.py statistics` shows the 10 % for every parameter, with many more seeds.
+    With 30 seeds of two records, and about four parameters that are independent, the rms is known to 1/sqrt(2 30 4) =
+    6 % and the coverage to 2 %; with ten seeds, to 11 % and 3.4 %. The bias of maximum likelihood is of order 1/N: on
+    20 s of record, a quarter of a standard error is allowed, plus three standard errors of the mean.
+    `benchmarks/estimation.py statistics` shows agreement to 10 % for every parameter, with many more seeds.
     """
     model, noise, record, truth = CASES[case]
     m, fewer = len(model.parameters), np.sqrt(30 / seeds)
-    truth = np.array([*truth[:m], *2 * truth[m : m + 2], *truth[m + 2 :]])  # two initial states
+    truth = np.array([*truth[:m], *2 * truth[m : m + 2], *truth[m + 2 :]])  # initial states of both records
     off, inside, off_direct, inside_direct = [], [], [], []
     for seed in range(seeds):
         segments = [record(2 * seed, name="one"), record(2 * seed + 1, name="two")]
@@ -238,13 +238,13 @@ def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_s
     assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1, abs=0.18 * fewer)
     assert np.abs(np.mean(off, axis=0)).max() < 1 / 4 + 3 / np.sqrt(seeds)
     assert 0.95 - 0.05 * fewer <= np.mean(inside) <= 0.95 + 0.02 * fewer
-    # Output error on the same data: its estimates scatter wider, and its bound covers less than two thirds.
+    # On the same data, estimates by output error scatter more, and their bound covers less than two thirds.
     assert np.sqrt(np.mean(np.square(off_direct))) > 1.5
     assert np.mean(inside_direct) < 0.65
 
 
 def test_in_still_air_process_noise_is_not_significant():
-    """A test at the 5 % level on 40 records without process noise: 2 +- 1.4 find some, and the verdict says so."""
+    """A test at the 5 % level on 40 records without process noise finds some in 2 +- 1.4; the verdict says so."""
     result = 0
     for seed in range(40):
         fit = fit_filter_error(LINEAR, linear_record(seed, strength=0.0), LINEAR_NOISE)
@@ -260,7 +260,7 @@ def test_turbulence_that_is_there_is_significant():
     intensity = fit.process_noise["alpha"]
     assert intensity.significant and intensity.p_value < 1e-6
     assert intensity.lo < INTENSITY < intensity.hi
-    assert all(white.p_value > 0.001 for white in uncertainty.whiteness(fit).values()), "innovations are white"
+    assert all(white.p_value > 0.001 for white in uncertainty.whiteness(fit).values()), "innovations must be white"
 
 
 def test_segments_add_and_missing_samples_cost_information_and_nothing_else():
@@ -280,8 +280,8 @@ def test_segments_add_and_missing_samples_cost_information_and_nothing_else():
 
 
 def test_an_unstable_aircraft_needs_no_split_record():
-    """Positive Mal, held by feedback: an error would double in 0.3 s, e^23 over the record, if the filter did not
-    correct itself at every sample."""
+    """Mal is positive, and feedback holds the aircraft. An error doubles in 0.3 s and grows by e^23 over the record,
+    except in the filter, which corrects itself at every sample."""
     truth = LINEAR_TRUTH | {"Z0": 0.0, "M0": 0.0, "Mal": 12.0}
     A = np.array([[truth["Zal"], 1.0], [truth["Mal"], truth["Mq"]]])
     B = np.array([truth["Zde"], truth["Mde"]])
@@ -293,7 +293,7 @@ def test_an_unstable_aircraft_needs_no_split_record():
     for k in range(n - 1):
         de[k] = 3.0 * x[k, 0] + 0.6 * x[k, 1] + 0.2 * wanted[k]
         now = x[k]
-        for _ in range(fine):  # Euler-Maruyama, the surface standing still over a step
+        for _ in range(fine):  # Euler-Maruyama, with the surface held over a step
             h = STEP_S / fine
             now = now + h * (A @ now + B * de[k]) + np.array([INTENSITY * np.sqrt(h), 0.0]) * rng.standard_normal(2)
         x[k + 1] = now
@@ -351,10 +351,10 @@ def test_a_state_with_process_noise_before_the_record():
         noise_sigma={"x": sigma},
     )  # fmt: skip
     mean = fit.parameters["mean"].value
-    # The segment's first mean is the given 0.3, not the estimated one: it decays from there.
+    # The mean begins at the given 0.3, and decays from there to the estimated mean.
     expected = mean + (0.3 - mean) * np.exp(-t / T)
     density = -multivariate_normal(expected, covariance).logpdf(z) - n / 2 * np.log(2 * np.pi)
-    # The step's noise is spread by the trapezoidal rule, good to (h/T)^2/6 = 4e-4 of its variance.
+    # The trapezoidal rule spreads the noise over the step, which is good to (h/T)^2/6 = 4e-4 of its variance.
     assert fit.negative_log_likelihood == pytest.approx(density, abs=1e-2)
 
 

@@ -1,4 +1,4 @@
-"""Filter error from starting values far away, and with noise that is negligible."""
+"""Tests filter error from starting values far from the truth, and with negligible noise."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def fitted(model, segment, noise, **options):
 
 
 def in_standard_errors(fit, truth):
-    """Largest deviation from the truth."""
+    """Return the largest deviation from the truth, in standard errors."""
     return max(
         abs(fit.parameters[name].value - value) / fit.parameters[name].standard_error for name, value in truth.items()
     )
@@ -36,8 +36,8 @@ def test_in_turbulence_it_converges_from_equation_error_in_15_iterations(seed):
 
 @pytest.mark.parametrize("seed", [58, 183, 415, 838])
 def test_an_unstable_aircraft_converges_from_equation_error_in_15_iterations(seed):
-    """Neither state has process noise. Each intensity is tried at its lower bound, and then with the other one at
-    zero."""
+    """Neither state has process noise. The fit tries each intensity at its lower bound, and then with the other
+    intensity at zero."""
     fit = fitted(
         twins.UNSTABLE,
         twins.unstable(seed),
@@ -52,7 +52,7 @@ def test_an_unstable_aircraft_converges_from_equation_error_in_15_iterations(see
 
 @pytest.mark.parametrize("seed", [5, 224])
 def test_an_unstable_aircraft_keeps_the_least_noise_of_the_state_with_the_highest_likelihood(seed):
-    """Without any process noise its filter would not correct the states. It matters which state has the noise: the
+    """Without any process noise, the filter would not correct the states. It matters which state has the noise: the
     cost differs by 0.8."""
     fit = fitted(
         twins.UNSTABLE,
@@ -76,7 +76,7 @@ def test_an_unstable_aircraft_keeps_the_least_noise_of_the_state_with_the_highes
 
 
 def test_noise_starts_near_the_truth():
-    """From predictions with the true parameters; the noise of the rates is small compared with turbulence."""
+    """Starts are from predictions with the true parameters; noise of the rates is small compared with turbulence."""
     segment = twins.in_turbulence(4)
     predictions = noise_from_predictions(
         twins.TURBULENCE, [segment], twins.TURBULENCE_NOISE, twins.TURBULENCE_TRUTH, "linear"
@@ -110,7 +110,7 @@ def test_an_unstable_aircraft_in_light_noise_is_found_from_starts_off_by_a_facto
 
 
 def test_negligible_measurement_noise_is_named_and_does_not_stop_the_fit():
-    """The rate's derivative is measured without noise: the logarithm of its noise would go to minus infinity."""
+    """The derivative of the rate is measured without noise, so the logarithm of its noise would go to -infinity."""
     segment = twins.in_turbulence(2, twins.TURBULENCE_SIGMA | {"pdot": 1e-9})
     fit = fitted(twins.TURBULENCE, segment, twins.TURBULENCE_NOISE, start="equation error")
     assert fit.verdict.ok

@@ -1,4 +1,4 @@
-"""Each fit that must not be used is named by its verdict."""
+"""The verdict names the problem of each fit that must not be used."""
 
 import pytest
 from disturbed import LINEAR

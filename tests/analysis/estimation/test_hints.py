@@ -1,4 +1,4 @@
-"""Verdicts on residuals that are not white, on outliers and on instability, and the size at which they begin."""
+"""Tests from which size on verdicts name residuals that are not white, outliers, and instability."""
 
 from types import SimpleNamespace
 
@@ -13,7 +13,7 @@ N = 401
 
 
 def fit_of(residuals, *, white=None, weight=1.0, present=None, growth=0.0, status=FitStatus.CONVERGED, seconds=10.0):
-    """A fit of one output "z" and a state that grows with exp(growth t); white: residuals in standard deviations."""
+    """Return a fit of one output "z" and a state that grows with exp(growth t). white: residuals over their sigma."""
     e = np.asarray(residuals, dtype=float)[:, None]
     model = Model(
         name="growing", states=("x",), outputs=("z",), parameters=(Parameter(name="rate", start=growth),),
@@ -45,7 +45,7 @@ class Segmented:
 
 
 def correlated(lag_one: float, n: int = N) -> np.ndarray:
-    """A record whose lag-one correlation is exactly this: a cosine, less its ends."""
+    """Return a record with this lag-one correlation, a cosine; only its ends make a small difference."""
     x = np.cos(np.arange(n) * np.arccos(lag_one))
     rest = lag_one - (x[1:] @ x[:-1]) / (x @ x)
     assert abs(rest) < 0.01
@@ -54,7 +54,7 @@ def correlated(lag_one: float, n: int = N) -> np.ndarray:
 
 @pytest.mark.parametrize(("lag_one", "is_reported"), [(0.13, False), (0.2, True), (-0.13, False), (-0.2, True)])
 def test_residuals_are_called_colored_from_3_3_standard_deviations_on(lag_one: float, is_reported: bool) -> None:
-    """1/sqrt(400) of white noise is 0.05: 0.165."""
+    """White noise has a standard deviation of 1/sqrt(400) = 0.05, so the limit is 0.165."""
     fit = fit_of(correlated(lag_one))
     hints = hints_of(fit)
     assert [hint.finding for hint in hints] == [Finding.NOT_WHITE] * is_reported
@@ -63,7 +63,7 @@ def test_residuals_are_called_colored_from_3_3_standard_deviations_on(lag_one: f
 
 
 def test_pairs_with_a_missing_value_do_not_count() -> None:
-    """Half of the samples: a fourth of the pairs, and the bound is twice as far away."""
+    """Half of the samples make a fourth of the pairs, so the limit is twice as large."""
     present = np.arange(N) % 4 < 2
     assert hints_of(fit_of(correlated(0.2), present=present)) == ()
     assert hints_of(fit_of(correlated(0.35), present=present)) != ()
@@ -83,7 +83,7 @@ def test_a_value_beyond_six_standard_deviations_is_an_outlier_unless_the_noise_h
 def test_an_error_that_grows_a_thousandfold_is_reported_where_the_fit_is_not_convincing(
     growth: float, is_reported: bool
 ) -> None:
-    """ln 1000 over 10 s: 0.69 1/s."""
+    """ln 1000 over 10 s is a growth rate of 0.69 1/s."""
     fit = fit_of(correlated(0.0), growth=growth, status=FitStatus.NOT_CONVERGED)
     ln_growth, eigenvalue, name = unstable_growth(fit, fit.segment_fits[0])
     assert (ln_growth, eigenvalue, name) == (

@@ -1,4 +1,4 @@
-"""The recursion over blocks gives what a plain loop gives."""
+"""The recursion over blocks gives the numbers of a plain loop."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Long records: sums over blocks give what the whole record gives."""
+"""In long records, sums over blocks give the same results as the whole record."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -36,9 +36,9 @@ def test_a_fit_in_blocks_is_that_of_the_whole_record(segments, monkeypatch):
 @pytest.mark.parametrize(("samples", "long"), [((200_000,), False), ((200_001,), True), ((120_000, 80_000), False),
                                                ((120_000, 80_001), True)])  # fmt: skip
 def test_sensitivities_of_more_than_8_megabytes_are_not_kept(samples: tuple[int, ...], long: bool) -> None:
-    """A million numbers of 8 bytes: samples times outputs times the unknowns of the segment, all segments together.
+    """The limit is a million numbers: samples times outputs times unknowns of a segment, summed over segments.
 
-    Robust, correlated and known noise need them, and so does the frequency domain.
+    With robust, correlated or known noise and in the frequency domain they are needed, and always kept.
     """
     problem = SimpleNamespace(Z=[np.empty((n, 1)) for n in samples], columns=[np.arange(5)] * len(samples))
     likelihood = output_error.OutputErrorLikelihood(problem, None)
@@ -55,7 +55,7 @@ def test_blocks_of_a_response_join(segments):
     assert [len(block.y) for block in blocks] == [99, 99, 52]
     for name in ("x", "y"):
         assert (np.concatenate([getattr(block, name) for block in blocks]) == getattr(at_once, name)).all()
-    # The recursion of the sensitivities sums in another order.
+    # The recursion of the sensitivities adds in another order.
     S = np.concatenate([block.S for block in blocks])
     np.testing.assert_allclose(S, at_once.S, rtol=0, atol=1e-14 * np.abs(at_once.S).max())
 

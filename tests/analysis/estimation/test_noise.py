@@ -1,4 +1,4 @@
-"""Noise of Student's t distribution: its scale, its likelihood and the information in one sample."""
+"""Tests the scale, the likelihood and the information of a sample for noise of Student's t distribution."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_the_weight_of_a_residual_is_the_slope_of_the_likelihood(residuals: np.n
 
 
 def test_a_sample_of_t_noise_tells_as_much_as_its_fisher_information() -> None:
-    """The mean square of the slope of the log density."""
+    """It is the mean square of the slope of the log density."""
     x = np.linspace(-400, 400, 400_001)
     slope = (DOF + 1) * x / (DOF + x**2)
     information = np.trapezoid(slope**2 * student.pdf(x, DOF), x)

@@ -1,4 +1,4 @@
-"""The notebooks of estimation in docs/notebooks run from top to bottom; their own assertions hold."""
+"""The notebooks on estimation in docs/notebooks run from top to bottom, and their own assertions hold."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,7 @@ def test_there_are_three() -> None:
 
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def test_it_runs(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Cell by cell in this process: a kernel would take two seconds to start. Figures are made, not rendered."""
+    """Cells run in this process, because a kernel would take two seconds to start. Figures are made, not rendered."""
     names: dict[str, object] = {}
     for i, cell in enumerate(json.loads(file.read_text(encoding="utf-8"))["cells"]):
         if cell["cell_type"] == "code":

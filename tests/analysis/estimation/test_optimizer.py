@@ -1,4 +1,4 @@
-"""Where the optimizer stops: on likelihoods whose optimum and whose rate of convergence are known."""
+"""Tests where the optimizer stops, on likelihoods with a known optimum and a known rate of convergence."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -15,15 +15,15 @@ from flightpower.analysis.estimation.optimizer import (
     maximize,
 )
 
-CURVATURE = 4.0  # of the cost: a standard error of 0.5
+CURVATURE = 4.0  # of the cost, for a standard error of 0.5
 
 
 @dataclass
 class Parabola:
-    """Cost with its minimum at zero. Its information exceeds the curvature, so each step covers the fraction `share` of
-    the distance.
+    """A cost with its minimum at zero. Its information exceeds the curvature, so each step covers the fraction `share`
+    of the distance.
 
-    ln_det_R: grows by this with each standard error of distance     kink: slope of the cost on either side of the start
+    ln_det_R: growth per standard error of distance     kink: slope of the cost on either side of the start
     """
 
     share: float = 1.0
@@ -48,7 +48,7 @@ class Parabola:
         return Evaluation(theta, cost, (), np.eye(1), gradient, information, ln_det_R=ln_det_R)
 
     def stop(self, start, **options):
-        """Distance from the optimum where the search from distance `start` stops, in standard errors; reason."""
+        """Return where a search from `start` stops, as distance from the optimum in standard errors, and the reason."""
         error = np.sqrt(self.share / CURVATURE)
         self.start = start * error
         point, _, reason = maximize(self, self.evaluate(np.array([self.start])), 100, **options)
@@ -57,8 +57,8 @@ class Parabola:
 
 @pytest.mark.parametrize("last", [1.01, 1.3, 1.9])
 def test_the_gradient_at_the_stop_is_zero_to_a_ten_thousandth_of_a_standard_error(last):
-    """Each step halves the distance, so the last step is as long as the remaining distance. Steps are `last` times
-    1e-4 standard errors, then half of it: the second is the first that is short enough."""
+    """Each step halves the distance, so the last step is as long as the remaining distance. The last two steps are
+    `last` times 1e-4 standard errors and half of that; the latter is the first that is short enough."""
     left, reason = Parabola(share=0.5).stop(2**10 * last * 1e-4)
     assert reason is Stop.OPTIMUM
     assert left == pytest.approx(last / 2 * 1e-4)
@@ -66,7 +66,7 @@ def test_the_gradient_at_the_stop_is_zero_to_a_ten_thousandth_of_a_standard_erro
 
 @pytest.mark.parametrize("last", [1.01, 1.9])
 def test_the_change_of_the_residuals_covariance_at_the_stop_is_a_millionth(last):
-    """ln det R changes by 1/10 for each standard error: the steps that the tolerance of the step allows change it by
+    """ln det R changes by 1/10 per standard error, so a step that is within the tolerance on steps may change it by
     1e-5, ten times too much."""
     left, reason = Parabola(share=0.5, ln_det_R=0.1).stop(2**12 * last * 1e-5)
     assert reason is Stop.OPTIMUM
@@ -78,18 +78,18 @@ def test_where_no_step_lowers_the_cost_the_predicted_gain_decides(gain, optimum)
     """The cost rises on either side of the start. Twice the predicted decrease is the squared distance in standard
     errors: below 1e-4 rounding hides the decrease, above it the gradient is wrong."""
     left, reason = Parabola(kink=1e3).stop(np.sqrt(gain))
-    assert left == pytest.approx(np.sqrt(gain)), "no step was taken"
+    assert left == pytest.approx(np.sqrt(gain)), "no step must be taken"
     assert reason is (Stop.OPTIMUM if optimum else Stop.NO_BETTER_STEP)
 
 
 def test_a_caller_may_stop_earlier():
     point = Parabola(share=0.5).stop(1.0, step_tolerance=0.1)
-    assert point == (pytest.approx(1 / 16), Stop.OPTIMUM), "the first step shorter than 0.1 of a standard error"
+    assert point == (pytest.approx(1 / 16), Stop.OPTIMUM), "stops at the first step below 0.1 standard errors"
 
 
 @pytest.mark.parametrize(("damping", "then"), [(0.0, 0.0), (1e-4, 0.0), (1e-3, 0.0), (1e-2, 1e-3), (1.0, 0.1)])
 def test_a_whole_step_that_succeeds_is_followed_by_less_damping(damping: float, then: float) -> None:
-    """A tenth of it, down to the least; then none. A step against the slope needs more, until none is left to try."""
+    """It falls to a tenth, and below the least value to none. Against the slope, it grows until none is left to try."""
     parabola = Parabola()
     parabola.start = 3.0
     point = parabola.evaluate(np.array([3.0]))
@@ -104,7 +104,7 @@ def test_a_whole_step_that_succeeds_is_followed_by_less_damping(damping: float, 
 
 
 def test_a_step_that_raises_the_cost_is_halved_before_it_is_damped() -> None:
-    """Steps five times too long: the first two of 1, 1/2, 1/4 end higher than they began."""
+    """Steps are five times too long: of 1, 1/2 and 1/4 of the step, the first two end higher than they began."""
     parabola = Parabola(share=5.0)
     parabola.start = 3.0
     point, tried = parabola.evaluate(np.array([3.0])), []
@@ -130,7 +130,7 @@ class Quadratic:
     """Two unknowns, a prior on each, and a cost whose curvature is not the information matrix."""
 
     information: np.ndarray
-    hessian: np.ndarray  # of the data
+    hessian: np.ndarray  # of the data's part of the cost
     prior: np.ndarray
 
     @property
@@ -152,7 +152,7 @@ class Quadratic:
 
 @pytest.mark.parametrize("secant", [False, True])
 def test_near_the_optimum_a_step_is_newton_s_with_the_prior_s_curvature(secant: bool) -> None:
-    """With the exact curvature of data and prior, the step after one near the optimum ends at it."""
+    """With the exact curvature of data and prior, the step that follows one near the optimum ends at the optimum."""
     hessian = np.array([[4.0, 1.0], [1.0, 3.0]])
     likelihood = Quadratic(1.5 * hessian, hessian, np.array([6.0, 2.0]))
     start = likelihood.evaluate(np.array([0.05, -0.08]))
@@ -164,7 +164,7 @@ def test_near_the_optimum_a_step_is_newton_s_with_the_prior_s_curvature(secant: 
 
 
 def test_secants_find_the_curvature_that_the_likelihood_does_not_give() -> None:
-    """A likelihood that reports half its curvature: after two steps the changes of the gradient supply the rest."""
+    """The likelihood reports half of its curvature; after two steps, changes of the gradient supply the rest."""
     hessian = np.array([[4.0, 1.0], [1.0, 3.0]])
     prior = np.array([2.0, 1.0])
     steps = {}

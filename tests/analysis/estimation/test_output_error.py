@@ -1,4 +1,4 @@
-"""Output error on models with known parameters: a short period, and small systems with an exact solution."""
+"""Tests output error on models with known parameters: a short period, and small systems with exact solutions."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ SHORT_PERIOD = Model(
 
 
 def exact_response(truth, de, step_s, x0=(0.0, 0.0)):
-    """Matrix-exponential solution for an input that is linear between samples: independent of any integrator."""
+    """Return the solution by matrix exponential, without an integrator, for an input that is linear between samples."""
     from scipy.linalg import expm
 
     A = np.array([[truth["Zal"], 1.0], [truth["Mal"], truth["Mq"]]])
@@ -60,7 +60,7 @@ def noisy(seed, name="run", sigma=SIGMA):
 
 @pytest.mark.thorough
 def test_estimates_are_unbiased_and_scatter_as_the_cramer_rao_bound():
-    """500 seeds: the scatter itself is known to 1/sqrt(1000) = 3 %, the mean to 1/sqrt(500) of the scatter."""
+    """With 500 seeds, the scatter is known to 1/sqrt(1000) = 3 %, and the mean to 1/sqrt(500) of the scatter."""
     seeds = 500
     fits = [fit_output_error(SHORT_PERIOD, noisy(seed)) for seed in range(seeds)]
     assert all(fit.verdict.ok for fit in fits)
@@ -79,7 +79,7 @@ def test_without_noise_the_error_is_that_of_the_integrator():
 
 
 def test_integrators_converge_with_their_order():
-    """Halving the step divides Euler's error by 2, Heun's by 4, RK4's by 16 (input is smooth)."""
+    """With a smooth input, halving the step divides Euler's error by 2, Heun's by 4 and RK4's by 16."""
     from flightpower.analysis.estimation.simulation import build_simulator
 
     p = np.array(list(TRUTH.values()))
@@ -88,7 +88,7 @@ def test_integrators_converge_with_their_order():
         error = []
         for n in (100, 200):
             t = np.linspace(0, 2, n + 1)
-            de = 0.05 * t  # a ramp, which linear interpolation keeps exactly
+            de = 0.05 * t  # a ramp, which linear interpolation reproduces exactly
             exact = exact_response(TRUTH, de, t[1])
             y = build_simulator(SHORT_PERIOD, (), integrator).run(np.zeros(2), de[:, None], p, t[1]).y
             error.append(abs(y[-1, 0] - exact["alpha"][-1]))
@@ -105,7 +105,7 @@ def test_a_hundred_starts_off_by_a_factor_of_two():
         start = {name: value * 2.0 ** rng.choice([-1, 1]) for name, value in TRUTH.items()}
         fit = fit_output_error(SHORT_PERIOD, segment, start=start)
         at_best = abs(fit.negative_log_likelihood - best.negative_log_likelihood) < 1e-3
-        assert at_best or not fit.verdict.ok, "a fit that did not reach the optimum said it had"
+        assert at_best or not fit.verdict.ok, "a fit must not claim an optimum that it missed"
         reached += at_best
     assert reached >= 95
 
@@ -126,7 +126,7 @@ def test_missing_samples_cost_information_and_nothing_else():
 
 
 def test_correlated_outputs_are_weighted_by_the_full_covariance():
-    """Noise that both outputs share cancels from their difference: the full R knows, the diagonal one cannot."""
+    """Noise that both outputs share cancels in their difference, which a full R can use and a diagonal one cannot."""
     rng = np.random.default_rng(3)
     both = rng.standard_normal(len(T_S))
     own = rng.standard_normal((2, len(T_S))) * 0.2
@@ -142,7 +142,7 @@ def test_correlated_outputs_are_weighted_by_the_full_covariance():
 
 
 def test_outliers_get_little_weight_with_t_noise():
-    """One sample in fifteen spoilt by 30 sigma: least squares is thrown off, t noise hardly."""
+    """One sample in fifteen is off by 30 sigma, which throws off least squares, but hardly a fit with t noise."""
     off = {"normal": [], "t": []}
     for seed in range(20):
         segment = noisy(seed)
@@ -157,7 +157,7 @@ def test_outliers_get_little_weight_with_t_noise():
 
 
 def test_a_prior_is_as_good_as_a_measurement():
-    """Normal prior and likelihood: the precisions add, and the estimate is their weighted mean (to first order)."""
+    """For a normal prior and likelihood, precisions add, and the estimate is the weighted mean (to first order)."""
     segment = noisy(4)
     plain = fit_output_error(SHORT_PERIOD, segment)
     Mq = plain.parameters["Mq"]
@@ -186,8 +186,8 @@ def test_parameters_of_single_segments_and_shared_ones():
     )
     fit = fit_output_error(model, segments, options=FitOptions(initial_states="given"), start={"Mq": -2.0})
     assert fit.names == (*TRUTH, "b[one]", "b[two]")
-    # The given initial states are the first measured samples, whose noise passes into the estimates: not the bound's
-    # business, so that the allowance is that noise.
+    # The given initial states are the first measured samples, whose noise passes into the estimates. The bound does
+    # not contain it, so the tolerance is that noise.
     for name, b in bias.items():
         assert fit.parameters[f"b[{name}]"].value == pytest.approx(b, abs=3 * SIGMA["alpha"])
 
@@ -214,7 +214,7 @@ def test_parameters_that_cannot_be_separated_are_named():
     assert np.isinf(fit.parameters["a"].standard_error) and np.isinf(fit.parameters["idle"].standard_error)
     assert fit.parameters["c"].value == pytest.approx(1, abs=4 * fit.parameters["c"].standard_error)
     total = fit.parameters["a"].value + 2 * fit.parameters["b"].value
-    assert total == pytest.approx(5, abs=0.1), "what the data do know is estimated all the same"
+    assert total == pytest.approx(5, abs=0.1), "the sum that the data determine is still estimated"
 
 
 def test_a_bound_is_kept_and_reported():
@@ -222,7 +222,7 @@ def test_a_bound_is_kept_and_reported():
     fit = fit_output_error(model, noisy(5))
     assert fit.verdict.status is FitStatus.AT_BOUND and "Mq = -3.4" in fit.verdict.text
     assert fit.parameters["Mq"].value == -3.4
-    # The others are at the optimum given Mq: the gradient of a free fit with Mq held agrees.
+    # The others are at their optimum for this Mq, as in a fit with Mq fixed.
     held = fit_output_error(SHORT_PERIOD.changed(Mq={"start": -3.4, "free": False}), noisy(5))
     assert fit.parameters["Mal"].value == pytest.approx(held.parameters["Mal"].value, rel=1e-4)
 
@@ -240,13 +240,13 @@ def test_a_static_model_is_ordinary_least_squares():
         output_function=lambda x, u, p: (p.a + p.b * u.t + p.c * u.t**2,),
     )
     fit = fit_output_error(model, Segment(name="s", t_s=t, u={"t": t}, z={"z": z}))
-    Theta, (square,), *_ = np.linalg.lstsq(X, z, rcond=None)  # (2.18)
+    Theta, (square,), *_ = np.linalg.lstsq(X, z, rcond=None)  # by (2.18)
     assert fit.values == pytest.approx(Theta, rel=1e-9)
     assert fit.covariance == pytest.approx(square / 80 * np.linalg.inv(X.T @ X), rel=1e-6)
 
 
 def unstable():
-    """A divergence with a time constant of 0.4 s over 30 s: e^75."""
+    """Return a model that diverges to infinity, and a record of 30 s."""
     model = Model(
         name="unstable",
         states=("x",),
@@ -269,7 +269,7 @@ def test_a_response_that_is_not_finite_is_refused():
 
 
 def test_an_unstable_aircraft_with_split_segments():
-    """Positive Mal: time to double 0.25 s, held by feedback. A whole record grows e^16; pieces of 1 s are benign."""
+    """Mal is positive, and feedback holds the aircraft. Errors grow by e^13 over the record, by e^1.3 in 1 s."""
     truth = {"Zal": -1.5, "Mal": 12.0, "Mq": -3.0, "Mde": -25.0}
     assert np.linalg.eigvals([[truth["Zal"], 1], [truth["Mal"], truth["Mq"]]]).real.max() > 1
     rng = np.random.default_rng(7)
@@ -278,7 +278,7 @@ def test_an_unstable_aircraft_with_split_segments():
     de, x = np.zeros(250), np.zeros((250, 2))
     for k in range(249):
         de[k] = 1.2 * x[k, 0] + 0.15 * x[k, 1] + wanted[k]
-        # The surface stands still over a step, which the "held" rule then reproduces.
+        # The surface is held over a step, which the "held" rule then reproduces.
         step = exact_response(truth, np.array([de[k], de[k]]), STEP_S, x[k])
         x[k + 1] = step["alpha"][1], step["q"][1]
     de[-1] = de[-2]
@@ -295,13 +295,13 @@ def test_an_unstable_aircraft_with_split_segments():
 @pytest.mark.parametrize(
     ("rule", "integral"),
     [
-        ("linear", lambda u0, u1: (u0**2 + u0 * u1 + u1**2) / 3),  # of the square of a straight line
+        ("linear", lambda u0, u1: (u0**2 + u0 * u1 + u1**2) / 3),  # mean square of a straight line
         ("mean", lambda u0, u1: ((u0 + u1) / 2) ** 2),
         ("held", lambda u0, u1: u0**2),
     ],
 )
 def test_inputs_between_samples(rule, integral):
-    """xdot = u^2: RK4 integrates each course of the input exactly."""
+    """RK4 integrates xdot = u^2 exactly, whichever rule gives the input between samples."""
     from flightpower.analysis.estimation.simulation import build_simulator
 
     model = Model(
@@ -326,7 +326,7 @@ def test_a_lower_bound_is_kept_and_the_others_are_at_their_optimum():
 
 
 def test_an_initial_state_that_is_given_is_not_estimated_and_the_other_is():
-    """The record begins with both states away from zero; of these only that of q is asked for."""
+    """The record begins with both states away from zero, and only the initial state of q is estimated."""
     x0 = (0.03, 0.1)
     rng = np.random.default_rng(2)
     z = {k: v + SIGMA[k] * rng.standard_normal(len(v)) for k, v in exact_response(TRUTH, DE, STEP_S, x0).items()}

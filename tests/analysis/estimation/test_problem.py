@@ -1,4 +1,4 @@
-"""The vector of unknowns: its order and names, what its parts belong to, and its priors."""
+"""Tests the vector of unknowns: its order and names, what its parts belong to, and its priors."""
 
 from dataclasses import replace
 
@@ -60,11 +60,11 @@ def test_the_gradient_of_the_priors_is_that_of_their_cost_and_the_matrix_its_slo
 
 
 def test_a_prior_measurement_counts_a_fixed_parameter_as_known() -> None:
-    """2 k + c = 6 +- 0.5 with c fixed at 3: no cost at k = 1.5, which is also the mean of the prior of k."""
+    """2 k + c = 6 +- 0.5 with c fixed at 3 costs nothing at k = 1.5, which is also the mean of the prior of k."""
     problem = assembled()
     theta = np.where(problem.prior_information > 0, problem.prior_mean, 7.0)
     assert problem.prior_cost(theta) == pytest.approx(0.0)
-    theta[0] += 0.5  # one sigma of its prior, two of the measurement
+    theta[0] += 0.5  # one sigma of k's own prior, two sigma of the measurement
     assert problem.prior_cost(theta) == pytest.approx((1 + 4) / 2)
 
 

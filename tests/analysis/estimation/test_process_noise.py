@@ -1,4 +1,4 @@
-"""Process noise in filter error: priors, starting values, standard errors and significance."""
+"""Tests process noise in filter error: priors, starting values, standard errors and significance."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ NONE = ProcessNoise(state="alpha", start=0.0, free=False)
 
 
 def test_a_prior_pulls_the_estimate():
-    """A prior one standard error away and as good as the data: half a standard error, and 1/sqrt(2) of the error."""
+    """A prior as good as the data, one standard error away, moves it by half of that; the error falls by 1/sqrt(2)."""
     segment = linear_record(6)
     Mq = fit_filter_error(LINEAR, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
     model = LINEAR.changed(Mq={"prior_mean": Mq.value + Mq.standard_error, "prior_sigma": Mq.standard_error})
@@ -34,7 +34,7 @@ def test_the_interval_of_an_intensity_is_that_of_its_logarithm():
 
 
 def test_the_search_for_measurement_noise_starts_at_the_noise_of_the_record():
-    """A slow motion with white noise, 2000 samples, gives it to 5 %."""
+    """2000 samples of a slow motion with white noise give it to 5 %."""
     t_s, noise = np.arange(2000) * 0.02, np.random.default_rng(0).standard_normal((2, 2000))
     z = {"alpha": 0.1 * np.sin(0.5 * t_s) + 0.003 * noise[0], "q": 0.05 * np.cos(0.5 * t_s) + 0.005 * noise[1]}
     segment = Segment(name="slow", t_s=t_s, u={"de": 0 * t_s}, z=z)
@@ -44,7 +44,7 @@ def test_the_search_for_measurement_noise_starts_at_the_noise_of_the_record():
 
 
 def test_a_known_offset_of_the_sensors_changes_nothing():
-    """Outputs that are not zero at zero state, and measurements shifted by as much: the same estimates."""
+    """Outputs that are not zero at zero state, with measurements shifted by as much, give the same estimates."""
     segment = linear_record(3)
     offset = replace(LINEAR, output_function=lambda x, u, p: (x.alpha + 0.1, x.q - 0.2))
     shifted = replace(segment, z={"alpha": segment.z["alpha"] + 0.1, "q": segment.z["q"] - 0.2})
@@ -67,7 +67,7 @@ def test_a_starting_intensity_may_be_far_too_small_and_a_little_too_large(factor
 
 
 def test_a_starting_intensity_that_is_far_too_large_still_leads_to_the_optimum():
-    """Process noise explains everything from there; the fit is repeated from equation error with less noise."""
+    """From there, process noise explains everything, so the fit is repeated from equation error with less noise."""
     near = fit_filter_error(LINEAR, linear_record(3), LINEAR_NOISE, test_significance=False)
     noise = ProcessNoise(state="alpha", start=300 * INTENSITY)
     far = fit_filter_error(LINEAR, linear_record(3), noise, test_significance=False)
@@ -76,7 +76,7 @@ def test_a_starting_intensity_that_is_far_too_large_still_leads_to_the_optimum()
 
 
 def test_morelli_klein_of_an_intensity_is_its_cramer_rao_bound():
-    """White innovations: the correction changes nothing, neither for parameters nor for the noise parameters."""
+    """If innovations are white, the correction changes nothing, neither for parameters nor for noise levels."""
     ratio = []
     for seed in range(10):
         fit = fit_filter_error(LINEAR, linear_record(seed), LINEAR_NOISE, test_significance=False)
@@ -95,7 +95,7 @@ def test_the_standard_error_of_a_noise_level():
 
 
 def test_the_p_value_is_that_of_a_one_sided_likelihood_ratio():
-    """Half a chi-squared of one degree of freedom, because an intensity cannot be negative."""
+    """It is half of that of a chi-squared of one degree of freedom, because an intensity cannot be negative."""
     from scipy.stats import chi2
 
     segment = linear_record(1, strength=0.1)

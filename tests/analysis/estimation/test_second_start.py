@@ -1,4 +1,4 @@
-"""A fit that is not convincing is begun again from the record cut in pieces, and the better optimum is taken."""
+"""A fit that is not convincing is repeated, starting from the record cut into pieces; the better optimum counts."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ EACH = [pytest.param(name, marks=pytest.mark.thorough) if name in LONG else name
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EACH)
 def test_the_best_optimum_is_reached_from_starts_off_by_a_factor_of_two(name: str) -> None:
-    """One start finds no more than a quarter of them, and ends at other optima or nowhere."""
+    """A single start reaches it in at most 6 of 10 cases, and otherwise ends at other optima or nowhere."""
     case = BIMODAL[name]
     best = fit_output_error(case.model, case.record, start=case.truth, options=case.options)
     assert best.verdict.ok and Finding.REACHED_FROM_PIECES not in best.verdict.findings
@@ -26,7 +26,7 @@ def test_the_best_optimum_is_reached_from_starts_off_by_a_factor_of_two(name: st
     for start in case.starts(10, seed=5):
         fit = fit_output_error(case.model, case.record, start=start, options=case.options)
         same = fit.negative_log_likelihood < best.negative_log_likelihood + 0.01
-        assert same or not fit.verdict.ok or fit.verdict.hints, "converged alone at a worse optimum"
+        assert same or not fit.verdict.ok or fit.verdict.hints, "a worse optimum must not be called convincing"
         reached += same and fit.verdict.ok
         helped += Finding.REACHED_FROM_PIECES in fit.verdict.findings
         try:
@@ -40,7 +40,7 @@ def test_the_best_optimum_is_reached_from_starts_off_by_a_factor_of_two(name: st
 
 @pytest.mark.parametrize("name", EACH)
 def test_filter_error_reaches_the_best_optimum_from_such_starts(name: str) -> None:
-    """Its states are corrected with every sample, so that the response cannot slip a cycle, nor diverge."""
+    """The filter corrects states with every sample, so the response can neither slip a cycle nor diverge."""
     case = BIMODAL[name]
 
     def fitted(start: dict[str, float]) -> Fit:

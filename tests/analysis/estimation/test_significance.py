@@ -1,4 +1,4 @@
-"""Significance of lift due to pitch rate (4.3-4.7): the trends of Fig. 4.12 on simulated flights."""
+"""The significance of lift due to pitch rate (4.3-4.7) has the trends of Fig. 4.12 on simulated flights."""
 
 import estimation
 import numpy as np
@@ -16,7 +16,7 @@ def flown():
 
 
 def test_CLq_is_more_significant_in_quicker_maneuvers(flown):
-    """With the gyro as it is: t grows from a slow run over a throttle step to an elevator input, several times."""
+    """With a given gyro, t grows from a slow run to a throttle step, and several times more to an elevator input."""
     t = [estimation.t_of_CLq(NEXSTAR, run, 0.5, estimation.GYRO_RADPS / 2, SEEDS) for run in flown.values()]
     slow, step, elevator = t
     assert slow < 1.96 < step < elevator
@@ -27,7 +27,7 @@ def test_CLq_is_more_significant_in_quicker_maneuvers(flown):
 def test_the_limit_rises_with_the_noise_of_the_other_signals(flown):
     step = flown["throttle step, height wanders"]
     quiet, loud = (estimation.significance_limit(NEXSTAR, step, factor, SEEDS) for factor in (0.5, 1.0))
-    assert loud.t_quiet == pytest.approx(quiet.t_quiet / 2, rel=0.4), "t goes with one over the noise"
+    assert loud.t_quiet == pytest.approx(quiet.t_quiet / 2, rel=0.4), "t must go with one over the noise"
     assert quiet.snr < loud.snr < np.inf
     noisy = estimation.significance_limit(NEXSTAR, step, 2.0, SEEDS)
-    assert np.isnan(noisy.snr), "with twice the noise in all else no gyro is quiet enough"
+    assert np.isnan(noisy.snr), "if all other noise is twice as large, no gyro is quiet enough"

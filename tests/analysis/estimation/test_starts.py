@@ -1,4 +1,4 @@
-"""Output error from several starting values."""
+"""Tests output error from several starting values."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from flightpower.analysis.estimation.starts import best_of_starts, starting_valu
 from flightpower.flight.errors import InputError
 from tests.analysis.estimation.test_output_error import SHORT_PERIOD, TRUTH, noisy
 
-# The frequency of a sine is estimated: the likelihood has an optimum every 1/T, and only one is right.
+# The frequency of a sine is estimated. The likelihood has an optimum every 1/T, and only one is right.
 OSCILLATION = Model(
     name="oscillation",
     inputs=("t",),
@@ -32,7 +32,7 @@ SINE = Segment(
 
 def test_a_false_optimum_is_left_and_the_verdict_says_so():
     single = fit_output_error(OSCILLATION, SINE)
-    assert single.verdict.ok and abs(single.parameters["omega"].value - 4.4) > 0.5, "this start finds the truth"
+    assert single.verdict.ok and abs(single.parameters["omega"].value - 4.4) > 0.5, "this start must miss the truth"
     best = best_of_starts(lambda start: fit_output_error(OSCILLATION, SINE, start=start), OSCILLATION, starts=20)
     assert best.parameters["omega"].value == pytest.approx(4.4, abs=0.01)
     assert {Finding.REACHED_FROM_STARTS, Finding.WORSE_OPTIMA} <= set(best.verdict.findings)
@@ -50,7 +50,7 @@ def test_one_optimum_is_reached_from_everywhere():
 
 
 def test_equation_error_gives_starting_values_near_the_truth():
-    """Noise in the regressors biases them by some 10 %, no more."""
+    """Noise in the regressors biases them by some 10 %; up to 40 % are allowed."""
     error = starting_values_by_equation_error(SHORT_PERIOD, noisy(0), smoothing_s=0.1)
     assert error == pytest.approx(TRUTH, rel=0.4)
 
@@ -62,7 +62,7 @@ def test_when_no_start_gives_a_response_the_reason_is_reported():
 
 
 def test_starts_without_a_fit_are_counted():
-    """The third of four starts does not converge: it is no optimum, and is not compared."""
+    """The third of four starts does not converge, so its end is no optimum and is not compared."""
     fit, ends = fit_output_error(SHORT_PERIOD, noisy(0)), iter(["good", "good", "lost", "good"])
     lost = fit.verdict._replace(status=FitStatus.NOT_CONVERGED)
     results = {"good": fit, "lost": replace(fit, verdict=lost, negative_log_likelihood=-1e9)}

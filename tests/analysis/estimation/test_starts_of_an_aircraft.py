@@ -1,4 +1,4 @@
-"""Convergence from starting values that are wrong by a factor of two."""
+"""Tests convergence from starting values that are wrong by a factor of two."""
 
 import numpy as np
 import pytest
@@ -13,14 +13,14 @@ pytestmark = pytest.mark.thorough
 
 NEXSTAR = load_aircraft("nexstar")
 STEP_S, N = 0.04, 500
-# Two states, four outputs, twelve parameters.
+# The model has two states, four outputs and twelve parameters.
 MODEL = aircraft_models.two_state(NEXSTAR).changed(CLde={"free": False}, thrust_slope={"free": False})
 TRUTH = {"CL0": 0.3, "CLa": 4.6, "A0": 0.0465, "A1": -0.0195, "A2": 0.065}
 SIGMA = {"V": 0.29, "alpha": 0.008, "ax": 0.058, "az": 0.058}
 
 
 def made_by_the_model(name, seed, V0=13.0):
-    """An acceleration whose pitch angle slowly falls, answered by the model itself, with noise."""
+    """Return an acceleration with a slowly falling pitch angle, simulated by the model itself, with noise."""
     rng = np.random.default_rng(seed)
     t = np.arange(N) * STEP_S
     thrust = 9 * (1 - 0.6 * np.exp(-t)) + 0.3 * np.sin(1.7 * t + seed)
@@ -45,6 +45,6 @@ def test_starts_off_by_a_factor_of_two_on_the_aircraft():
         start = {name: value * 2.0 ** rng.choice([-1, 1]) for name, value in TRUTH.items()}
         fit = fit_output_error(MODEL, run, start=start)
         at_best = abs(fit.negative_log_likelihood - best.negative_log_likelihood) < 1e-2
-        assert at_best or not fit.verdict.ok, "a fit that did not reach the optimum said it had"
+        assert at_best or not fit.verdict.ok, "a fit must not claim an optimum that it missed"
         reached += at_best
     assert reached >= 95

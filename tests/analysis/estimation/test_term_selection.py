@@ -1,4 +1,4 @@
-"""Structure selection on a simulated nonlinear aircraft, whose terms are known."""
+"""Structure selection finds the known terms of a simulated nonlinear aircraft."""
 
 import numpy as np
 import pytest
@@ -14,12 +14,12 @@ def with_noise_known_to_a_factor_of_four(candidates, z):
 
 
 METHODS = [stepwise, with_noise_known_to_a_factor_of_four]
-# Vertical force coefficient with stall and pitch-rate terms (made up, of the size of a light aircraft's).
+# A made-up vertical force coefficient with stall and pitch-rate terms, of a size typical of a light aircraft.
 TRUE = {"alpha": -4.5, "alpha^2": 6.0, "q": -8.0, "elevator": -0.4, "alpha elevator": 2.5}
 
 
 def flight(seed, n=400, noise=NOISE):
-    """Motion from filtered random controls: candidates up to third order, and the coefficient with noise."""
+    """Return candidates up to third order from filtered random motion, and the force coefficient with noise."""
     rng = np.random.default_rng(seed)
 
     def motion(size, tau):
@@ -51,7 +51,7 @@ def test_the_true_terms_are_found_in_95_of_100_flights():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_coefficients_are_those_of_the_regression(method):
-    """Within four standard errors; and the standard errors are those of least squares, about 0.02/sqrt(400)/rms."""
+    """They agree within four of their standard errors, which are about 0.02/sqrt(400)/rms, as in least squares."""
     candidates, z = flight(7)
     result = method(candidates, z)
     for name, value, error in zip(result.names, result.coefficients, result.standard_errors, strict=True):
@@ -86,7 +86,7 @@ def test_a_candidate_that_is_a_combination_of_others_is_taken_once(method):
 
 
 def test_a_replaced_term_leaves_again():
-    """A candidate that stands for the sum of two enters first, and is superfluous when both are in."""
+    """A candidate close to the sum of two others enters first, and becomes superfluous when both are in."""
     rng = np.random.default_rng(2)
     a, b = rng.standard_normal((2, 300))
     stand_in = a + b + 0.3 * rng.standard_normal(300)
@@ -104,7 +104,7 @@ def test_wrong_arrays_are_named():
 
 
 def test_the_predicted_square_error_adds_the_noise_of_each_term():
-    """For new samples: the mean square of residuals, and sigma_max^2/n or twice sigma^2/n a term."""
+    """It is the mean square of residuals plus sigma_max^2/n, or twice sigma^2/n, for each term."""
     candidates, z, *_ = flight(0)
     n = len(z)
     for selection, penalty in (
@@ -125,7 +125,7 @@ def test_the_partial_F_is_that_of_nested_regressions_whatever_is_added_to_a_cand
     rng = np.random.default_rng(0)
     n, chosen = 60, [1]
     X = rng.standard_normal((n, 4))
-    X[:, 3] = 2 * X[:, 1] - 3.0  # says nothing that the chosen one does not
+    X[:, 3] = 2 * X[:, 1] - 3.0  # adds nothing to the chosen one
     z = X[:, 0] + 2 * X[:, 1] + rng.standard_normal(n)
 
     def rss(columns):
@@ -140,7 +140,7 @@ def test_the_partial_F_is_that_of_nested_regressions_whatever_is_added_to_a_cand
 
 
 def test_a_fit_gives_the_standard_errors_of_least_squares():
-    """Slope and intercept of a straight line: sigma/sqrt(Sxx), sigma sqrt(1/n + mean^2/Sxx), R^2."""
+    """For a straight line, they are sigma/sqrt(Sxx) for slope and sigma sqrt(1/n + mean^2/Sxx) for intercept."""
     rng = np.random.default_rng(1)
     x = 3.0 + rng.standard_normal(40)
     z = 1.0 + 2.0 * x + 0.5 * rng.standard_normal(40)
@@ -157,7 +157,7 @@ def test_a_fit_gives_the_standard_errors_of_least_squares():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_constant_added_to_a_candidate_changes_nothing_but_the_constant(method):
-    """This also holds for a term whose mean is ten thousand times its variation: it does not depend on the constant."""
+    """This also holds if the mean of a term is twenty thousand times its variation."""
     candidates, z = flight(7)
     result = method(candidates, z)
     moved = {name: values + 2e4 * np.std(values) for name, values in candidates.items()}

@@ -1,4 +1,4 @@
-"""Coverage of intervals with white and colored noise, and quantities derived from a covariance."""
+"""Tests the coverage of intervals with white and colored noise, and quantities derived from a covariance."""
 
 from dataclasses import replace
 
@@ -35,13 +35,13 @@ SHORT_PERIOD = Model(
     dynamics=lambda x, u, p: (p.Zal * x.alpha + x.q, p.Mal * x.alpha + p.Mq * x.q + p.Mde * u.de),
     output_function=lambda x, u, p: (x.alpha, x.q),
 )
-# The truth comes from the model itself: what is tested is statistics, not integration.
+# The truth comes from the model itself, because these tests are about statistics, not about integration.
 TRUE = np.array([-0.5, -5.0, -2.0, -7.0, 0.0, 0.0])
 CLEAN = build_simulator(SHORT_PERIOD, ()).run(np.zeros(2), DE[:, None], TRUE[:4], STEP_S).y
 
 
 def first_order(rng, phi=0.9):
-    """Noise with a memory of 0.4 s, the same in kind as that of air data."""
+    """Return noise with a memory of 0.4 s, similar to the noise of air data."""
     white = rng.standard_normal((N + 200, 2))
     return lfilter([np.sqrt(1 - phi**2)], [1, -phi], white, axis=0)[200:]
 
@@ -51,7 +51,7 @@ def moving_average(rng, length=15):
 
 
 def shared_with_a_lag(rng):
-    """The second output contains the first output's noise five samples later: cross-correlation with a lag."""
+    """Return noise of which the second output contains the first, five samples later: they correlate with a lag."""
     e = first_order(rng)
     return np.stack([e[:, 0], 0.8 * np.roll(e[:, 0], 5) + 0.6 * e[:, 1]], axis=1)
 
@@ -68,7 +68,7 @@ def fit_noisy(noise, **options):
     [*(pytest.param(item, marks=pytest.mark.thorough) for item in (first_order, moving_average)), shared_with_a_lag],
 )
 def test_with_colored_noise_corrected_intervals_cover_and_those_of_the_bound_do_not(color):
-    """100 seeds, 6 numbers: coverage is known to sqrt(0.95 0.05 / 100) = 2 % at most, the numbers being correlated."""
+    """With 100 seeds of 6 correlated numbers, coverage is known to sqrt(0.95 0.05 / 100) = 2 % or better."""
     inside: dict[str, list] = {"Cramer-Rao": [], "corrected": []}
     for seed in range(100):
         fit = fit_noisy(color(np.random.default_rng(seed)))
@@ -81,8 +81,8 @@ def test_with_colored_noise_corrected_intervals_cover_and_those_of_the_bound_do_
 
 
 def test_with_white_noise_the_default_equals_the_bound_and_raw_is_too_small():
-    """Mean variances over 40 seeds. The raw autocorrelation lacks the part absorbed by the fit, so it is not the
-    default."""
+    """The test compares mean variances over 40 seeds. The raw autocorrelation lacks the part absorbed by the fit, so
+    it is not the default."""
     variances: dict[str, list] = {}
     for seed in range(40):
         fit = fit_noisy(np.random.default_rng(seed).standard_normal((N, 2)))
@@ -123,7 +123,7 @@ def test_gaps_hardly_change_a_corrected_interval():
 
 
 def test_delta_method_on_a_known_function():
-    """Natural frequency sqrt(-Mal - ...) by hand, and a linear curve whose covariance is exact."""
+    """The error of the frequency sqrt(-Mal) is calculated by hand, and the covariance of a straight line is exact."""
     what = uncertainty.cramer_rao(fit_noisy(np.random.default_rng(3).standard_normal((N, 2))))
     i, j = what.fit.names.index("Mal"), what.fit.names.index("Mq")
     frequency = uncertainty.delta_method(what, lambda p: np.sqrt(-p.Mal))
@@ -135,7 +135,7 @@ def test_delta_method_on_a_known_function():
 
 
 def test_prior_share_of_a_variance():
-    """With a prior as good as the data, half the variance is the prior's; without priors none."""
+    """With a prior as good as the data, half of the variance is due to the prior; without priors, none is."""
     noise = np.random.default_rng(4).standard_normal((N, 2))
     plain = fit_noisy(noise)
     assert uncertainty.cramer_rao(plain).prior_share == pytest.approx(np.zeros(6))
@@ -148,7 +148,7 @@ def test_prior_share_of_a_variance():
 
 
 def test_a_parameter_that_does_nothing_is_significant_in_one_case_of_twenty():
-    """An elevator lift term whose truth is zero: found at the 5 % level in 5 % of 200 records, +- 1.5 %."""
+    """An elevator lift term that is truly zero is found at the 5 % level in 5 +- 1.5 % of 200 records."""
     model = Model(
         name="with Zde",
         states=SHORT_PERIOD.states,
@@ -164,7 +164,7 @@ def test_a_parameter_that_does_nothing_is_significant_in_one_case_of_twenty():
         tests = uncertainty.t_tests(uncertainty.cramer_rao(fit_output_error(model, segment)))
         assert tests["Mde"].significant
         significant += tests["Zde"].significant
-    assert 2 <= significant <= 22  # 10 +- 4 sigma of a binomial
+    assert 2 <= significant <= 22  # 10 expected, +- 4 sigma of a binomial
 
 
 def fit_noisy_segment(noise):
@@ -226,7 +226,7 @@ def test_whiteness_is_the_test_of_ljung_and_box():
 
 
 def test_what_the_variances_of_residuals_tell_is_white_and_adds_to_the_score():
-    """D (M + V) D: half of the information of the data adds half of the Cramer-Rao bound in any noise."""
+    """In D (M + V) D, a V of half of the data's information adds half of the Cramer-Rao bound, whatever the noise."""
     fit = fit_noisy(first_order(np.random.default_rng(0)))
     more = replace(fit, variance_information=0.5 * fit.information)
     bound = uncertainty.cramer_rao(fit).covariance

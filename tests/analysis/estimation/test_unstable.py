@@ -1,4 +1,4 @@
-"""Output error of an unstable aircraft: what the verdict says, and the cure of separate parts."""
+"""Output error fails on an unstable aircraft, as the verdict says, and works on separate parts of the record."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Prediction of data that a model was not fitted to, collinearity, and a fit as table and file."""
+"""Tests prediction of data that a model was not fitted to, collinearity, and a fit as table and file."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ LINE = Model(
 
 
 def other_maneuver(seed=5, x0=(0.05, -0.1)):
-    """Another input and another initial state than those fitted."""
+    """Return a maneuver whose input and initial state differ from those of the fit."""
     de = 0.03 * np.sin(2.5 * T_S) * (T_S > 1)
     rng = np.random.default_rng(seed)
     clean = exact_response(TRUTH, de, STEP_S, x0)
@@ -41,7 +41,7 @@ def other_maneuver(seed=5, x0=(0.05, -0.1)):
 
 
 def test_the_right_model_predicts_other_data_to_its_noise():
-    """The rms of 150 samples scatters by 1/sqrt(300) = 6 %; errors of parameters and initial state add 3 % or so."""
+    """The rms of 150 samples scatters by 1/sqrt(300) = 6 %; errors of parameters and initial state add about 3 %."""
     prediction = predict(FIT, other_maneuver())
     for name, sigma in SIGMA.items():
         assert prediction.agreement[name].rms == pytest.approx(sigma, rel=0.2)
@@ -51,7 +51,7 @@ def test_the_right_model_predicts_other_data_to_its_noise():
 
 
 def test_a_wrong_model_is_seen_on_other_data():
-    """With the damping fixed at a quarter of its value."""
+    """Its damping is fixed at a quarter of the true value."""
     wrong = fit_output_error(SHORT_PERIOD.changed(Mq={"start": -0.75, "free": False}), noisy(1))
     assert predict(wrong, other_maneuver()).agreement["q"].rms > 1.5 * SIGMA["q"]
 
@@ -87,8 +87,8 @@ def test_cross_validation_leaves_each_maneuver_out_once():
 
 
 def test_two_inputs_that_are_alike_are_named():
-    """Two inputs equal to 1e-4: their sum is known to 0.07, each coefficient only to 1000 times that. Apart: nothing
-    is said."""
+    """If two inputs are equal to 1e-4, the sum of their coefficients is known to 0.07, but each coefficient only to
+    10,000 times that. If the inputs differ, nothing is reported."""
     rng = np.random.default_rng(0)
     u1, noise = rng.standard_normal((2, 200))
 
@@ -103,7 +103,7 @@ def test_two_inputs_that_are_alike_are_named():
 
 
 def test_the_condition_index_of_two_correlated_unknowns():
-    """Correlation r of the columns: eigenvalues 1 + r and 1 - r (Belsley)."""
+    """Columns with the correlation r have the eigenvalues 1 + r and 1 - r (Belsley)."""
     r = 0.9999
     (collinearity,) = collinearities(("a", "b", "c"), np.array([[4.0, 2 * r, 0], [2 * r, 1, 0], [0, 0, 9]]))
     assert collinearity.names == ("a", "b")

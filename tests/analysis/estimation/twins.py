@@ -1,4 +1,4 @@
-"""Simulated twins of two published cases: an aircraft in turbulence, and an unstable aircraft in light noise."""
+"""Simulates twins of two published cases: an aircraft in turbulence, and an unstable aircraft in light noise."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ STEP_S = 0.05
 
 
 def steps(t, start_s, unit_s, widths, size):
-    """(n,) a multistep input that starts positive, with ramps of one sample."""
+    """Return a multistep input (n,) that starts positive, with ramps of one sample."""
     edges = start_s + unit_s * np.cumsum([0, *widths])
     times, values = [0.0], [0.0]
     for i, edge in enumerate(edges):
@@ -19,7 +19,7 @@ def steps(t, start_s, unit_s, widths, size):
     return np.interp(t, times, values)
 
 
-# Roll and yaw of a utility aircraft (the signs and sizes of a DHC-2), turbulence in both rates.
+# Roll and yaw of a utility aircraft, with signs and sizes like those of a DHC-2, and turbulence in both rates.
 TURBULENCE_TRUTH = {
     "Lp": -5.8, "Lr": 1.8, "Lda": -16.4, "Ldr": 0.43, "Lv": -0.10,
     "Np": -0.66, "Nr": -0.53, "Nda": 0.43, "Ndr": -2.8, "Nv": 0.010,
@@ -54,7 +54,7 @@ def _yaw(x, u, p):
 
 
 def in_turbulence(seed, sigma=TURBULENCE_SIGMA):
-    """16 s: aileron, then rudder; the process noise acts once a step, as the filter has it."""
+    """Return 16 s with aileron, then rudder inputs; process noise acts once per step, as in the filter."""
     rng = np.random.default_rng(seed)
     t = np.arange(321) * STEP_S
     u = {"da": steps(t, 1.0, 0.6, (1, 1), 0.08), "dr": steps(t, 7.0, 0.7, (3, 2, 1, 1), 0.10)}
@@ -79,7 +79,7 @@ UNSTABLE_NOISE = (ProcessNoise(state="alpha", start=0.003), ProcessNoise(state="
 
 
 def unstable(seed, sigma=UNSTABLE_SIGMA):
-    """15 s, a pilot's multistep added to the feedback of attack and pitch rate; an error doubles in half a second."""
+    """Return 15 s of a multistep on top of feedback of alpha and pitch rate; an error doubles in half a second."""
     rng = np.random.default_rng(seed)
     t = np.arange(301) * STEP_S
     wanted = {"de": steps(t, 1.0, 1.0, (3, 2, 1, 1), 0.05)}
@@ -88,7 +88,7 @@ def unstable(seed, sigma=UNSTABLE_SIGMA):
 
 
 def _simulated(model, truth, sigma, t, u, w, rng, feedback=None):
-    """RK4 with three parts a step; inputs straight between samples, or held over a step where there is feedback."""
+    """Simulate by RK4 in thirds of a step; inputs are linear between samples, or held over a step with feedback."""
     p, parts = [truth[q.name] for q in model.parameters], 3
     U, x = np.column_stack([u[name] for name in model.inputs]), np.zeros((t.size, len(model.states)))
     h = STEP_S / parts

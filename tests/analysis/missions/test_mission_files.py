@@ -237,7 +237,7 @@ def test_a_mission_is_flown_up_to_its_landing(tmp_path: Path, after: list[dict[s
 
 @pytest.mark.parametrize("write", [plan_text, waypoints_text])
 def test_zeros_are_here(write: Any, tmp_path: Path) -> None:
-    """0, 0, 0 is the aircraft's own place and height; 0, 0 and a height is its place at that height. Landings end at 0."""
+    """0, 0, 0 is the aircraft's own place and height; 0, 0 and a height is its place at that height."""
     mission = read(
         tmp_path,
         write(item(16, east_km=1.0, height_m=90.0), item(18, 2, height_m=0.0), item(19, 60, height_m=120.0),

@@ -1,4 +1,4 @@
-"""Whole flights in calm air, reconstructed once for the modules that look at them."""
+"""Provides whole flights in calm air, reconstructed once for all modules that use them."""
 
 from functools import cache
 from typing import Any
@@ -11,7 +11,7 @@ from flightpower.analysis.trajectory.reconstruction import reconstruct
 
 @pytest.fixture(scope="session")
 def calm(probe):
-    """Truth, drawn errors, air data and trajectory of a full test flight in calm air, by its seed."""
+    """Return a function of the seed: truth, drawn errors, air data and trajectory of a calm full test flight."""
 
     @cache
     def of(seed: int) -> tuple[Any, ...]:

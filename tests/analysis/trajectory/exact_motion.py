@@ -1,4 +1,4 @@
-"""A prescribed motion: swinging attitude in a turn, constant wind, known derivatives.
+"""Makes a prescribed motion: swinging attitude in a turn, constant wind, known derivatives.
 
 Sensors are exact; the IMU gives means of eight samples, as in a log.
 """
@@ -21,16 +21,16 @@ RHO = 1.1
 
 
 class ExactMotion(NamedTuple):
-    """The table as `air_data` returns it, and the states (n, nx) at the centers of blocks."""
+    """The table as `air_data` returns it, and the true states (n, nx) at the centers of blocks."""
 
     table: pd.DataFrame
     states: np.ndarray
 
 
 def exact_motion(duration_s: float = 60.0, *, turns: bool = False) -> ExactMotion:
-    """Reversing bank and pitching at half a hertz, in a turn of 30 deg/s that itself swings; 15 m/s over ground.
+    """Return a motion that banks and pitches at half a hertz in a turn that swings about 30 deg/s, at 15 m/s.
 
-    turns : steady turns to one side and to the other in place of all this, with level flight between
+    turns : instead, fly turns to one side and to the other, with level flight between them
     """
     fine = np.arange(-1.0, duration_s + 1.0, 1e-3)
     phi, theta = 0.5 * np.sin(2.9 * fine), 0.15 + 0.1 * np.cos(2.9 * fine)
@@ -67,7 +67,7 @@ def exact_motion(duration_s: float = 60.0, *, turns: bool = False) -> ExactMotio
 
 
 def _imu(motion: CubicSpline, t: np.ndarray) -> np.ndarray:
-    """CHANNELS (6, n) of a motion (attitude, velocity) at instants."""
+    """Return CHANNELS (6, n) of a motion (attitude, velocity) at the instants t."""
     (phi, theta, psi), rates = motion(t).T[:3], motion(t, 1).T
     p = rates[0] - rates[2] * np.sin(theta)
     q = rates[1] * np.cos(phi) + rates[2] * np.cos(theta) * np.sin(phi)

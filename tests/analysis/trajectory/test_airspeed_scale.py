@@ -1,4 +1,4 @@
-"""When a flight supports a calibration of the airspeed, and what it lacks otherwise."""
+"""Tests when a flight supports a calibration of the airspeed, and what is reported as missing otherwise."""
 
 from types import SimpleNamespace
 
@@ -12,7 +12,7 @@ PRIOR = 0.01
 
 
 def calibrated(*, error: float = 0.2 * PRIOR, converged: bool = True, gps: bool = True):
-    """The calibration of a flight around a box, from a trajectory with this standard error of the scale."""
+    """Return the calibration from a flight around a box whose trajectory has this standard error of the scale."""
     rows = np.arange(40)
     states = pd.DataFrame({"psi": np.repeat([0.0, 1.57, 3.14, -1.57], 10), "wind_north": 3.0, "wind_east": -4.0})
     trajectory = SimpleNamespace(

@@ -1,4 +1,4 @@
-"""The trajectory with a calibrated magnetometer, against the simulator's truth."""
+"""The trajectory with a calibrated magnetometer agrees with the simulator's truth."""
 
 import dataclasses
 
@@ -32,7 +32,7 @@ GUSTY_KT = 6.0
 
 
 def calibration_by_hand(errors):
-    """The magnetometer's calibration, from a minute of turning the aircraft about on the ground."""
+    """Calibrate the magnetometer from a minute of turning the aircraft about on the ground."""
     t = np.linspace(0, 60, 1500)
     attitude = np.pi * np.sin(t / 3.7), 1.3 * np.sin(t / 2.7 + 1), t / 1.75
     body = np.column_stack(body_from_earth((FIELD_T * np.cos(DIP_RAD), 0.0, FIELD_T * np.sin(DIP_RAD)), attitude))
@@ -41,7 +41,7 @@ def calibration_by_hand(errors):
 
 
 def heading_error(trajectory, truth):
-    """Error of the heading in flight, and its standard error [deg]."""
+    """Return the error of the heading in flight, and its standard error [deg]."""
     t = trajectory.states.index.to_numpy()
     true = np.interp(t, truth["time_s"], np.unwrap(truth["yaw_rad"]))
     high = np.interp(t, truth["time_s"], truth["height_m"]) > AIRCRAFT_SIZE.least_height_m
@@ -50,28 +50,28 @@ def heading_error(trajectory, truth):
 
 
 def iron(air, field_T):
-    """This flight with iron that came aboard after the magnetometer was calibrated."""
+    """Return the air data with iron that came aboard after the magnetometer was calibrated."""
     return air.assign(**{name: air[name] + b for name, b in zip(MAG, field_T, strict=True)})
 
 
 @pytest.fixture(scope="module")
 def with_gps(probe):
-    """A short flight in gusts with GPS: calibration of the magnetometer, air data, where it stood, the path without a
-    compass, and the truth."""
+    """Return a short flight in gusts with GPS: calibration of the magnetometer, air data, stretches at rest, the path
+    without a compass, and the truth."""
     truth, errors, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT)
     return calibration_by_hand(errors), air, still, reconstruct(air, still), truth
 
 
 @pytest.fixture(scope="module")
 def without_gps(probe):
-    """This flight without GPS."""
+    """Return the same for this flight without GPS."""
     truth, errors, air, still = fly(0, probe, "accel-decel", turbulence_kt=GUSTY_KT, without=GPS)
     return calibration_by_hand(errors), air, still, reconstruct(air, still), truth
 
 
 def test_the_field_across_north_is_zero_and_depends_on_heading_only() -> None:
-    """At any attitude: zero across magnetic north; its derivative by heading is the level field, by bank and pitch
-    zero, though the field is steep: residual iron must not bank the aircraft."""
+    """At any attitude it is zero across magnetic north. Its derivative with respect to heading is the level field, and
+    to bank and pitch zero, though the field is steep, so residual iron cannot bank the aircraft."""
     rng = np.random.default_rng(0)
     n, level_T, declination = 50, FIELD_T * np.cos(DIP_RAD), 0.2
     x = np.zeros((n, len(STATES)))
@@ -99,7 +99,7 @@ def test_the_field_across_north_is_zero_and_depends_on_heading_only() -> None:
 
 
 def test_without_gps_the_compass_holds_the_heading(without_gps) -> None:
-    """Half the uncertainty or less, and the true heading (the simulator's declination is zero) within it all along."""
+    """It halves the uncertainty, and the true heading (the simulator's declination is zero) always stays within it."""
     calibration, air, still, alone, truth = without_gps
     field, message = compass(air, calibration)
     trajectory = reconstruct(air, still, compass=field)
@@ -113,7 +113,7 @@ def test_without_gps_the_compass_holds_the_heading(without_gps) -> None:
 
 @pytest.mark.parametrize("left_uT", [(2.0, -2.0, 2.0), (-3.0, 0.0, -3.0)])
 def test_iron_that_moved_since_the_calibration_stays_within_the_stated_error(without_gps, left_uT) -> None:
-    """3 uT of 22 level ones are 8 deg. Pitch and bank do not follow: 0.1 deg would be 2 % of power near the stall."""
+    """3 uT in 22 uT of level field are 8 deg. Pitch and bank do not follow: 0.1 deg is 2 % of power near the stall."""
     calibration, air, still, alone, truth = without_gps
     field, _ = compass(iron(air, 1e-6 * np.array(left_uT)), calibration)
     trajectory = reconstruct(air, still, compass=field)
@@ -144,7 +144,7 @@ def test_with_gps_the_compass_changes_nothing_even_with_residual_iron(with_gps, 
 
 
 def test_with_gps_the_declination_is_found(with_gps) -> None:
-    """Magnetic north 12 deg to the west: the compass reads as much more. What is assumed pulls by a fiftieth of it."""
+    """Magnetic north is 12 deg to the west, so the compass reads 12 deg more. The prior pulls it by a fiftieth."""
     calibration, air, still, alone, truth = with_gps
     declination = np.radians(-12.0)
     level = FIELD_T * np.cos(DIP_RAD) * np.array([np.cos(declination), np.sin(declination)])
@@ -201,7 +201,7 @@ def test_the_offset_of_the_compass_is_determined_with_gps_only(with_gps, without
         assert all("held the heading" in note for note in heading_notes(trajectory, calibrated=True))
         assert len(heading_notes(trajectory, calibrated=True)) == (0 if gps else 1)
         for note in heading_notes(trajectory, calibrated=True):
-            assert 1.0 < float(note.partition("standard error ")[2].split(" deg")[0]) < 5.0, "3 deg by motor currents"
+            assert 1.0 < float(note.partition("standard error ")[2].split(" deg")[0]) < 5.0, "motor currents give 3 deg"
         assert "heading_bias" not in {error.name for error in sensor_error_estimates(alone)}
 
 

@@ -1,4 +1,4 @@
-"""Consistency, time shifts and airspeed calibration of trajectories that are known exactly."""
+"""Tests consistency, time shifts and airspeed calibration with trajectories that are known exactly."""
 
 import numpy as np
 import pandas as pd
@@ -45,7 +45,7 @@ ERRORS = {"alpha_bias": 0.02, "alpha_scale": 0.05, "beta_bias": -0.02, "V_scale"
 
 
 def trajectory_of(table: pd.DataFrame, states: np.ndarray, errors: dict[str, float], sigma=0.1, **other) -> Trajectory:
-    """A trajectory with these states and sensor errors, known to `sigma` of their priors."""
+    """Return a trajectory with these states, and with these sensor errors known to `sigma` of their priors."""
     problem = TrajectoryProblem(table, [slice(0, 0)])
     values = np.array([errors.get(name, 0.0) for name in SENSOR_ERRORS])
     inputs, _ = problem.regressors.measurement_inputs(states, values, 0.1)
@@ -74,7 +74,7 @@ def exact():
 
 
 def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
-    """A flight in gusts measured with all sensor errors: the differences after are those of perfect sensors in calm
+    """For a flight in gusts with all sensor errors, differences after correction are those of perfect sensors in calm
     air. Before correction, airspeed is off by its scale error."""
     states = exact.states.copy()
     rng = np.random.default_rng(0)
@@ -104,7 +104,7 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
     calm, (before, after) = consistency(perfect).before, consistency(corrected)
     inside = slice(30, -30)
     off = (after - calm).iloc[inside].dropna()
-    assert len(off) > 30, "wings are level for some of the time"
+    assert len(off) > 30, "wings must be level for some of the time"
     assert np.degrees(off[ANGLES].abs().max()) < 0.25 and off[SPEED].abs().max() < 0.1
     was = (before - calm).iloc[inside].dropna()
     assert np.degrees(was[ANGLES].abs().mean()) > 0.7
@@ -113,9 +113,9 @@ def test_what_the_measurement_model_adds_is_taken_out(exact) -> None:
 
 @pytest.mark.parametrize(("bias", "gust"), [(0.1, 0.0), (-0.1, 0.0), (0.0, 1.5), (0.0, -1.5)])
 def test_bias_and_gust_are_taken_out_of_sideslip(exact, bias: float, gust: float) -> None:
-    """Banked 9 deg, 0.1 rad of sideslip too much turns the climb angle by 0.1 sin(9 deg), 0.9 deg.
+    """At 9 deg of bank, a sideslip 0.1 rad too large turns the climb angle by 0.1 sin(9 deg), 0.9 deg.
 
-    A gust to the right comes from the left: sideslip is less by it over the airspeed.
+    A gust to the right comes from the left, so sideslip is smaller by gust over airspeed.
     """
     states = exact.states.copy()
     states[:, STATES.index("phi")] = np.radians(9.0)
@@ -134,7 +134,7 @@ def test_bias_and_gust_are_taken_out_of_sideslip(exact, bias: float, gust: float
                                             (0, 0, 0.03, 0), (0, 0, 0, 0.4)]
 )  # fmt: skip
 def test_bias_slope_and_gust_are_taken_out_of_alpha_and_airspeed(exact, gust_u, gust_w, bias, scale) -> None:
-    """Air that moves forward takes from the airspeed; air that sinks takes from it and from the angle of attack.
+    """Air that moves forward reduces the airspeed; sinking air reduces both airspeed and angle of attack.
 
     Both components are in body axes, so a gust from ahead (air moving aft) lowers the angle.
     """
@@ -154,7 +154,7 @@ def test_bias_slope_and_gust_are_taken_out_of_alpha_and_airspeed(exact, gust_u, 
 
 
 def test_perfect_sensors_agree(exact) -> None:
-    """Means of the climb angle over three seconds in a turn are the exception: only near-level parts count."""
+    """Airspeeds agree. Angles are not compared here, since climb angles in a turn are means over three seconds."""
     before, after = consistency(trajectory_of(exact.table, exact.states, {}))
     assert before[SPEED].abs().max() < 0.02 and after[SPEED].abs().max() < 0.02
 
@@ -189,13 +189,13 @@ def test_a_late_probe_is_noted_and_late_gps_is_not(exact) -> None:
 
 
 def test_an_airspeed_scale_that_the_flight_hardly_determines_is_said_to_be(exact) -> None:
-    """Standard error above 0.8 of what was assumed before the flight."""
+    """That is a standard error above 0.8 of the one assumed before the flight."""
     sure, unsure = (calibrate(exact.table, trajectory_of(exact.table, exact.states, {}, s)) for s in (0.79, 0.81))
     assert sure.notes == []
     (note,) = unsure.notes
     assert "hardly determines the scale" in note
     assert sure.wind_mps == pytest.approx(np.hypot(2.0, 1.0))
-    assert sure.wind_from_deg == pytest.approx(np.degrees(np.arctan2(1.0, -2.0)) % 360), "to north-north-west"
+    assert sure.wind_from_deg == pytest.approx(np.degrees(np.arctan2(1.0, -2.0)) % 360), "wind toward north-north-west"
     one_way = exact.states.copy()
     one_way[:, STATES.index("psi")] = 0.5
     (note,) = calibrate(exact.table, trajectory_of(exact.table, one_way, {})).notes
@@ -221,7 +221,7 @@ def test_angles_are_compared_with_wings_nearly_level_only(exact, bank_deg: float
 
 
 def test_a_climb_counts_in_the_airspeed_from_gps(exact) -> None:
-    """3 m/s down at 15 m/s over ground: the airspeed from GPS is the length of all three components."""
+    """At 3 m/s down and 15 m/s over ground, the airspeed from GPS is the length of all three components."""
     states = exact.states.copy()
     states[:, STATES.index("v_down")] = 3.0
     flat, steep = (consistency(trajectory_of(exact.table, x, {})).before[SPEED] for x in (exact.states, states))
@@ -237,7 +237,7 @@ def exact_airspeed_without_climb(exact) -> np.ndarray:
 
 
 def test_reasons_begin_where_a_flight_lacks_excitation() -> None:
-    """Headings within a quarter circle, a speed ratio below 1.25, gusts above 0.1 m/s."""
+    """The reasons are headings within a quarter circle, a speed ratio below 1.25, and gusts above 0.1 m/s."""
     enough = FlightExcitation(gps=True, sideslip=True, mean_heading_vector=0.65, speed_ratio=1.3, gust_mps=0.09)
     cases = {
         "mean_heading_vector": (0.75, MissingExcitation.HEADINGS),
@@ -276,7 +276,7 @@ def test_an_aircraft_that_never_flew_has_one_heading_and_one_speed(exact) -> Non
 def test_gusts_are_said_to_limit_the_angle_of_attack_from_0_3_deg_in_0_3_mps(
     exact, error_deg, gust_mps, expected
 ) -> None:
-    """For a single run that is an error: a degree is 20 % of power near the stall."""
+    """For a single run this is an error, since a degree is 20 % of power near the stall."""
     prior_share = np.radians(error_deg) / PRIOR_SIGMA["alpha_bias"]
     trajectory = trajectory_of(exact.table, exact.states, {}, prior_share, gust_mps=gust_mps)
     assert bool(gust_notes(trajectory, 4, "log")) == expected
@@ -299,4 +299,4 @@ def test_means_over_seconds_do_not_depend_on_when_the_log_begins() -> None:
     t_s, values = np.arange(0, 60, 0.25), np.random.default_rng(0).normal(0, 1, 240)
     mean, later = (_moving_average(values, t_s + begin_s) for begin_s in (0.0, 1000.0))
     np.testing.assert_array_equal(mean, later)
-    assert np.nanstd(mean) == pytest.approx(1 / np.sqrt(13), rel=0.4)  # of thirteen values in 3 s
+    assert np.nanstd(mean) == pytest.approx(1 / np.sqrt(13), rel=0.4)  # 13 values in 3 s

@@ -1,4 +1,4 @@
-"""Wind along a flight: mean profile and gusts, against the standard and the simulator."""
+"""Mean wind profile and gusts along a flight agree with the standard and the simulator."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_lateral_gusts_are_as_longitudinal_ones_and_vertical_ones_as_long_as_the
 
 @pytest.mark.parametrize(("height", "V", "step"), [(40.0, 12.0, 0.2), (100.0, 20.0, 0.2), (20.0, 25.0, 0.2)])
 def test_a_discrete_step_is_that_of_drydens_second_order_filter(height: float, V: float, step: float) -> None:
-    """Against the exact solution of T g1' = n - g1, T g2' = g1 - g2 over a step: what stays, and the noise that is new.
+    """It agrees with the exact decay and new noise of T g1' = n - g1, T g2' = g1 - g2 over a step.
 
     The step assumes that g1 is linear: the decayed part is off by (step/T)^2, the new noise by a relative error of
     order step/T.
@@ -47,12 +47,12 @@ def test_a_discrete_step_is_that_of_drydens_second_order_filter(height: float, V
     T, sigma = height / V, 0.7
     A = np.array([[-1.0, 0.0], [1.0, -1.0]]) / T
     Q = np.diag([sigma**2 / T, 0.0])
-    # Van Loan (1978): the noise of a step from one matrix exponential.
+    # One matrix exponential gives the noise of a step (Van Loan 1978).
     both = expm(np.block([[-A, Q], [np.zeros((2, 2)), A.T]]) * step)
     moves = both[2:, 2:].T
     noise = moves @ both[:2, 2:]
     stays, once, twice = dryden.vertical(sigma, height, V).discretize(step)
-    # As the path's equations have it: g2 follows the mean of g1 before and after.
+    # As in the path's equations, g2 follows the mean of g1 before and after the step.
     follows = (1 - stays) / 2
     result = np.array([[stays, 0.0], [follows * (1 + stays), stays]])
     new = np.array([[1.0], [follows]]) * once

@@ -1,4 +1,4 @@
-"""Process and measurement equations against exact motions and first principles."""
+"""Process and measurement equations agree with exact motions and first principles."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def exact():
 
 
 def process_residuals(motion, sensor_errors, table=None) -> dict[str, np.ndarray]:
-    """Unweighted process residuals (n-1,) of the true states, by name of the state."""
+    """Return the unweighted process residuals (n-1,) of the true states, by name of the state."""
     table, x = motion.table if table is None else table, motion.states
     blocks = BlockMeans(table)
     inertial = InertialInputs(table, blocks, BENCH_SIGMA)
@@ -52,9 +52,9 @@ def process_residuals(motion, sensor_errors, table=None) -> dict[str, np.ndarray
 def test_coning_and_sculling_leave_no_tilt(exact) -> None:
     """Bank and pitch swing in quadrature at half a hertz, in a turn, for a minute.
 
-    Attitude propagated from means of the exact rates over 40 ms, and velocity from those of the force, stay within 0.01
-    deg (heading, which integrates the others, 0.06 deg) and 2.5 mm/s of the truth. The trapezoidal rule alone is off by
-    (2.9 0.04)^2/8 of the swing of 29 deg, 0.05 deg; means of 0.2 s by 10 deg and 1 m/s.
+    Attitude from means of the exact rates over 40 ms stays within 0.01 deg of the truth (heading, which integrates the
+    others, within 0.06 deg), and velocity from means of the force within 2.5 mm/s. The trapezoidal rule alone would be
+    off by (2.9 0.04)^2/8 of the swing of 29 deg, 0.05 deg, and means over 0.2 s by 10 deg and 1 m/s.
     """
     residuals = process_residuals(exact, NO_ERRORS)
     for name, limit_deg in (("phi", 0.01), ("theta", 0.01), ("psi", 0.06)):
@@ -72,7 +72,7 @@ def test_height_wind_and_gusts_of_an_exact_motion_have_no_residual(exact) -> Non
 
 @pytest.mark.parametrize("index", range(6))
 def test_a_bias_of_an_inertial_sensor_is_taken_out_before_and_within_the_correction(exact, index: int) -> None:
-    """A biased channel with the same bias among the sensor errors gives the residuals of the unbiased one."""
+    """A biased channel, with that bias among the sensor errors, gives the residuals of the unbiased channel."""
     name = ("p_radps", "q_radps", "r_radps", "ax_mps2", "ay_mps2", "az_mps2")[index]
     errors = NO_ERRORS.copy()
     errors[index] = 0.3
@@ -98,7 +98,7 @@ STEADY = {"phi": 0.2, "theta": 0.15, "psi": 2.0, "v_north": -6.0, "v_east": 13.0
 
 
 def test_a_gust_changes_the_flow_as_air_that_moves_along_the_body_axes() -> None:
-    """To first order, at zero sideslip: airspeed and flow angles of velocity minus gust velocity."""
+    """To first order, at zero sideslip, airspeed and flow angles are those of velocity minus gust velocity."""
     psi = np.arctan2(15.0, -7.0)
     x = {"theta": 0.2, "psi": psi, "v_north": -6.0, "v_east": 13.0, "v_down": 0.5, "wind_north": 1.0, "wind_east": -2.0}
     u, v, w = body_from_earth((-7.0, 15.0, 0.5), (0.0, 0.2, psi))
@@ -115,7 +115,7 @@ def test_a_gust_changes_the_flow_as_air_that_moves_along_the_body_axes() -> None
 
 
 def test_rising_air_changes_the_flow_as_a_descent_through_still_air() -> None:
-    """Also in a turn, where it comes from the side as well; to first order, in level flight."""
+    """This is to first order, in level flight. In a turn, the rising air comes partly from the side."""
     x = {"theta": 0.05, "phi": 0.6, "v_north": 15.0}
     V, alpha, beta = flow(state_of(**x), inputs_of(V_predicted=15.0))
     rising = flow(state_of(**x), inputs_of(V_predicted=V), 0.01)
@@ -124,7 +124,7 @@ def test_rising_air_changes_the_flow_as_a_descent_through_still_air() -> None:
 
 
 def test_the_mean_square_of_transverse_gusts_has_its_sign_and_size() -> None:
-    """Airspeed less variance over 2 V."""
+    """Airspeed is smaller by the variance over 2 V."""
     x, V = state_of(v_north=15.0), 15.0
     calm, gusty = (flow(x, inputs_of(V_predicted=V, transverse_gust_variance=variance))[0] for variance in (0.0, 0.5))
     assert gusty - calm == pytest.approx(-0.5 / (2 * V))
@@ -150,8 +150,8 @@ def test_the_increments_of_a_gust_are_those_of_drydens_filters(axis: str) -> Non
 
 
 def test_sensor_errors_act_on_pressures() -> None:
-    """Dynamic pressure high by 2 e: airspeed reads high by e and flow angles low by 2 e. A slope of the angle acts on
-    the angle at the probe, and through the probe's calibration on airspeed."""
+    """If dynamic pressure is high by 2 e, airspeed reads high by e and flow angles low by 2 e. A slope of the angle
+    acts on the angle at the probe and, through the probe's calibration, on airspeed."""
     V, alpha = 15.0, 0.12
     inputs = inputs_of(V_mean=V, V_predicted=V, alpha_by_slope=alpha, alpha_by_V_scale=-2 * alpha, dlnV_dlndp_alpha=0.1)
     x = state_of(**STEADY)
@@ -167,7 +167,7 @@ def test_sensor_errors_act_on_pressures() -> None:
 
 
 def test_zeros_of_pressures_are_scale_and_offset_by_dynamic_pressure() -> None:
-    """A zero of q_c of 1 % of it is an airspeed scale of 0.5 %; one of dp_alpha is an offset of the angle."""
+    """A zero of 1 % of q_c acts as an airspeed scale of 0.5 %; a zero of dp_alpha acts as an offset of the angle."""
     V, alpha, qbar_Pa = 15.0, 0.12, 138.0
     inputs = inputs_of(
         V_mean=V, V_predicted=V, alpha_by_slope=alpha, alpha_by_V_scale=-2 * alpha, dlnV_dlndp_alpha=0.1,
@@ -183,7 +183,7 @@ def test_zeros_of_pressures_are_scale_and_offset_by_dynamic_pressure() -> None:
 
 
 def test_a_mean_angle_over_a_block_is_that_in_its_middle_and_the_curvature() -> None:
-    """The mean of a parabola that is 0.01 rad higher at both ends than in the middle is 0.0033 rad higher."""
+    """A parabola that is 0.01 rad higher at both ends than in the middle has a mean 0.0033 rad above the middle."""
     x, c = state_of(**STEADY), 0.01 / 3
     straight, curved = (
         measurement_model(x, errors_of(), inputs_of(V_predicted=15.0, alpha_curvature=a)) for a in (0, c)
@@ -193,7 +193,7 @@ def test_a_mean_angle_over_a_block_is_that_in_its_middle_and_the_curvature() -> 
 
 
 def test_late_channels_show_what_was_a_lag_before() -> None:
-    """Accelerating at 2 m/s^2 north and 1 m/s^2 down; airspeed and angles rise: a late channel reads less."""
+    """Acceleration is 2 m/s^2 north and 1 m/s^2 down, and airspeed and angles rise, so a late channel reads less."""
     x = state_of(**STEADY)
     ax, ay, az = body_from_earth((2.0, 0.0, 1.0 - G), (STEADY["phi"], STEADY["theta"], STEADY["psi"]))
     bias = {"ax_bias": 0.2, "ay_bias": -0.1, "az_bias": 0.3}

@@ -1,4 +1,4 @@
-"""The intensity of gusts from evidence, against simulated gusts and the exact likelihood of a first-order process."""
+"""Gust intensity from evidence agrees with simulated gusts and exact likelihoods of a first-order process."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ GUSTS = dryden.longitudinal(*CRUISE), dryden.lateral(*CRUISE), dryden.vertical(*
 
 
 def block_means(gust: dryden.GaussMarkov, n: int) -> np.ndarray:
-    """Means over blocks (n,) of a first-order gust, simulated in steps much shorter than a block."""
+    """Return means over blocks (n,) of a first-order gust, simulated in steps much shorter than a block."""
     decay, increment = gust.discretize(STEP_S / PARTS)
     rng = np.random.default_rng(3)
     values = np.empty(n * PARTS)
@@ -30,7 +30,7 @@ def block_means(gust: dryden.GaussMarkov, n: int) -> np.ndarray:
 
 
 def minus_twice_log_likelihood(y: np.ndarray, gust: dryden.GaussMarkov, noise: float) -> float:
-    """Minus twice the log likelihood of y (n,), a gust with white noise at block centers, by a Kalman filter."""
+    """Return minus twice the log likelihood of y (n,), a gust with white noise at block centers, by a Kalman filter."""
     decay, increment = gust.discretize(STEP_S)
     g, P, total = 0.0, gust.sigma_mps**2, 0.0
     for value in y:
@@ -42,8 +42,8 @@ def minus_twice_log_likelihood(y: np.ndarray, gust: dryden.GaussMarkov, noise: f
 
 @pytest.mark.parametrize("noise", [0.01, 0.13, 0.5])
 def test_the_intensity_of_simulated_gusts_is_found_whatever_the_noise(noise) -> None:
-    """6,000 blocks (20 minutes). The increments show their standard deviation within 1 % without noise, and within 3 %
-    where noise hides most of them. The parabola's vertex itself is 5 % low at the first."""
+    """6,000 blocks (20 minutes) of increments give their standard deviation within 1 % without noise, and within 3 %
+    if noise hides most of them. At the lowest noise, the parabola's vertex itself is 5 % low."""
     sigma, n = 0.77, 6000
     unit = dryden.longitudinal(*CRUISE)
     y = block_means(dryden.longitudinal(sigma, *CRUISE[1:]), n) + noise * np.random.default_rng(4).standard_normal(n)
@@ -58,12 +58,12 @@ def test_the_intensity_of_simulated_gusts_is_found_whatever_the_noise(noise) -> 
 
 @pytest.mark.parametrize("gust", GUSTS)
 def test_spectra_contain_the_variance_of_their_process(gust) -> None:
-    """The integral over all frequencies is the variance; means over a step lack (step/T)/3 of the increments' half."""
+    """The integral over all frequencies is the variance. Means over a step lack a sixth of the increments' variance."""
     theta = np.pi * (np.arange(4000) + 0.5) / 4000
     variance = float(gust.sigma_mps) ** 2
     assert process_spectrum(gust, theta, STEP_S).mean() == pytest.approx(variance, rel=1e-3)
     means = block_mean_spectrum(gust, theta, STEP_S)
-    rate = (3.0 if isinstance(gust, dryden.SecondOrderGust) else 2.0) * variance / float(gust.time_s)  # of increments
+    rate = (3.0 if isinstance(gust, dryden.SecondOrderGust) else 2.0) * variance / float(gust.time_s)  # increments
     assert variance - means.mean() == pytest.approx(rate * STEP_S / 6, rel=0.05)
     assert means[0] == pytest.approx(process_spectrum(gust, theta, STEP_S)[0], rel=2e-3), "slow gusts are the same"
 
@@ -73,7 +73,7 @@ def test_the_vertex_is_that_of_the_parabola() -> None:
 
 
 def test_a_measurement_that_never_was_tells_nothing() -> None:
-    """Without any, the vertex itself is the answer."""
+    """Without any measurement, the vertex itself is the answer."""
     gust = GUSTS[0]
     intensity = intensity_of(0.1, 0.4, [ObservedGust(gust, 0.1)], STEP_S)
     assert intensity_of(0.1, 0.4, [ObservedGust(gust, 0.1), ObservedGust(GUSTS[1], np.inf)], STEP_S) == intensity

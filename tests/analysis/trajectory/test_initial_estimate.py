@@ -1,4 +1,4 @@
-"""The first trajectory is the motion itself where that is steady: a climbing circle, with and without GPS."""
+"""In a steady motion, a climbing circle with and without GPS, the first trajectory is the motion itself."""
 
 from typing import Any
 
@@ -44,14 +44,14 @@ def circling(flying: np.ndarray = FLYING, ground_mps: float = V, scale: float = 
 
 
 def states(blocks: Blocks, field: Any = None, airspeed_mps: Any = V) -> dict[str, np.ndarray]:
-    """States by name, without the ends, where averages are over less."""
+    """Return the states by name, without the ends, where averages are over fewer blocks."""
     V_reference = np.broadcast_to(np.asarray(airspeed_mps, dtype=float), N)
     x = initial_states(blocks, np.full(N, BANK), V_reference, field)  # type: ignore[arg-type]
     return dict(zip(STATES, x[10:-10].T, strict=True))
 
 
 def ground_speed(blocks: Blocks) -> np.ndarray:
-    """Ground speed of the first trajectory (n,): the airspeed, without wind."""
+    """Return the ground speed of the first trajectory (n,), which is the airspeed without wind."""
     return np.asarray(np.hypot(*(moving_average(blocks[f"gps_{axis}_mps"], 3) for axis in ("north", "east"))))
 
 
@@ -66,7 +66,7 @@ def test_attitude_is_angle_of_attack_and_climb_and_the_heading_the_ground_track(
     assert np.unwrap(still["psi"]) == pytest.approx(HEADING[INSIDE], abs=1e-9)
     assert result["v_down"] == pytest.approx(np.full(N - 20, -CLIMB))
     assert result["height"] == pytest.approx((100 + CLIMB * (T_S - T_S[0]))[INSIDE])
-    # A mean over three blocks of a velocity that turns by 0.04 rad from one to the next.
+    # Velocity turns by 0.04 rad from block to block and is averaged over three blocks.
     shrunk = V * (1 + 2 * np.cos(TURN * STEP_S)) / 3
     assert result["v_north"] == pytest.approx(shrunk * np.cos(HEADING)[INSIDE], abs=1e-9)
     assert result["v_east"] == pytest.approx(shrunk * np.sin(HEADING)[INSIDE], abs=1e-9)
@@ -74,7 +74,7 @@ def test_attitude_is_angle_of_attack_and_climb_and_the_heading_the_ground_track(
 
 @pytest.mark.parametrize("wind", [(0.0, 0.0), (-4.0, 9.0), (-12.0, 12.0)])
 def test_the_ground_speed_tells_the_wind_also_one_faster_than_the_aircraft(wind: tuple[float, float]) -> None:
-    """An airspeed that reads 5 % high moves it by less than a tenth of that."""
+    """An airspeed that reads 5 % high, 0.75 m/s, moves the wind by less than 0.1 m/s."""
     air = V * np.column_stack([np.cos(HEADING), np.sin(HEADING)])
     for scale in (1.0, 1.05):
         assert mean_wind(air + wind, np.full(N, scale * V), PRIOR) == pytest.approx(np.array(wind), abs=0.1)
@@ -82,14 +82,14 @@ def test_the_ground_speed_tells_the_wind_also_one_faster_than_the_aircraft(wind:
     for i, axis in enumerate(("gps_north_mps", "gps_east_mps")):
         blocks[axis] = blocks[axis] + wind[i]
     result = states(blocks)
-    # In this motion the wind does not change in the 90 m of climb, in the first trajectory it does by 6 %.
+    # The true wind does not change over the 90 m of climb; in the first trajectory, it changes by 6 %.
     assert np.unwrap(result["psi"]) == pytest.approx(HEADING[INSIDE], abs=0.06 * np.hypot(*wind) / V + 1e-5)
     assert (result["wind_north"].mean(), result["wind_east"].mean()) == pytest.approx(wind, abs=0.1)
-    assert np.ptp(result["wind_east"]) == pytest.approx(abs(wind[1]) * 0.07, rel=0.2, abs=1e-3), "more at height: 60 m"
+    assert np.ptp(result["wind_east"]) == pytest.approx(abs(wind[1]) * 0.07, rel=0.2, abs=1e-3), "grows with height"
 
 
 def test_one_heading_tells_no_wind_across_it_and_a_flight_without_air_data_none() -> None:
-    """Along it, changes of speed tell 3 m/s of headwind, but hardly in gusts of 1 m/s: it is between that and none."""
+    """Changes of speed show 3 m/s of headwind, but hardly in gusts of 1 m/s, so the result is between that and zero."""
     rng = np.random.default_rng(0)
     speed, gust, drift = rng.normal(15.0, 1.0, N), rng.normal(0.0, 1.0, N), rng.normal(0.0, 0.3, N)
     along, across = mean_wind(np.column_stack([speed - 3.0, drift]), speed + gust, PRIOR)
@@ -121,7 +121,7 @@ def test_on_the_ground_the_aircraft_is_level_and_stands() -> None:
 @pytest.mark.parametrize(("ground_mps", "scale", "tracked"), [(5.2, 1.0, True), (4.8, 1.0, False), (2.6, 0.5, True),
                                                               (2.4, 0.5, False)])  # fmt: skip
 def test_a_ground_track_is_a_heading_from_5_meters_a_second_on(ground_mps: float, scale: float, tracked: bool) -> None:
-    """Times the speed scale. Slower, the heading stays the integral; an offset needs at least one fast block."""
+    """The limit goes with the speed scale. Below it, heading is the integral; an offset needs a fast block at least."""
     blocks = circling(ground_mps=ground_mps, scale=scale)
     result = states(blocks, airspeed_mps=ground_speed(blocks))
     offset = 0.0 if tracked else -0.4
@@ -129,10 +129,10 @@ def test_a_ground_track_is_a_heading_from_5_meters_a_second_on(ground_mps: float
 
 
 def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
-    """Thirty of them; more are a track, which is then held outside."""
+    """Up to thirty blocks give an offset; more are a track, outside which the heading is held constant."""
     for fast, tracked in ((30, False), (31, True)):
         blocks = circling()
-        # A mean over three blocks makes two more of them fast.
+        # The mean over three blocks makes two more blocks fast.
         slow = (np.arange(N) < 151) | (np.arange(N) >= 149 + fast)
         for axis in ("gps_north_mps", "gps_east_mps"):
             blocks[axis] = np.where(slow, 0.01 * blocks[axis], blocks[axis])
@@ -146,7 +146,7 @@ def test_a_few_fast_blocks_give_the_integrated_heading_its_offset() -> None:
 
 
 def test_the_compass_offset_is_the_mean_direction_in_flight() -> None:
-    """Directions are averaged, not numbers: 3.1 and -3.1 rad are near each other."""
+    """Directions are averaged, not numbers, since 3.1 and -3.1 rad are near each other."""
 
     class Field:
         def heading_offset(self, heading: np.ndarray, phi: np.ndarray, theta: np.ndarray) -> np.ndarray:
@@ -171,7 +171,7 @@ FLYING_HALF = np.arange(N) >= 100
 def test_the_initial_state_is_known_only_where_it_defines_north_or_the_aircraft_stands(
     heading_measured: bool, at_rest: bool, heading_rad: float, velocity_mps: float
 ) -> None:
-    """Any attitude; height to 3 m, wind to 8 m/s, gusts to their standard deviation but at least to 1 cm/s."""
+    """Attitude may be any; height is known to 3 m, wind to 8 m/s, gusts to their standard deviation or 1 cm/s."""
     for gust_mps, expected_sigma in ((0.4, 0.4), (0.001, 0.01)):
         sigma = initial_state_sigma(gust_mps, heading_measured=heading_measured, at_rest=at_rest)
         result = dict(zip(STATES, sigma, strict=True))
@@ -182,7 +182,7 @@ def test_the_initial_state_is_known_only_where_it_defines_north_or_the_aircraft_
 
 
 def test_sensor_errors_that_no_file_states_have_their_priors() -> None:
-    """Gyros about their zeros at rest, sideslip and compass as they are mounted, the receiver's latency."""
+    """They are those of gyros about their zeros at rest, of mounted sideslip and compass, and of the GPS latency."""
     sigma = stated_sigma(Uncertainty())
     assert [sigma[f"{axis}_bias"] for axis in "pqr"] == [0.002] * 3
     assert (sigma["beta_bias"], sigma["heading_bias"]) == pytest.approx((np.radians(1), np.radians(10)))

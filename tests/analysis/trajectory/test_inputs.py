@@ -1,4 +1,4 @@
-"""Inputs and weights of the equations: noise, process model, measurements, priors, initial estimate."""
+"""Tests inputs and weights of the equations: noise, process model, measurements, priors, initial estimate."""
 
 import numpy as np
 import pandas as pd
@@ -60,12 +60,12 @@ def test_noise_at_rest_is_measured_where_there_is_rest_and_else_that_of_the_benc
     n = 4000
     table = pd.DataFrame({name: rng.normal(5.0, 3 * sigma, n) for name, sigma in BENCH_SIGMA.items()})
     table.iloc[1000:3000] *= 100.0
-    table["q_c_Pa"] = np.where(table.index < 1000, 0.0, 0.1 * table["q_c_Pa"])  # cut off below 1 Pa, then hardly noisy
-    table["dp_alpha_Pa"] = 0.1 + 0.2  # of air data that begin at some airspeed
+    table["q_c_Pa"] = np.where(table.index < 1000, 0.0, 0.1 * table["q_c_Pa"])  # zero, then hardly noisy
+    table["dp_alpha_Pa"] = 0.1 + 0.2  # constant until there is airspeed
     noise = noise_at_rest(table, [slice(0, 1000), slice(3000, 4000)])
     assert noise.pop("q_c_Pa") == pytest.approx(0.3 * BENCH_SIGMA["q_c_Pa"], rel=0.1)
     assert noise.pop("dp_alpha_Pa") == BENCH_SIGMA["dp_alpha_Pa"]
-    table["q_c_Pa"] *= 1e-3  # quantization, or the noise of a mean
+    table["q_c_Pa"] *= 1e-3  # mere quantization, or noise of a mean
     assert noise_at_rest(table, [slice(3000, 4000)])["q_c_Pa"] == pytest.approx(0.1 * BENCH_SIGMA["q_c_Pa"])
     for name, sigma in noise.items():
         assert sigma == pytest.approx(3 * BENCH_SIGMA[name], rel=0.07)  # 4 standard errors of 2000 samples
@@ -85,7 +85,7 @@ def test_a_resolution_larger_than_the_noise_is_noise_and_a_smaller_one_is_in_it_
 
 
 def test_the_error_of_a_zero_falls_with_the_time_at_rest_and_contains_slow_noise() -> None:
-    """White noise of 6 Pa over 40 s at 25 Hz, and noise of 1 Pa that lasts a second, in 1,000 logs."""
+    """1,000 logs of 40 s at 25 Hz have white noise of 6 Pa, and noise of 1 Pa that lasts a second."""
     rng, seconds, logs = np.random.default_rng(5), 40, 1000
     slow = np.repeat(rng.standard_normal((logs, seconds)), 25, axis=1)
     zeros = 6.0 * rng.standard_normal((logs, seconds * 25)) + slow
@@ -103,11 +103,11 @@ def test_the_error_of_a_zero_falls_with_the_time_at_rest_and_contains_slow_noise
 
 
 def test_pitch_and_heave_of_a_porpoise_are_integrated_without_loss() -> None:
-    """Means over 40 ms of a rate of 0.7 Hz, from instant to instant: the change of the angle, to a part in 10,000. The
-    trapezoidal rule loses 0.4 % of it, which would bias the slope of the angle of attack."""
+    """Means over 40 ms of a rate that swings at 0.7 Hz give the change of the angle to a part in 10,000. The
+    trapezoidal rule would lose 0.4 % of it, which would bias the slope of the angle of attack."""
     w, half, table = 2 * np.pi * 0.7, 0.02, exact_motion(20.0).table.copy()
     t_s = table.index.to_numpy()
-    table["q_radps"] = (np.sin(w * (t_s + half)) - np.sin(w * (t_s - half))) / (2 * half)  # of the angle sin(w t)
+    table["q_radps"] = (np.sin(w * (t_s + half)) - np.sin(w * (t_s - half))) / (2 * half)  # for an angle of sin(w t)
     table["az_mps2"] = table["q_radps"]
     blocks = BlockMeans(table)
     mean = InertialInputs(table, blocks, BENCH_SIGMA).mean
@@ -117,7 +117,7 @@ def test_pitch_and_heave_of_a_porpoise_are_integrated_without_loss() -> None:
 
 
 def test_angles_and_velocities_are_as_noisy_as_integrals_of_the_samples() -> None:
-    """White noise of the bench, integrated over ten steps; 200 of these know a standard deviation within 5 %."""
+    """White bench noise is integrated over ten steps; 200 such integrals give a standard deviation within 5 %."""
     rng = np.random.default_rng(0)
     motion = exact_motion(400.0)
     table = motion.table.copy()
@@ -132,7 +132,7 @@ def test_angles_and_velocities_are_as_noisy_as_integrals_of_the_samples() -> Non
 
 
 def test_scale_errors_of_inertial_sensors_count_as_noise_in_proportion() -> None:
-    """At 1 rad/s and 20 m/s^2 without noise: 0.5 % and 0.2 % of the change."""
+    """At 1 rad/s and 20 m/s^2 without noise, they are 0.5 % and 0.2 % of the change."""
     table = exact_motion(20.0).table.copy()
     table[list(CHANNELS)] = [1.0] * 3 + [20.0] * 3
     inertial = InertialInputs(table, BlockMeans(table), dict.fromkeys(BENCH_SIGMA, 0.0))
@@ -141,7 +141,7 @@ def test_scale_errors_of_inertial_sensors_count_as_noise_in_proportion() -> None
 
 
 def test_a_gap_raises_the_noise_of_its_own_steps_only(exact) -> None:
-    """Over a step without a gyro the attitude may change as in a usual maneuver, 0.5 rad/s."""
+    """During a step without a gyro, attitude may change by 0.5 rad/s, as in a usual maneuver."""
     table = exact.table.copy()
     table.loc[20.0:21.0, "p_radps"] = np.nan
     complete, holed = (InertialInputs(t, BlockMeans(t), BENCH_SIGMA) for t in (exact.table, table))
@@ -150,11 +150,11 @@ def test_a_gap_raises_the_noise_of_its_own_steps_only(exact) -> None:
     inside = (steps > 19.9) & (steps < 20.9)
     assert np.all(more[inside] > 0.09) and np.all(np.abs(more[(steps < 19.7) | (steps > 21.1)]) < 1e-4)
     gap = (holed.velocity_sigma - complete.velocity_sigma)[inside]
-    assert np.all(gap > 0.9), "velocity is propagated along the attitude"
+    assert np.all(gap > 0.9), "velocity depends on attitude"
 
 
 def test_gusts_of_the_process_model_are_stationary_with_drydens_variance(exact, problem) -> None:
-    """Variances of the discrete processes in the limit: sigma^2 along; sigma^2/2 of g1 and sigma^2/4 of g2 else."""
+    """In the limit, the variance is sigma^2 for longitudinal gusts; for others, sigma^2/2 of g1 and sigma^2/4 of g2."""
     sigma_w = 0.7
     model = problem.process_model(problem.initial_states, sigma_w)
     decay = {axis: model.inputs[0, PROCESS_INPUTS.index(f"decay_{axis}")] for axis in "uvw"}
@@ -174,8 +174,8 @@ def test_gusts_of_the_process_model_are_stationary_with_drydens_variance(exact, 
 
 
 def test_gusts_decay_with_the_distance_flown(exact) -> None:
-    """A gust of length L decays by V dt/L in a step: twice as much at twice the speed. On the ground, and slower than
-    5 m/s, gusts are those of cruise, and of 5 m/s."""
+    """A gust of length L decays by V dt/L in a step, twice as much at twice the speed. On the ground gusts decay as in
+    cruise, and below 5 m/s as at 5 m/s."""
     blocks = BlockMeans(exact.table)
     conditions = GustConditions(blocks, np.full(blocks.n, 15.0))
     logs = {V: np.log(conditions.vertical_steps(1.0, np.full(blocks.n, V))[0]) for V in (2.0, 5.0, 10.0, 20.0)}
@@ -186,8 +186,8 @@ def test_gusts_decay_with_the_distance_flown(exact) -> None:
 
 
 def test_measured_airspeed_does_not_change_how_gusts_decay(exact) -> None:
-    """Measured airspeed contains the gust: with it, gusts against the wind would decay faster than those with it, and
-    their mean would not be zero. The speed is that of the states, relative to the mean wind."""
+    """Measured airspeed contains the gust. If it were used, head-on gusts would decay faster than others, and the mean
+    of gusts would not be zero. The speed is that of the states, relative to the mean wind."""
     gusty = exact.table.assign(V_mps=exact.table["V_mps"] + np.sin(np.arange(len(exact.table)) / 50))
     first, second = (TrajectoryProblem(table, [slice(0, 0)]) for table in (exact.table, gusty))
     x = first.initial_states.copy()
@@ -199,8 +199,8 @@ def test_measured_airspeed_does_not_change_how_gusts_decay(exact) -> None:
 
 
 def test_the_wind_follows_the_profile_over_height_and_else_walks(exact) -> None:
-    """Two heights in a log layer: ratio of the logarithms of height over roughness. A random walk of 0.02 m/s in a
-    second: 0.15 m/s in a minute."""
+    """Between two heights in a log layer, wind goes with the logarithm of height over roughness. It also does a random
+    walk of 0.02 m/s in a second, 0.15 m/s in a minute."""
     table = exact.table.copy()
     table["height_m"] = np.linspace(20.0, 100.0, len(table))
     blocks = BlockMeans(table)
@@ -216,7 +216,7 @@ def test_the_wind_follows_the_profile_over_height_and_else_walks(exact) -> None:
 
 
 def test_weights_are_those_of_pressure_noise(exact) -> None:
-    """Noise through V = sqrt(2 q/rho), through a pair of ports with 9/4 qbar sin(2 alpha), and through p(h)."""
+    """Noise acts through V = sqrt(2 q/rho), through a pair of ports with 9/4 qbar sin(2 alpha), and through p(h)."""
     blocks = BlockMeans(exact.table)
     noise = BENCH_SIGMA | {"q_c_Pa": 5.0, "dp_alpha_Pa": 4.0, "dp_beta_Pa": 3.0, "static_Pa": 7.0}
     V = np.full(blocks.n, 14.0)
@@ -282,7 +282,7 @@ STATED = Uncertainty(
 
 
 def test_priors_are_those_that_the_aircraft_file_states(exact) -> None:
-    """The transducers' calibration replaces its own, and only those."""
+    """A calibration of the transducers replaces the priors of its own errors, and no others."""
     error_sigma = TrajectoryProblem(
         exact.table, [slice(0, 0)], SensorPriors(file_sigma=stated_sigma(STATED))
     ).error_sigma
@@ -301,7 +301,7 @@ def test_priors_are_those_that_the_aircraft_file_states(exact) -> None:
 
 
 def test_the_initial_state_is_known_only_at_rest() -> None:
-    """Velocity within 0.3 m/s where the log begins at rest; a heading that nothing measures is zero by definition."""
+    """Velocity is known to 0.3 m/s if the log begins at rest; a heading that nothing measures is zero by definition."""
     free, held = (
         dict(zip(STATES, initial_state_sigma(0.5, heading_measured=m, at_rest=r), strict=True))
         for m, r in ((True, False), (False, True))
@@ -320,7 +320,7 @@ def test_the_initial_state_is_known_only_at_rest() -> None:
 
 @pytest.mark.parametrize("gps", [True, False])
 def test_the_initial_estimate_is_near_enough_to_converge(exact, gps: bool) -> None:
-    """With GPS the ground track, which is this motion's heading; without, the compass. Within 15 deg at any time."""
+    """Heading is the ground track with GPS, to 15 deg at any time, and the compass without, to 10 deg in the mean."""
     attitude = exact.states[:, :3]
     field = np.column_stack(body_from_earth((22e-6, 0.0, 40e-6), np.repeat(attitude, BLOCK, axis=0).T))
     table = exact.table if gps else exact.table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan)
@@ -364,7 +364,7 @@ def test_regressors_of_an_exact_motion(problem, exact) -> None:
 
 
 def test_all_blocks_of_a_compass_count_as_four_measurements(exact) -> None:
-    """Errors of the compass repeat with every leg: a longer flight does not average them."""
+    """Errors of the compass repeat with every leg, so a longer flight does not average them out."""
     blocks = BlockMeans(exact.table)
     rest = np.zeros(blocks.n, dtype=bool)
     field = LevelField(Compass(np.full((len(exact.table), 3), 2e-5), 1e-6), blocks)
@@ -389,13 +389,13 @@ def test_gps_is_left_out_in_gaps_of_several_of_its_intervals(exact) -> None:
 
 
 def test_only_blocks_wholly_within_a_rest_are_at_rest() -> None:
-    """Rows 3 to 17 of blocks of five: the second and the third block."""
+    """With blocks of five rows, rows 3 to 17 contain all of the second and the third block only."""
     assert np.flatnonzero(_blocks_at_rest([slice(3, 17)], 6)).tolist() == [1, 2]
     assert np.flatnonzero(_blocks_at_rest([slice(5, 20), slice(25, 30)], 6)).tolist() == [1, 2, 3, 5]
 
 
 def test_heading_offset_of_the_compass(exact) -> None:
-    """A field 20 deg east of the reference north: the compass reads 20 deg less."""
+    """If the field points 20 deg east of the reference north, the compass reads 20 deg less."""
     attitude = np.repeat(exact.states[:, :3], BLOCK, axis=0)
     east = np.radians(20.0)
     level = 22e-6 * np.cos(east), 22e-6 * np.sin(east)
@@ -407,7 +407,7 @@ def test_heading_offset_of_the_compass(exact) -> None:
 
 
 def test_a_latency_of_gps_up_to_half_a_second_is_within_two_standard_deviations() -> None:
-    """log-format.md: a constant latency of up to about half a second is estimated; receivers take 0.1 s."""
+    """log-format.md says that a constant latency of up to about half a second is estimated; receivers take 0.1 s."""
     mean, sigma = (part[SENSOR_ERRORS.index("gps_latency")] for part in sensor_error_prior(SensorPriors(), gps=True))
     assert mean == 0.1 and mean + 2 * sigma == pytest.approx(0.5)
 

@@ -1,4 +1,4 @@
-"""Regressors of sensor errors: predicted from past data, uncorrelated with the current gust."""
+"""Regressors of sensor errors are predicted from past data, so they do not correlate with the current gust."""
 
 import numpy as np
 import pandas as pd
@@ -13,12 +13,12 @@ from flightpower.analysis.trajectory.problem import TrajectoryProblem
 from flightpower.analysis.trajectory.regressors import LAGS, has_past, lagged, projected_on_past
 from flightpower.analysis.trajectory.settings import PREDICTION
 
-DECAY = 0.93  # of a gust in 0.2 s: scale length 40 m, at 14 m/s
+DECAY = 0.93  # in 0.2 s, of a gust of 40 m at 14 m/s
 N = 6000
 
 
 def simulated(slope: float, response: float, seed: int):
-    """The aircraft's angle, the gust, and a measurement of (1 + slope) times the angle plus the gust.
+    """Return the aircraft's angle, the gust, and a measurement of (1 + slope) times the angle plus the gust.
 
     The pilot oscillates the angle with the stick; gusts change it too.
     """
@@ -32,15 +32,15 @@ def simulated(slope: float, response: float, seed: int):
 
 
 def estimated_slope(measured, angle, instrument) -> tuple[float, float]:
-    """Instrumental-variable estimate from increments, and the standard error of least squares."""
+    """Return the instrumental-variable estimate from increments, and the standard error of least squares."""
     x, z, y = (values[1:] - DECAY * values[:-1] for values in (measured, instrument, measured - angle))
     return float(z @ y / (z @ x)), float(0.02 / np.sqrt(z @ z))
 
 
 def test_a_predicted_regressor_gives_an_unbiased_slope_and_its_true_standard_error() -> None:
-    """40 seeds: the mean error is within 3 standard errors of 0, its scatter is the stated one within 3 of its own
-    standard errors (1/sqrt(80), 11 %). The current angle, which responds to the gust, is biased by many times that."""
-    slope = 0.05 / 1.05  # of the measured angle
+    """Over 40 seeds, the mean error is within 3 standard errors of 0, and its scatter within 3 of its own standard
+    errors (1/sqrt(80), 11 %) of the stated one. With the current angle, which responds to the gust, bias is large."""
+    slope = 0.05 / 1.05  # per measured angle
     flying = np.ones(N, dtype=bool)
     errors, naive = [], []
     for seed in range(40):
@@ -78,7 +78,7 @@ def test_a_prediction_has_a_past_only_after_all_lags_in_flight() -> None:
 
 @pytest.mark.parametrize("increment_over_noise", [0.0, 0.05, 0.4, np.inf])
 def test_instrument_and_regressor_agree_in_the_metric_of_gust_and_noise(increment_over_noise: float) -> None:
-    """z'Wx = z'Wz, W the inverse covariance of first-order gust and white noise together: what a smoother applies."""
+    """z'Wx = z'Wz, with the smoother's W, the inverse covariance of first-order gust and white noise together."""
     rng, n = np.random.default_rng(0), 400
     decay, flying = np.full(n - 1, DECAY), np.ones(n, dtype=bool)
     past = np.column_stack([np.ones(n), np.sin(np.arange(n) / 7), np.cos(np.arange(n) / 11)])
@@ -93,14 +93,14 @@ def test_instrument_and_regressor_agree_in_the_metric_of_gust_and_noise(incremen
 
 
 def test_regressors_of_airspeed_do_not_depend_on_measured_airspeed(probe) -> None:
-    """Longitudinal gusts last for many blocks: past airspeed is correlated with the current gust. The instruments of
-    airspeed's scale is a constant, since speed itself follows the gusts, and that of the lag is a combination of past
-    inertial speed, its derivative and a constant; how much of each may depend on all data of the flight."""
+    """Longitudinal gusts last for many blocks, so past airspeed correlates with the current gust. The instrument of the
+    airspeed scale is a constant, since speed itself follows the gusts. The instrument of the lag combines past inertial
+    speed, its derivative and a constant, in proportions that may depend on all data of the flight."""
     _, _, air, still = fly(0, probe, "accel-decel")
     gusty = air.assign(V_mps=air["V_mps"] + np.random.default_rng(0).normal(0, 1.0, len(air)))
     first = TrajectoryProblem(air, still)
     x, errors, flying = first.initial_states.copy(), first.initial_errors, first.blocks.flying
-    x[:, WIND] = 0.0  # any states do; these change their speed in turns, too
+    x[:, WIND] = 0.0  # any states will do; here speed also changes in turns
     (actual, calm), (_, rough) = (
         (NamedArrays(MEASUREMENT_INPUTS, inputs.T) for inputs in problem.regressors.measurement_inputs(x, errors, 0.2))
         for problem in (TrajectoryProblem(table, still) for table in (air, gusty))
@@ -126,7 +126,7 @@ def test_regressors_of_airspeed_do_not_depend_on_measured_airspeed(probe) -> Non
 
 
 def test_a_straight_line_is_extrapolated_from_any_window() -> None:
-    """The window leaves out the `newest` - 1 blocks before the instant: changing them changes nothing."""
+    """The window leaves out the `newest` - 1 blocks before the instant, so changing them changes nothing."""
     values, flying = 3.0 + 0.5 * 0.2 * np.arange(60), np.ones(60, dtype=bool)
     for newest in (1, 2, 5):
         predicted, slope = extrapolated(values, flying, 0.2, 1.0, newest)
@@ -138,8 +138,9 @@ def test_a_straight_line_is_extrapolated_from_any_window() -> None:
 
 
 def test_after_a_short_gap_predictions_are_of_the_past_before_it_and_not_of_the_current_gust() -> None:
-    """A light aircraft in W20 = 15 kt lost 94 blocks, and each began a past of three seconds with the current gust: the
-    slope of angle of attack was 6 % low by data that should have said 0 +- 8 %, and the priors were widened by 4.6."""
+    """A light aircraft in W20 = 15 kt once lost 94 blocks, and after each the past began with the current gust for
+    three seconds. The slope of angle of attack came out 6 % low from data that should have given 0 +- 8 %, and priors
+    were widened by 4.6."""
     rng = np.random.default_rng(0)
     airspeed = 15.0 + rng.normal(size=200)
     airspeed[100:102] = np.nan

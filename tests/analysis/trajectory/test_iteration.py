@@ -1,4 +1,4 @@
-"""The iteration: search for the gust intensity, convergence, damping."""
+"""Tests the iteration: search for the gust intensity, convergence, damping."""
 
 from types import SimpleNamespace
 
@@ -17,7 +17,7 @@ from flightpower.analysis.trajectory.smoother import gauss_newton_step
 
 
 def evidence_with_maximum_at(gust_mps: float):
-    """Solutions whose evidence is a parabola over the logarithm of the gust intensity."""
+    """Return a solver whose evidence is a parabola over the logarithm of the gust intensity."""
 
     def solve(_problem, x, sensor_errors, gust, **_limits):
         evidence = 7.0 + 3.0 * np.log2(gust / gust_mps) ** 2
@@ -28,12 +28,12 @@ def evidence_with_maximum_at(gust_mps: float):
     return solve
 
 
-VERTEX = SimpleNamespace(gust_intensity=lambda vertex, middle_mps: middle_mps * 2**vertex)  # of the parabola itself
+VERTEX = SimpleNamespace(gust_intensity=lambda vertex, middle_mps: middle_mps * 2**vertex)  # the vertex itself
 
 
 @pytest.mark.parametrize("gust_mps", [0.03, 0.11, 0.2, 0.29, 1.3])
 def test_the_gust_intensity_of_greatest_evidence_is_found(monkeypatch, gust_mps: float) -> None:
-    """A parabola through three points of a parabola is exact, whichever side of the first intensity it lies on."""
+    """A parabola through three points of a parabola is exact, on whichever side of the first intensity its top is."""
     solve = evidence_with_maximum_at(gust_mps)
     monkeypatch.setattr(reconstruction, "_solve", solve)
     result, nearest = _most_probable_gust(VERTEX, solve(None, None, None, 0.2))
@@ -45,7 +45,7 @@ def test_the_gust_intensity_of_greatest_evidence_is_found(monkeypatch, gust_mps:
     ("gust_mps", "taken"), [(1e-4, SOLVER.least_gust_mps), (0.02, SOLVER.least_gust_mps), (100.0, GUST_GRID_MPS[-1])]
 )
 def test_gusts_are_neither_less_than_noise_nor_beyond_the_grid(monkeypatch, gust_mps: float, taken: float) -> None:
-    """In calm air the evidence is of noise: two analyses of one log would find gusts of 0.01 and of 0.03 m/s."""
+    """In calm air, the evidence comes from noise: two analyses of one log would find gusts of 0.01 and 0.03 m/s."""
     solve = evidence_with_maximum_at(gust_mps)
     monkeypatch.setattr(reconstruction, "_solve", solve)
     result, _ = _most_probable_gust(VERTEX, solve(None, None, None, 0.2))
@@ -54,7 +54,7 @@ def test_gusts_are_neither_less_than_noise_nor_beyond_the_grid(monkeypatch, gust
 
 @pytest.fixture(scope="module")
 def noisy():
-    """An exact motion with sensor errors and the noise of the bench."""
+    """Return an exact motion with sensor errors and the noise of the bench."""
     table = exact_motion().table.copy()
     rng = np.random.default_rng(0)
     for name, sigma in {"p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "ax_mps2": 0.06, "ay_mps2": 0.06,
@@ -72,7 +72,7 @@ def solution(noisy):
 
 
 def test_over_a_lost_step_attitude_and_velocity_are_known_to_half_a_turn_and_twice_gravity(noisy) -> None:
-    """A specific force of g in an unknown direction, and g itself, act over a step; other steps keep their weights."""
+    """In the step, a specific force of g in an unknown direction and gravity act; other steps keep their weights."""
     x, lost = noisy.initial_states, 7
     before = noisy.process_model(x, 0.3).weight
     noisy.lost[lost] = True
@@ -106,7 +106,7 @@ def test_injected_errors_are_found_within_what_is_stated(noisy, solution) -> Non
 
 
 def test_the_latency_already_applied_is_not_counted_twice(noisy) -> None:
-    """The prior of the remaining error has the mean 0.1 s minus the applied part, only for the latency."""
+    """Only for the latency, the prior of the remaining error has a mean, 0.1 s minus the part already applied."""
     errors = np.full(len(SENSOR_ERRORS), 0.01)
     errors[SENSOR_ERRORS.index("gps_latency")] = 0.25
     remaining, prior = noisy.remaining_errors(errors, 0.1)
@@ -117,7 +117,7 @@ def test_the_latency_already_applied_is_not_counted_twice(noisy) -> None:
 
 
 def test_evidence_prefers_the_gusts_that_were_flown(noisy) -> None:
-    """A flight in calm air: less evidence for strong gusts, and their increments are smaller than assumed."""
+    """In calm air, strong gusts have less evidence, and the increments are smaller than strong gusts would have."""
     calm, gusty = (
         _solve(noisy, noisy.initial_states, noisy.initial_errors, gust, iterations=40, tolerance=SOLVER.converged[1])
         for gust in (0.05, 1.6)
@@ -127,9 +127,9 @@ def test_evidence_prefers_the_gusts_that_were_flown(noisy) -> None:
 
 
 def test_the_intensity_of_simulated_gusts_is_found() -> None:
-    """Dryden gusts of 0.8 m/s, simulated sample by sample, in the air data of a minute with exact sensors otherwise.
+    """A minute of data has Dryden gusts of 0.8 m/s, simulated sample by sample, and the noise of the sensors.
 
-    The 300 increments of each gust know their standard deviation within 4 %; noise of air data takes some of this away.
+    300 increments of each gust give its standard deviation within 4 %; noise of air data makes this worse.
     """
     motion, sigma_w, dt = exact_motion(), 0.8, 0.04
     table, rng = motion.table.copy(), np.random.default_rng(1)
@@ -158,9 +158,9 @@ def test_the_intensity_of_simulated_gusts_is_found() -> None:
 
 @pytest.mark.parametrize("overshoot", [1.95, 3.0, 6.0])
 def test_an_oscillating_iteration_is_damped(monkeypatch, overshoot: float) -> None:
-    """Each step overshoots to the other side of the solution: a suitable fraction of each later step converges.
+    """Each step overshoots the solution; with a suitable fraction of each later step, the iteration converges.
 
-    With half steps, an iteration whose steps are at least four times too long diverges.
+    Half steps would diverge if the whole steps are at least four times too long.
     """
     m, n, nx = len(SENSOR_ERRORS), 3, len(STATES)
 
@@ -185,7 +185,7 @@ def test_an_oscillating_iteration_is_damped(monkeypatch, overshoot: float) -> No
 
 
 def test_a_change_of_the_wind_is_a_gust_along_and_across_the_heading() -> None:
-    """A wind from behind is a longitudinal gust and one from the left a lateral gust; the wind profile is not a
+    """A wind from behind is a longitudinal gust, and a wind from the left is a lateral gust; the wind profile is no
     gust."""
     height = np.array([20.0, 20.0, 60.0, 60.0])
     x = np.zeros((4, len(STATES)))

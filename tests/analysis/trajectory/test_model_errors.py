@@ -1,4 +1,4 @@
-"""Errors that grow with motor speed, load factor or lift: what they do to the measurements, and what a flight tells."""
+"""Tests errors that grow with motor speed, load factor or lift: their effects, and how well a flight shows them."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ MADE = {
 
 @pytest.fixture(scope="module")
 def reconstructed() -> Trajectory:
-    """A flight without noise whose motor changes its speed, with errors several times as large as assumed."""
+    """Return a flight without noise, with changing motor speed and errors several times as large as assumed."""
     table, _ = exact_motion(40.0)
     t = table.index.to_numpy()
     revps = 70 + 40 * np.sin(0.6 * t)
@@ -51,8 +51,8 @@ def test_offsets_by_vibration_and_bending_by_load_are_found(reconstructed: Traje
 
 
 def test_turns_show_how_far_ahead_the_probe_sits_where_the_file_does_not_say() -> None:
-    """A probe 0.3 m further ahead moves up as the aircraft pitches up, and to the right as it yaws to the right. Where
-    its place is known, the angle of attack errs instead."""
+    """A probe 0.3 m further ahead moves up as the aircraft pitches up, and to the right as it yaws to the right. If its
+    place is assumed to be known, residuals of the angle of attack are larger."""
     table, _ = exact_motion(turns=True)
     ahead_m = 0.3
     wrong = table.assign(
@@ -72,7 +72,7 @@ def test_vibration_is_the_square_of_motor_speed_and_nothing_without_it() -> None
 
 
 def test_specific_force_is_corrected_for_both_kinds_of_offset_and_then_for_scale() -> None:
-    """A reading is the force times one and the scale's error, with the offsets added."""
+    """A reading is the force times one plus the scale error, plus both offsets."""
     errors = NamedArrays(SENSOR_ERRORS, 0.01 * np.arange(1.0, len(SENSOR_ERRORS) + 1))
     ax, ay, az, shaken = 5.0, 6.0, -9.0, 0.5
     read = (
@@ -103,8 +103,7 @@ def test_airspeed_that_errs_with_lift_is_a_constant_pressure_in_level_flight() -
 
 
 def test_a_narrow_prior_hides_no_conflict() -> None:
-    """The estimate stays near its narrow prior, but the data disagree, so the interval is widened by the
-    disagreement."""
+    """The estimate stays near its narrow prior, but the data disagree, so the disagreement widens the interval."""
     table, _ = exact_motion(40.0)
     revps = 70 + 40 * np.sin(0.6 * table.index.to_numpy())
     wrong = table.assign(n_revps=revps, ax_mps2=table["ax_mps2"] + VIBRATION_MPS2 * (revps / 100) ** 2)

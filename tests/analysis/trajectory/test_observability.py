@@ -1,4 +1,4 @@
-"""Consistency of the sensors after correction, and which sensor errors a flight determines."""
+"""Tests the consistency of sensors after correction, and which sensor errors a flight determines."""
 
 from pathlib import Path
 
@@ -59,7 +59,7 @@ kind = "turn"
 
 @pytest.fixture(scope="module")
 def corrected_flight(calm):
-    """A full test flight in calm air: the truth at the path's instants, the IMU's tilt, air data and path."""
+    """Return a calm full test flight: the truth at the path's instants, the IMU's tilt, air data and path."""
     truth, errors, air, trajectory = calm(0)
     t = trajectory.states.index.to_numpy()
     true = {name: np.interp(t, truth["time_s"], truth[name]) for name in ("V_mps", "alpha_rad")}
@@ -68,17 +68,17 @@ def corrected_flight(calm):
 
 @pytest.fixture(scope="module")
 def without_gps(probe):
-    """Trajectory of a short flight on one heading in calm air, without GPS."""
+    """Return the trajectory of a short flight on one heading in calm air, without GPS."""
     _, _, air, still = fly(0, probe, "accel-decel", without=GPS)
     return reconstruct(air, still)
 
 
 @pytest.mark.slow
 def test_the_angles_agree_after_correction_and_before_differ_by_the_error_of_alpha(corrected_flight) -> None:
-    """theta - alpha - gamma before is minus what alpha is off by, within the 0.1 deg a calm flight is good for.
+    """Before correction, theta - alpha - gamma is minus the error of alpha, to the 0.1 deg of a calm flight.
 
-    Off by on average, in truth: the injected offset and slope, and the IMU's tilt, which is an offset too
-    (test_reconstruct).
+    The true mean error comes from the injected offset and slope, and from the IMU's tilt, which acts as an offset
+    (test_reconstruction).
     """
     true, tilt, air, trajectory = corrected_flight
     agreement = consistency(trajectory)
@@ -86,7 +86,7 @@ def test_the_angles_agree_after_correction_and_before_differ_by_the_error_of_alp
     flew = agreement.before[ANGLES].notna().to_numpy()
     error = tilt + np.nanmean((block_mean(air["alpha_rad"], len(flew)) - true["alpha_rad"])[flew])
     assert abs(before.mean + error) < np.radians(0.1)
-    assert abs(before.mean) > WITHIN * before.mean_standard_error, "an error of this size is seen at a glance"
+    assert abs(before.mean) > WITHIN * before.mean_standard_error, "an error of this size must be obvious"
     assert abs(after.mean) < WITHIN * after.mean_standard_error
     assert after.sigma < before.sigma
 
@@ -111,11 +111,11 @@ def test_a_full_test_flight_determines_every_error_but_two(corrected_flight) -> 
     *_, trajectory = corrected_flight
     errors = sensor_error_estimates(trajectory)
     assert {error.name for error in errors} == set(SENSOR_ERRORS) - {"heading_bias", "probe_ahead", *ZEROS}, (
-        "it had no compass, and the aircraft file says where its probe is"
+        "there is no compass, and the aircraft file says where the probe is"
     )
     undetermined = {error.name for error in errors if not error.determined}
-    assert "updraft" in undetermined, "it is known better before sunrise"
-    assert undetermined <= {"updraft", "alpha_per_g"}, "the scales hide how little the boom bends"
+    assert "updraft" in undetermined, "its prior before sunrise is better"
+    assert undetermined <= {"updraft", "alpha_per_g"}, "scales may hide the bending of the boom"
     assert sensor_error_notes(errors) == []
 
 
@@ -132,7 +132,7 @@ def test_without_gps_the_latency_is_not_determined_and_the_reason_is_given(witho
 def test_in_gusts_turns_determine_the_airspeed_scale_and_one_heading_does_not(
     probe, tmp_path: Path, turns: bool
 ) -> None:
-    """Two and a half minutes in W20 = 6 kt, with and without turns; all else alike.
+    """Two flights of 2.5 minutes in W20 = 6 kt differ only in their turns.
 
     In calm air one heading is enough, because accelerometers also measure a change of speed.
     """
@@ -145,15 +145,15 @@ def test_in_gusts_turns_determine_the_airspeed_scale_and_one_heading_does_not(
     assert (MissingExcitation.HEADINGS in scale.missing) == (not turns)
     assert any("scale of airspeed" in note for note in sensor_error_notes(errors)) == (not turns)
     slope = next(error for error in errors if error.name == "alpha_scale")
-    assert MissingExcitation.SPEEDS in slope.missing, "held at one speed, with turns or without"
+    assert MissingExcitation.SPEEDS in slope.missing, "one speed, with turns or without"
 
 
 @pytest.mark.slow
 def test_in_gusts_porpoising_determines_the_slope_of_angle_of_attack(probe, tmp_path: Path) -> None:
-    """Two and a half minutes in W20 = 10 kt at one speed, 50 s of them porpoising or not.
+    """Two flights of 2.5 minutes in W20 = 10 kt at one speed differ only in 50 s of porpoising.
 
-    Gusts of sigma 0.5 m/s, 80 m long, against 3 deg rms at 4.1 rad/s for 50 s: 3 sigma^2/(V omega^2 L) over the
-    integral of the angle's square is 1.6 % squared at best, where 3 % are assumed and 2.4 % count as determined.
+    Gusts have sigma 0.5 m/s and L = 80 m, porpoising has 3 deg rms at 4.1 rad/s. At best, the variance of the slope is
+    3 sigma^2/(V omega^2 L) over the integral of the squared angle, (1.6 %)^2. 3 % are assumed; 2.4 % is determined.
     """
     slopes = []
     for legs in (6 * LEG, 2 * LEG + 2 * PORPOISE + 2 * LEG):
@@ -171,7 +171,7 @@ def test_in_gusts_porpoising_determines_the_slope_of_angle_of_attack(probe, tmp_
     without, porpoised = slopes
     assert not without.determined and MissingExcitation.PORPOISING in without.missing
     assert porpoised.determined
-    surest = 1 / np.hypot(1 / 1.6, 1 / 3.0)  # percent: the bound and what was assumed, together
+    surest = 1 / np.hypot(1 / 1.6, 1 / 3.0)  # percent, from the bound and the prior together
     assert porpoised.standard_error > surest
 
 
@@ -185,12 +185,12 @@ def test_every_sensor_error_has_a_reason_when_not_determined() -> None:
 
 
 def test_the_standard_error_of_a_mean_allows_for_slow_changes() -> None:
-    """White noise: sigma / sqrt(n). A wave of twice the batch's length makes the batches scatter far more than that."""
+    """For white noise it is sigma / sqrt(n). A wave twice as long as a batch makes batches scatter far more."""
     t = np.arange(0, 400, 0.2)
     white = pd.Series(np.random.default_rng(0).normal(0, 1, len(t)), index=t)
     assert difference_check(white).mean_standard_error == pytest.approx(
         1 / np.sqrt(len(t)), rel=0.5
-    )  # of 20 batches: 16 %, 1 sigma
+    )  # 20 batches give it to 16 %, 1 sigma
     wave = pd.Series(np.sign(np.sin(np.pi * t / 20)), index=t)
     assert difference_check(wave).mean_standard_error > 5 * wave.std() / np.sqrt(len(t))
     assert difference_check(white[:50]) is None, "one batch does not show the scatter between batches"

@@ -1,4 +1,4 @@
-"""Estimated sensor errors against their priors, and residuals against noise."""
+"""Tests the comparison of estimated sensor errors with their priors, and of residuals with noise."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -21,7 +21,7 @@ MEAN = np.array([PRIOR_MEAN.get(name, 0.0) for name in SENSOR_ERRORS])
 
 
 def estimated(in_prior_sigmas: np.ndarray, *, known_to: float = 0.3, **residuals: float) -> Trajectory:
-    """A trajectory whose sensor errors are these, each known to a share of its prior."""
+    """Return a trajectory with these sensor errors [prior sigmas], each known to a share of its prior."""
     nothing = np.zeros((1, 1, 1))
     return Trajectory(
         None, MEAN + PRIOR * in_prior_sigmas, np.diag((known_to * PRIOR) ** 2), PRIOR, nothing,
@@ -44,14 +44,14 @@ def test_one_error_beyond_its_prior_is_named_and_gets_a_wider_one() -> None:
     assert conflict.z == {"alpha_scale": pytest.approx(-4.0 / np.sqrt(message))}
     assert conflict.factor[SENSOR_ERRORS.index("alpha_scale")] == pytest.approx(4.0 / message, rel=0.02)
     assert conflict.common_factor < 1.5 and np.sort(conflict.factor)[:-1] == pytest.approx(conflict.common_factor), (
-        "others keep theirs"
+        "others must keep their priors"
     )
     (note,) = conflict_notes(conflict, trajectory)
     assert "slope of angle of attack is -4.2 standard deviations (3 %)" in note
 
 
 def test_errors_all_twice_their_priors_are_a_conflict_by_that_factor() -> None:
-    """Except for the updraft: its prior is of the air, not of the installation."""
+    """The updraft is an exception, since its prior describes the air, not the installation."""
     conflict = prior_conflict(estimated(np.resize([2.0, -2.0], len(PRIOR)), known_to=0.05))
     assert conflict.z == {}
     of_air = np.array(SENSOR_ERRORS) == "updraft"
@@ -59,13 +59,13 @@ def test_errors_all_twice_their_priors_are_a_conflict_by_that_factor() -> None:
 
 
 def test_errors_that_the_data_half_determine_tell_their_own_size() -> None:
-    """Known to 0.7 of the prior: j = 1/0.49 - 1. The data alone give x = y (1 + 1/j), of variance s^2 + 1/j."""
+    """If known to 0.7 of the prior, j = 1/0.49 - 1. The data alone give x = y (1 + 1/j) with the variance s^2 + 1/j."""
     j = 1 / 0.7**2 - 1
     count = len(PRIOR)
     for y in (1.6, 2.2):
         conflict = prior_conflict(estimated(np.resize([y, -y], count), known_to=0.7))
         assert conflict.common_factor == pytest.approx(np.sqrt((y * (1 + 1 / j)) ** 2 - 1 / j), abs=0.006)
-    # The sum of squares over its variance is a chi square: one flight in a hundred is beyond its limit by chance.
+    # The sum of squares over its variance is a chi square. One flight in a hundred exceeds its limit by chance.
     at_the_limit = np.sqrt(special.chdtri(count, 0.01) / count * (1 + 1 / j)) / (1 + 1 / j)
     for share, conflict in ((0.99, False), (1.01, True)):
         y = share * at_the_limit
@@ -74,12 +74,12 @@ def test_errors_that_the_data_half_determine_tell_their_own_size() -> None:
 
 @pytest.mark.parametrize("expected", [0.5, 0.07, 0.02])
 def test_an_error_is_judged_by_what_its_estimate_varies_if_the_prior_is_right(expected: float) -> None:
-    """However little of the prior's variance the data tell: a boom that bends 33 times what was assumed is seen as
-    9 standard deviations where they tell 7 %, and gets a prior of its size."""
+    """This holds however little of the prior's variance the data determine. If they determine 7 %, a boom that bends
+    33 times as much as assumed is seen as 9 standard deviations, and gets a prior of its size."""
     i = SENSOR_ERRORS.index("alpha_per_g")
     for true, result in ((33.0, True), (2.4 / np.sqrt(expected), False)):
         errors = np.zeros(len(PRIOR))
-        errors[i] = -true * expected  # the estimate is drawn to the prior's mean of zero
+        errors[i] = -true * expected  # the estimate is pulled to the prior's mean of zero
         conflict = prior_conflict(estimated(errors, known_to=np.sqrt(1 - expected)))
         assert conflict.z == ({"alpha_per_g": pytest.approx(-33.0 * np.sqrt(expected))} if result else {})
         assert conflict.factor[i] == (
@@ -88,7 +88,7 @@ def test_an_error_is_judged_by_what_its_estimate_varies_if_the_prior_is_right(ex
 
 
 def test_what_the_solver_s_last_step_moves_is_no_conflict() -> None:
-    """The step, 0.02 prior standard deviations, would be 2 and 4 of those that an estimate has, were so little told."""
+    """The step is 0.02 prior sigmas, but 2 and 4 sigmas of an estimate from data with so little information."""
     for message in (1e-4, 2.5e-5):
         moved = np.resize([0.02, -0.02], len(PRIOR))
         assert not prior_conflict(estimated(moved, known_to=np.sqrt(1 - message))).conflicting
@@ -103,7 +103,7 @@ def test_an_error_that_took_a_part_of_the_worst_one_s_is_no_conflict() -> None:
     P = np.linalg.inv(np.eye(len(PRIOR)) + design.T @ design)
     y = P @ design.T @ (design[:, wrong] * 30.0)
     alone = y / np.sqrt(np.maximum(1 - np.diag(P), 1e-9))
-    assert alone[wrong] > alone[attributed] > 5, "by themselves both contradict"
+    assert alone[wrong] > alone[attributed] > 5, "each must contradict by itself"
     trajectory = replace(estimated(y), covariance=P * np.outer(PRIOR, PRIOR))
     conflict = prior_conflict(trajectory)
     assert set(conflict.z) == {"alpha_per_g"}
@@ -111,7 +111,7 @@ def test_an_error_that_took_a_part_of_the_worst_one_s_is_no_conflict() -> None:
 
 
 def test_two_errors_below_their_limits_are_improbable_together() -> None:
-    """Offset and slope of the angle of attack at -3.4 and -3.5 standard deviations, as in air that sinks: neither is
+    """Offset and slope of the angle of attack are at -3.4 and -3.5 standard deviations, as in sinking air; neither is
     beyond 3.8. The sum of two squares is a chi square, whose probability is exp(-x/2)."""
     errors, message = np.zeros(len(PRIOR)), 1 - 0.3**2
     for name, z in (("alpha_bias", -3.4), ("alpha_scale", -3.5)):
@@ -133,7 +133,7 @@ def test_all_errors_somewhat_large_are_improbable_together() -> None:
 
 
 def test_two_errors_of_which_data_tell_only_the_sum_are_as_probable_as_one() -> None:
-    """Each is at two standard deviations, as their sum is: 4.6 % of one normal error, and not 1.8 % of two."""
+    """Each is at two standard deviations, and so is their sum: a probability of 4.6 % as for one error, not 1.8 %."""
     design = np.zeros((1, len(PRIOR)))
     design[0, :2] = 30.0
     P = np.linalg.inv(np.eye(len(PRIOR)) + design.T @ design)
@@ -142,7 +142,7 @@ def test_two_errors_of_which_data_tell_only_the_sum_are_as_probable_as_one() -> 
 
 
 def test_sound_flights_are_called_improbable_no_more_often_than_said() -> None:
-    """4,000 draws of estimates that correlate; of the bound two thirds, since pairs share errors."""
+    """In 4,000 draws of correlated estimates, the rate is two thirds of the bound, since pairs share errors."""
     rng, m = np.random.default_rng(3), len(PRIOR)
     design = rng.normal(size=(m, m))
     P = np.linalg.inv(np.eye(m) + design.T @ design)
@@ -157,7 +157,7 @@ def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> Non
     wider, (message,) = with_misfit(trajectory)
     assert wider.covariance == pytest.approx(4 * trajectory.covariance)
     assert "airspeed by 2.0." in message
-    # What the flight adds to the prior keeps its share; without the prior's factor it would be less than nothing.
+    # The flight's own information falls to a quarter; without a factor on the prior, it would be negative.
     before, after = (np.linalg.inv(x.covariance) - np.diag(x.prior_sigma**-2.0) for x in (trajectory, wider))
     assert after == pytest.approx(before / 4)
     # Random errors of the states are also twice as large, which leaves a quarter of the information.
@@ -175,7 +175,7 @@ def test_residuals_larger_than_noise_widen_the_covariance_and_are_named() -> Non
 
 @pytest.mark.parametrize("second", ["does not converge", "raises"])
 def test_where_wider_priors_give_no_path_there_is_none(monkeypatch, second: str) -> None:
-    """The first path contradicts its priors, and the second is nowhere: it must not be taken."""
+    """The first path contradicts its priors, and there is no second path, so the first must not be used."""
     errors = np.zeros(len(PRIOR))
     errors[SENSOR_ERRORS.index("alpha_scale")] = -9.0
     first = estimated(errors)
@@ -198,7 +198,7 @@ def test_where_wider_priors_give_no_path_there_is_none(monkeypatch, second: str)
     ("residuals", "noise"), [({"height": 4.0}, 4.0), ({"height": 4.0, "alpha": 3.0}, 1.0), ({"height": 1.2}, 1.0)]
 )
 def test_noise_of_the_height_in_flight_is_taken_from_its_residuals(monkeypatch, residuals, noise: float) -> None:
-    """Applies only if this noise alone exceeds that at rest: with another misfit more than the noise of height may be
+    """This applies only if height alone has more noise than at rest; with another misfit, more than that may be
     wrong."""
 
     def path(_flight, _data, *, prior_factor=1.0, height_noise=1.0) -> Trajectory:
@@ -216,7 +216,7 @@ def test_noise_of_the_height_in_flight_is_taken_from_its_residuals(monkeypatch, 
 def test_without_velocity_and_sideslip_a_path_that_is_not_found_has_a_reason(
     monkeypatch, measured, is_reported: bool
 ) -> None:
-    """Bank and the bias of the yaw gyro act alike on the airspeed: both turn the aircraft without another trace."""
+    """Bank and a bias of the yaw gyro act alike on the airspeed: both turn the aircraft and leave no other trace."""
     first = replace(
         estimated(np.zeros(len(PRIOR))), converged=False, block_means=SimpleNamespace(measured=measured.__contains__)
     )

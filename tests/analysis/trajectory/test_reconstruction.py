@@ -1,4 +1,4 @@
-"""The trajectory against the simulator's truth, with random sensor errors from the study's budget."""
+"""The trajectory agrees with the simulator's truth, for random sensor errors from the study's budget."""
 
 import dataclasses
 
@@ -32,7 +32,7 @@ SEEDS = (0, 1, 2)
 
 
 def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbulence_kt: float = 0.0):
-    """Truth, drawn errors, air data and where it stood, of one flight with the study's budget."""
+    """Return truth, drawn errors, air data and stretches at rest of a flight with the study's budget."""
     aircraft, errors = load_aircraft("nexstar"), flights.draw_errors(load_budget("study"), seed)
     flight, _, table = flights.flown(aircraft, errors, plan, seed, turbulence_kt)
     for name in without:
@@ -43,13 +43,13 @@ def flown(seed: int, probe, plan: str, *, without: tuple[str, ...] = (), turbule
 
 @pytest.fixture(scope="module")
 def hop(probe):
-    """Air data, stretches at rest, and the trajectory of a short calm flight on one heading."""
+    """Return air data, stretches at rest, and the trajectory of a short calm flight on one heading."""
     _, _, air, still = flown(0, probe, "accel-decel")
     return air, still, reconstruct(air, still)
 
 
 def test_a_wind_as_fast_as_the_aircraft_is_found(probe) -> None:
-    """11 m/s at an airspeed of 10. Begun without a wind, iterations ended at gusts that stop the aircraft."""
+    """It is 11 m/s at an airspeed of 10. Iterations that began without wind ended at gusts that stop the aircraft."""
     aircraft, errors = load_aircraft("light-1kg"), flights.draw_errors(load_budget("study"), 2)
     flight, _, table = flights.flown(aircraft, errors, "steady-points", 2, 14.0, wind_too=True)
     air, still, _ = flights.air_of(table, aircraft, probe)
@@ -64,7 +64,7 @@ def test_a_wind_as_fast_as_the_aircraft_is_found(probe) -> None:
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_short_gusts_are_reconstructed_with_their_own_length(probe) -> None:
-    """With the standard's length the airspeed scale of this flight in 15 kt is 0.7 % off, with its own 0.2 %."""
+    """In this flight in 15 kt, airspeed scale is off 0.7 % with the standard's length, 0.2 % with the gusts' own."""
     world, plan, aircraft = load_world("short-gusts"), load_plan("full-test-flight"), load_aircraft("nexstar")
     errors = flights.draw_errors(world.errors, 203)
     plan = world.plan(dataclasses.replace(plan, air=dataclasses.replace(plan.air, turbulence_mps=15 * 0.514444)), 203)
@@ -93,7 +93,7 @@ def test_turns_and_runs_show_the_scales_of_the_imu(probe, world: str, scale: flo
 
 
 def test_priors_are_those_of_the_study():
-    """Priors are the budget's errors over the square root of three, and up to a tenth more."""
+    """Priors are the budget's errors over the square root of three, or up to 20 % more."""
     s, ratio = load_budget("study").systematic, 3**0.5
     sizes = {"alpha_bias": s.alpha_offset_rad, "alpha_scale": s.alpha_scale, "V_scale": s.V_scale}
     for name, size in (sizes | {"ax_bias": s.accel_bias_mps2}).items():
@@ -117,8 +117,8 @@ def test_a_long_flight_without_gps_converges_with_an_unmeasured_heading(probe) -
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [SEEDS[0], *(pytest.param(seed, marks=pytest.mark.thorough) for seed in SEEDS[1:])])
 def test_a_whole_calm_flight_is_found_again(calm, seed: int) -> None:
-    """Pitch and angle of attack of the IMU's axes within 0.1 deg, airspeed scale within 0.5 % of the truth, and wind
-    within 0.3 m/s wherever it is high enough to be measured.
+    """Pitch and angle of attack of the IMU's axes are right to 0.1 deg, airspeed scale to 0.5 %, and wind to 0.3 m/s at
+    heights where it can be measured.
 
     The IMU is misaligned with the body by a fixed rotation that nothing on board can tell from an offset of angle of
     attack; forces are taken in the IMU's axes, so these are the angles that count.
@@ -127,11 +127,11 @@ def test_a_whole_calm_flight_is_found_again(calm, seed: int) -> None:
     assert trajectory.converged
     t = trajectory.states.index.to_numpy()
     flight = np.interp(t, truth["time_s"], truth["height_m"]) > 30
-    tilt = errors.imu_rotation[0, 2]  # of the sensor's axes from the body's, about y: sin of minus the pitch
+    tilt = errors.imu_rotation[0, 2]  # sensor axes relative to body axes, about y: sin of minus the pitch
     pitch = np.interp(t, truth["time_s"], truth["pitch_rad"]) - tilt
     assert abs(np.degrees((trajectory.states["theta"] - pitch)[flight].mean())) < 0.1
     assert np.degrees((trajectory.states["theta"] - pitch)[flight].std()) < 0.15
-    slope = 1 + errors.values.alpha_scale - 2 * errors.values.V_scale  # the offset is in front of the pressures' errors
+    slope = 1 + errors.values.alpha_scale - 2 * errors.values.V_scale  # errors of pressures also scale the offset
     offset = (errors.values.alpha_offset_rad + tilt) * slope
     assert trajectory.value("alpha_bias") == pytest.approx(offset, abs=np.radians(0.1))
     assert trajectory.value("V_scale") == pytest.approx(errors.values.V_scale, abs=0.005)
@@ -148,11 +148,11 @@ def test_a_whole_calm_flight_is_found_again(calm, seed: int) -> None:
     ("plan", "flights"), [("laps", 1), pytest.param("full-test-flight", 4, marks=pytest.mark.thorough)]
 )
 def test_gusts_are_not_attributed_to_sensor_errors(probe, plan: str, flights: int) -> None:
-    """W20 = 15 kt: each error within its stated uncertainty, over flights, and none of them one-sided.
+    """In W20 = 15 kt, each error stays within its stated uncertainty over all flights, and none is one-sided.
 
-    The aircraft answers to gusts; a smoother that takes the answer for a sensor's error is off by 0.6 deg on every
-    flight. z = error / standard error is then normal with unit variance: n flights lie within sqrt(n) 2.6 in sum and
-    within chi-square's 99.9 % in squares.
+    The aircraft responds to gusts; a smoother that mistakes the response for a sensor error is off by 0.6 deg in every
+    flight. If it does not, z = error / standard error is normal with unit variance: for n flights, its sum is within
+    2.6 sqrt(n), and its sum of squares within the 99.9 % of chi-square.
     """
     z = []
     for seed in range(flights):
@@ -160,7 +160,7 @@ def test_gusts_are_not_attributed_to_sensor_errors(probe, plan: str, flights: in
         trajectory = reconstruct(air, still)
         assert trajectory.converged
         assert 0.4 < trajectory.gust_mps / (0.1 * 15 * 0.514444) < 1.6
-        assert trajectory.gust_length == 1, "gusts as assumed are not denied"
+        assert trajectory.gust_length == 1, "the assumed gusts must not be rejected"
         slope = 1 + errors.values.alpha_scale - 2 * errors.values.V_scale
         truth = {
             "alpha_bias": (errors.values.alpha_offset_rad + errors.imu_rotation[0, 2]) * slope,
@@ -186,7 +186,7 @@ def test_without_gps_the_reconstruction_converges_with_larger_errors(probe, hop)
 
 
 def test_a_channel_without_data_at_rest_gets_the_noise_of_the_bench(hop) -> None:
-    """Sideslip answers late: its noise cannot be seen at rest, so what is usual is taken; the path hardly moves."""
+    """Sideslip data begin late, so noise at rest is unknown and the usual noise is assumed; the path hardly changes."""
     air, still, undamaged = hop
     late = air.copy()
     late.iloc[: still[0].stop, late.columns.get_loc("dp_beta_Pa")] = np.nan
@@ -208,7 +208,7 @@ def test_a_gap_of_the_imu_has_only_a_local_effect(hop) -> None:
 
 
 def test_a_saturated_airspeed_transducer_raises_standard_errors_without_bias(hop) -> None:
-    """Above 19 m/s it is clipped, so that neither speed nor angles are measured there; slow flight is as before."""
+    """It is clipped above 19 m/s, so neither speed nor angles are measured there; slow flight is as before."""
     air, still, undamaged = hop
     clipped = air.copy()
     clipped.loc[air["V_mps"] > 19.0, ["V_mps", "alpha_rad", "beta_rad", "dlnV_dlndp_alpha"]] = np.nan
@@ -235,7 +235,7 @@ def test_the_uncertainty_of_the_probes_slope_widens_prior_and_posterior(hop) -> 
     ],
 )
 def test_a_log_without_enough_channels_is_refused_or_reported_as_uncertain(hop, missing) -> None:
-    """No accelerometers, or no air data at all: no exception but an InputError, and no certainty."""
+    """Without accelerometers or any air data, there is an InputError or a large uncertainty, and no other exception."""
     air, still, _ = hop
     blind = air.copy()
     blind[missing] = np.nan
@@ -248,7 +248,7 @@ def test_a_log_without_enough_channels_is_refused_or_reported_as_uncertain(hop, 
 
 
 def test_derivatives_are_those_of_the_equations() -> None:
-    """Against central differences at their best step, (3 eps)^(1/3); their error is then about 1e-10."""
+    """They agree with central differences at the best step, (3 eps)^(1/3), whose error is about 1e-10."""
     rng = np.random.default_rng(0)
     n, nx, m = 4, len(STATES), len(SENSOR_ERRORS)
     equations = Equations(n)
@@ -283,7 +283,7 @@ def test_derivatives_are_those_of_the_equations() -> None:
             (up.process_residual - down.process_residual) / (2 * h), abs=1e-7
         )
 
-    # Predicted states and inputs change the derivatives only.
+    # Predicted states and inputs change only the derivatives.
     elsewhere, other = x + rng.normal(0, 0.1, x.shape), inputs + rng.normal(0, 0.1, inputs.shape)
     foretold = equations.linearize(
         x, shared, dataclasses.replace(data, predicted_states=elsewhere, predicted_inputs=other)

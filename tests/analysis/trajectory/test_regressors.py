@@ -1,4 +1,4 @@
-"""Predicted regressors of sensor errors in straight flight of changing speed, where they are known."""
+"""Predicted regressors of sensor errors are right in motions in which they are known."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def exact():
 
 
 def straight_flight(exact, V, bank=0.0, wind=(3.0, -2.0), **columns):
-    """Problem and states of level flight to the north in wind, at airspeed V (one value a row)."""
+    """Return problem and states of level flight to the north in wind, at airspeed V (one value per row)."""
     angle = columns.get("alpha_rad", exact.table["alpha_rad"])
     table = exact.table.assign(V_mps=V, dalpha_dlndp_alpha_rad=angle, **columns)
     problem = TrajectoryProblem(table, [slice(0, 0)])
@@ -43,7 +43,7 @@ def predicted(problem, states, errors=NO_ERRORS) -> dict[str, np.ndarray]:
 
 
 def test_predicted_airspeed_is_that_of_the_motion_through_the_wind(exact) -> None:
-    """A steady acceleration: a straight line through the past predicts speed and acceleration exactly."""
+    """In a steady acceleration, a straight line through the past predicts speed and acceleration exactly."""
     t = exact.table.index.to_numpy()
     result = predicted(*straight_flight(exact, 10.0 + 0.2 * t))
     V = (10.0 + 0.2 * t)[BLOCK // 2 :: BLOCK]
@@ -52,9 +52,9 @@ def test_predicted_airspeed_is_that_of_the_motion_through_the_wind(exact) -> Non
 
 
 def test_the_angle_of_attack_of_level_flight_is_predicted_from_speed_and_its_change(exact) -> None:
-    """alpha = a + k/V^2, so that alphadot = -2 k Vdot/V^3. Nothing else predicts it here: the states have no angle.
+    """alpha = a + k/V^2, so alphadot = -2 k Vdot/V^3. Nothing else can predict it: the states have no angle.
 
-    Acceleration is the mean of the second before, half a second late: a phase of 1/8, 2 % of the variance.
+    Acceleration is the mean over the last second, half a second late: a phase of 1/8 rad, 2 % of the variance.
     """
     t = exact.table.index.to_numpy()
     V, Vdot = 15.0 + 6.0 * np.sin(0.25 * t), 1.5 * np.cos(0.25 * t)
@@ -67,7 +67,7 @@ def test_the_angle_of_attack_of_level_flight_is_predicted_from_speed_and_its_cha
 
 
 def test_turns_are_flown_at_the_lift_coefficient_of_their_bank(exact) -> None:
-    """Bank swings to 60 deg, where lift is doubled: alpha, and the probe's d ln V/d ln dp, over lift."""
+    """Bank swings to 60 deg, where lift doubles; alpha and the probe's d ln V/d ln dp are proportional to lift."""
     t = exact.table.index.to_numpy()
     bank, V = np.radians(60.0) * np.sin(0.2 * t), 15.0 + 4.0 * np.sin(0.13 * t)
     lift = (15.0 / V) ** 2 / np.cos(bank)
@@ -83,8 +83,8 @@ def test_turns_are_flown_at_the_lift_coefficient_of_their_bank(exact) -> None:
 
 @pytest.mark.parametrize("fast_blocks", [5, 20])
 def test_a_short_ground_track_gives_the_heading_its_offset(exact, fast_blocks: int) -> None:
-    """Heading is the integral of yaw rate, here 0.1 rad/s from north. GPS is fast for a moment, at a heading of 2 rad
-    more: the first estimate is this heading all the time with few fast blocks, and at those blocks with many."""
+    """The integral of the yaw rate, 0.1 rad/s, begins at north; a short, fast GPS track shows that heading is 2 rad
+    more. With few fast blocks, the first estimate has the right heading all the time; with many, at those blocks."""
     t = exact.table.index.to_numpy()
     heading = 2.0 + 0.1 * t
     start = len(t) // 2 // BLOCK * BLOCK
@@ -101,9 +101,9 @@ def test_a_short_ground_track_gives_the_heading_its_offset(exact, fast_blocks: i
 @pytest.mark.parametrize(("curvature", "within"), [(0.0, 0.03), (0.9, 0.05)])
 @pytest.mark.parametrize(("name", "value"), [("alpha_scale", 0.05), ("V_scale", 0.02), ("air_data_lag", 0.02)])
 def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, value, curvature, within) -> None:
-    """Upwash and rotation are in what the ports measure, and are subtracted after lag and slope, in proportion to 1/V^2
-    and 1/V: with the true states and the true error the modeled angle is the measured one. With a
-    curved calibration (at 12 deg a pressure that is 5 % high raises the angle by 4.6 %) to first order in the error."""
+    """The ports also measure upwash and rotation, which are subtracted after lag and slope, in proportion to 1/V^2 and
+    1/V. With the true states and error, the modeled angle is the measured one. With a curved calibration (at 12 deg, a
+    pressure that is 5 % high raises the angle by 4.6 %), this is so to first order in the error."""
     true, t = exact.table, exact.table.index.to_numpy()
     upwash, rotation = 0.02 * (1 - true["az_mps2"] / 10), -0.5 * true["q_radps"] / true["V_mps"]
     at_probe = true["alpha_rad"] + upwash + rotation
@@ -113,7 +113,7 @@ def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, valu
     for _ in range(20):
         C = at_probe + curvature * C**3
     more = (1 + slope) * C
-    spline = CubicSpline(t, at_probe)  # a first-order lag, to its second order
+    spline = CubicSpline(t, at_probe)  # a first-order lag, expanded to second order
     late = value * spline(t, 1) - value**2 * spline(t, 2) if name == "air_data_lag" else 0.0
     upwash, rotation = upwash * (1 - 2 * V_scale), rotation * (1 - V_scale)
     measured = more - curvature * more**3 - late - upwash - rotation
@@ -135,7 +135,7 @@ def test_sensor_errors_act_on_the_angle_of_attack_at_the_probe(exact, name, valu
 
 @pytest.mark.parametrize("climb_mps", [3.0, -3.0])
 def test_the_first_trajectory_pitches_up_by_alpha_and_the_climb_and_turns_by_the_yaw_rate(exact, climb_mps) -> None:
-    """Without GPS. In a steady turn with bank phi the yaw rate about the body's axis is cos(phi) of the turn's."""
+    """There is no GPS. In a steady turn with bank phi, yaw rate about the body axis is cos(phi) of the turn rate."""
     t = exact.table.index.to_numpy()
     bank, turn = 0.5, 0.2
     table = exact.table.assign(

@@ -1,4 +1,4 @@
-"""Power of slow gusts over that of the assumed spectra, and what it does to sensor errors."""
+"""Tests the ratio of slow gusts' power to that of the assumed spectra, and its effect on sensor errors."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def _second_order(gust: dryden.SecondOrderGust, noise: np.ndarray) -> np.ndarray
 
 
 def _gusts(length: float, seconds: float, seed: int, root_power: float = 1.0) -> np.ndarray:
-    """Dryden's gusts of three axes (3, n), their scales `length` times the standard's."""
+    """Return Dryden gusts of three axes (3, n), with scales `length` times the standard's."""
     rng, n = np.random.default_rng(seed), round(seconds / STEP_S)
     u, v, w = (_of_length(gust, length, root_power) for gust in STANDARD)
     return np.stack(
@@ -65,12 +65,12 @@ def _ratios(gusts: np.ndarray, errors: np.ndarray | None = None, prior: float = 
 
 
 def _estimated(length: float, seconds: float, seed: int, prior: float = 1.4) -> np.ndarray:
-    """The ratios for such gusts, whose fast part has the assumed intensity: sigma^2 over length is the same."""
+    """Return the ratios for gusts whose fast part has the assumed intensity: sigma^2 over length is unchanged."""
     return _ratios(_gusts(length, seconds, seed, np.sqrt(length)), prior=prior)
 
 
 def test_gusts_as_assumed_have_a_ratio_of_one_in_the_mean() -> None:
-    """Flights of four minutes, 80 of them; a flight in gusts as the planner expects them has the planner's ratios."""
+    """The mean is over 80 flights of four minutes. Gusts as the planner expects them have the planner's ratios."""
     result = np.array([_estimated(1.0, 240, seed, prior=1.0) for seed in range(80)])
     assert np.mean(result, axis=0) == pytest.approx(1, abs=0.12)
     assert np.std(result, axis=0).max() < 0.4
@@ -79,7 +79,7 @@ def test_gusts_as_assumed_have_a_ratio_of_one_in_the_mean() -> None:
 
 
 def test_the_ratio_is_the_mean_of_the_posterior_of_intensity_and_length() -> None:
-    """Against the sum over a grid of both: few frequencies, so that one degree of freedom more would be a tenth."""
+    """It agrees with a sum over a grid of both. With few frequencies, another degree of freedom would be a tenth."""
     m = GUSTS.fewest_frequencies
     omega = np.linspace(0.05, 0.7, m)
     assumed = STANDARD[2]
@@ -95,22 +95,22 @@ def test_the_ratio_is_the_mean_of_the_posterior_of_intensity_and_length() -> Non
 
 
 def test_longer_gusts_of_the_same_fast_part_have_more_slow_power() -> None:
-    """Power at frequency zero is sigma^2 T: with sigma^2 over T the same, it grows with the square of T. Four minutes
-    already show it for vertical gusts, twenty minutes for all gusts."""
+    """Power at frequency zero is sigma^2 T; with sigma^2 over T unchanged, it grows with the square of T. Four minutes
+    already show it for vertical gusts, and twenty minutes for all gusts."""
     assert np.mean([_estimated(2.0, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(4, rel=0.2)
     assert np.mean([_estimated(0.5, 1200, seed) for seed in range(12)], axis=0) == pytest.approx(1 / 4, rel=0.2)
     assert np.mean([_estimated(2.0, 240, seed)[2] for seed in range(30)]) == pytest.approx(4, rel=0.3)
 
 
 def test_each_axis_has_an_intensity_of_its_own() -> None:
-    """Longitudinal gusts of twice the assumed power, with the others as assumed."""
+    """Longitudinal gusts have twice the assumed power, and the others are as assumed."""
     twice = np.sqrt([2.0, 1.0, 1.0])[:, None]
     ratios = [_ratios(twice * _gusts(1.0, 1200, seed)) for seed in range(12)]
     assert np.mean(ratios, axis=0) == pytest.approx([2.0, 1.0, 1.0], rel=0.2)
 
 
 def test_what_the_reconstruction_smooths_away_is_counted_by_its_random_errors() -> None:
-    """Errors with a quarter of the gusts' power and their spectra: a quarter more."""
+    """Errors with the gusts' spectra and a quarter of their power make the ratio a quarter larger."""
     lost = np.stack([_gusts(1.0, 1200, seed, 0.5) for seed in range(10, 26)], axis=1)
     complete, with_lost = (
         np.mean([_ratios(_gusts(1.0, 1200, seed), errors) for seed in range(30, 42)], axis=0)
@@ -135,7 +135,7 @@ def test_a_length_that_the_user_states_denies_nothing_in_a_flight_too_short_to_s
 
 
 def _scale_length(length: float, seconds: float, seed: int, assumed: float = 1.0) -> ScaleLength:
-    """The scale length found of such gusts with the standard's fast part."""
+    """Return the scale length found for gusts with the standard's fast part."""
     gusts = _gusts(length, seconds, seed, np.sqrt(length))
     errors = np.zeros((3, 1, gusts.shape[1]))
     return scale_length(gust_spectra(gusts, errors, STEP_S, STANDARD, GUSTS.around_corner), assumed)
@@ -156,7 +156,7 @@ def test_twenty_minutes_show_the_scale_length_within_its_error(length: float) ->
 
 
 def test_a_length_is_denied_beyond_three_standard_deviations() -> None:
-    """1 of 370 flights with gusts as assumed is reconstructed twice."""
+    """So 1 of 370 flights with gusts as assumed is reconstructed twice."""
     assert (
         ScaleLength(np.exp(0.31), 0.1).assumed_length_rejected
         and ScaleLength(np.exp(-0.31), 0.1).assumed_length_rejected
@@ -168,8 +168,8 @@ def test_a_length_is_denied_beyond_three_standard_deviations() -> None:
 
 
 def _estimate(factor: np.ndarray | float = 1.0) -> tuple[Estimate, Estimate, np.ndarray, np.ndarray]:
-    """Estimate and prior of all sensor errors from data whose errors are `factor` times as large; the data's own
-    estimate and information, with correlations."""
+    """Return the estimate and prior of all sensor errors from data whose errors are `factor` times as large, and the
+    data's own estimate and information, with correlations."""
     m, rng = len(SENSOR_ERRORS), np.random.default_rng(5)
     root = np.eye(m) + 0.1 * rng.standard_normal((m, m))
     information, data = root @ root.T / np.outer(factor, factor), rng.standard_normal(m)
@@ -180,7 +180,7 @@ def _estimate(factor: np.ndarray | float = 1.0) -> tuple[Estimate, Estimate, np.
 
 
 def test_the_estimate_is_that_of_data_with_larger_errors_where_gusts_look_like_the_error() -> None:
-    """As if the data had stated larger errors, by the root of the ratio: the prior counts for more."""
+    """It is as if errors of the data were larger by the root of the ratio, so the prior has more weight."""
     result, prior, data, information = _estimate()
     ratios, factor = np.array([4.0, 2.0, 3.0]), np.ones(len(SENSOR_ERRORS))
     for name, axis in GUST_AXIS_OF_ERROR.items():
@@ -200,7 +200,7 @@ def test_in_calm_air_the_estimate_stays() -> None:
 
 
 def test_what_the_data_do_not_show_stays_at_its_prior() -> None:
-    """The data know nothing of an error: neither its estimate nor its standard error moves."""
+    """If the data contain nothing about an error, neither its estimate nor its standard error changes."""
     factor = np.ones(len(SENSOR_ERRORS))
     factor[0] = 1e5
     result, prior, *_ = _estimate(factor)

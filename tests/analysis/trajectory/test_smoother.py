@@ -1,4 +1,4 @@
-"""The banded solution is the dense one, and its covariance is that of least squares."""
+"""The banded solution equals the dense one, and its covariance is that of least squares."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def problem(seed: int) -> tuple[Linearization, TrajectoryPrior, np.ndarray, np.n
 def dense(
     linearization: Linearization, prior: TrajectoryPrior, first: np.ndarray, errors: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """These least squares as one matrix: (residuals, Jacobian), unknowns x_0 … x_n-1 and then the errors."""
+    """Return the least squares as one matrix: (residuals, Jacobian), with unknowns x_0 … x_n-1 and then the errors."""
     rows, r = [], []
     for k in range(N - 1):
         row = np.zeros((NX, N * NX + M))
@@ -57,7 +57,7 @@ def test_the_step_is_that_of_dense_least_squares(seed: int) -> None:
     expected = -np.linalg.lstsq(J, r, rcond=None)[0]
     inverse = np.linalg.inv(J.T @ J)
     got = gauss_newton_step(linearization, prior, first, errors)
-    scale = np.linalg.cond(J) ** 2 * 1e-15  # what rounding costs the normal equations
+    scale = np.linalg.cond(J) ** 2 * 1e-15  # rounding errors of the normal equations
     assert got.states.ravel() == pytest.approx(expected[: N * NX], abs=10 * scale)
     assert got.sensor_errors == pytest.approx(expected[N * NX :], abs=10 * scale)
     assert got.covariance == pytest.approx(inverse[N * NX :, N * NX :], rel=1e-8, abs=10 * scale)
@@ -68,7 +68,7 @@ def test_the_step_is_that_of_dense_least_squares(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_state_sensitivity_is_that_of_least_squares(seed: int) -> None:
-    """With fixed sensor errors one unit away, the best states move by `state_sensitivity`."""
+    """If sensor errors are fixed one unit away, the best states move by `state_sensitivity`."""
     linearization, prior, first, errors = problem(seed)
     _, J = dense(linearization, prior, first, errors)
     by_state, by_error = J[:, : N * NX], J[:, N * NX :]
@@ -81,7 +81,7 @@ def test_the_state_sensitivity_is_that_of_least_squares(seed: int) -> None:
 
 
 def test_draws_have_the_covariance_of_the_states_given_the_sensor_errors() -> None:
-    """Their covariance is the inverse of the states' own block; 4,000 draws know a variance within 2.2 %, 1 sigma."""
+    """It is the inverse of the states' own block; 4,000 draws give a variance to 2.2 %, 1 sigma."""
     linearization, prior, first, errors = problem(0)
     _, J = dense(linearization, prior, first, errors)
     free = J[:, : N * NX]
@@ -92,7 +92,7 @@ def test_draws_have_the_covariance_of_the_states_given_the_sensor_errors() -> No
 
 
 def test_derivatives_that_are_always_zero_can_be_left_out() -> None:
-    """A step with every third derivative zero, and without them; more instants than are summed at once."""
+    """Steps with every third derivative zero or left out are equal, for more instants than are summed at once."""
     rng = np.random.default_rng(0)
     n = SparseJacobian.chunk + 3
     nonzero = [place for k, place in enumerate(np.ndindex(NX, 2 * NX + M)) if k % 3]

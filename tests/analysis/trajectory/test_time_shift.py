@@ -1,4 +1,4 @@
-"""Time shifts between channels: a probe that is late is found to be, one that is not raises no alarm."""
+"""Tests time shifts between channels: a late probe is found to be late, and a punctual one raises no alarm."""
 
 import flights
 import numpy as np
@@ -15,7 +15,7 @@ LATE_S = 0.060
 
 @pytest.fixture(scope="module")
 def flight(probe):
-    """Drawn errors, plan, table and probe of a whole calm test flight; the budget has no extra lag."""
+    """Return drawn errors, simulated flight, table and probe of a calm full test flight; there is no extra lag."""
     errors = flights.draw_errors(load_budget("bench"), 2)
     flown, _, table = flights.flown(NEXSTAR, errors, "full-test-flight", 2)
     return errors, flown, table, probe
@@ -28,14 +28,14 @@ def reconstructed(table, probe):
 
 @pytest.fixture(scope="module")
 def as_flown(flight):
-    """Air data and path of the flight as it is."""
+    """Return the air data and path of the flight as it is."""
     _, _, table, probe = flight
     return reconstructed(table, probe)
 
 
 @pytest.fixture(scope="module")
 def delayed(flight):
-    """Trajectory of the same flight with a probe that is late."""
+    """Return the trajectory of the same flight with a late probe."""
     _, _, table, probe = flight
     t = table.index.to_numpy()
     late = table.assign(
@@ -46,8 +46,8 @@ def delayed(flight):
 
 @pytest.mark.slow
 def test_a_delay_of_the_probe_is_found_to_a_twentieth(as_flown, delayed) -> None:
-    """Compared with the undelayed flight, so that noise cancels: 5 %, as required of a calibration of the tubes. It
-    comes out 4 % too small, more than its standard error; estimators.md lists this as known."""
+    """The comparison is with the undelayed flight, so noise cancels; 5 % are required of a calibration of the tubes.
+    It comes out 4 % too small, more than its standard error; estimators.md lists this as known."""
     as_it_is, late = (
         {s.error: s for s in time_shifts(trajectory)}["air_data_lag"] for trajectory in (as_flown[1], delayed)
     )
@@ -67,7 +67,7 @@ def test_a_late_probe_is_reported_and_a_punctual_one_is_not(flight, as_flown, de
         abs(results["gps_latency"].delay_s - errors.values.gps_latency_s) < 4 * results["gps_latency"].standard_error_s
     )
 
-    # And what `calibrate airspeed` says of the same flight, whose legs go both ways.
+    # `calibrate airspeed` is right on the same flight, whose legs go both ways.
     speed = calibrate(air, as_it_is)
     assert abs(speed.scale - errors.values.V_scale) < 4 * speed.scale_error
     truth = flown.truth[flown.truth["phase"] == "flight"]

@@ -1,4 +1,4 @@
-"""Mean updraft over the runs of a flight: by the sun, the wind, and what the runs pass through."""
+"""Tests the mean updraft over the runs of a flight, due to the sun, the wind, and waves in layered air."""
 
 import math
 from dataclasses import replace
@@ -27,8 +27,8 @@ RISING_MPS = 0.3
 
 
 def states(wind_mps: float, duration_s: float) -> pd.DataFrame:
-    """Back and forth over the same ground at one height, turning every RUN_S, while wind from the north carries the
-    air."""
+    """Return a path back and forth over the same ground at one height, which turns every RUN_S, in a wind from the
+    north."""
     t_s = np.arange(0.0, duration_s, 0.2)
     over_ground = np.where((t_s // RUN_S) % 2 == 0, SPEED_MPS, -SPEED_MPS)
     columns = {"v_north": over_ground, "v_east": 0.0, "wind_north": -wind_mps, "wind_east": 0.0}
@@ -41,7 +41,7 @@ def sigma(runs: int, sun_rad: float | None, wind_mps: float = 4.0) -> float:
 
 
 def test_elevation_of_the_sun_is_that_of_a_published_example():
-    """Reda & Andreas 2008, Solar Position Algorithm (NREL/TP-560-34302), table A5.1, without refraction."""
+    """It is from Reda & Andreas 2008, Solar Position Algorithm (NREL/TP-560-34302), table A5.1, without refraction."""
     moment = datetime(2003, 10, 17, 19, 30, 30, tzinfo=UTC).timestamp()
     elevation = updraft.sun_elevation(moment, math.radians(39.742476), math.radians(-105.1786))
     assert math.degrees(elevation) == pytest.approx(39.872, abs=0.02)
@@ -57,7 +57,7 @@ def test_at_noon_the_sun_is_as_high_as_the_season_makes_it(month, noon_deg):
 
 def test_a_clear_day_heats_the_air_by_a_third_of_a_kilowatt_and_a_night_does_not():
     assert 250 < updraft.heat_flux_WPM2(NOON) < 350
-    assert 1.5 < updraft.convective_velocity(NOON) < 2.5  # Stull 1988, sec. 4.2: typical of fair weather
+    assert 1.5 < updraft.convective_velocity(NOON) < 2.5  # typical of fair weather (Stull 1988, sec. 4.2)
     assert updraft.heat_flux_WPM2(DAWN) == updraft.convective_velocity(DAWN) == 0
 
 
@@ -66,12 +66,12 @@ def test_before_sunrise_in_little_wind_it_is_that_of_the_aircraft_file():
 
 
 def test_air_in_layers_swings_about_its_level():
-    """In an instant it moves with the displacement times the buoyancy frequency, 0.02 rad/s; over a long time its mean
-    updraft is the difference of two independent displacements over the time."""
+    """At an instant, its speed is displacement times buoyancy frequency, 0.02 rad/s. Over a long time, its mean updraft
+    is the difference of two independent displacements over that time."""
     assert updraft.by_waves(1.0) == pytest.approx(0.02 * UPDRAFT.displacement_m, rel=1e-4)
     assert updraft.by_waves(2000.0) == pytest.approx(math.sqrt(2) * UPDRAFT.displacement_m / 2000.0, rel=1e-4)
     assert sigma(3, DAWN) == updraft.by_waves(5 * RUN_S)
-    assert updraft.by_waves(1110.0) < Uncertainty().updraft_mps, "the runs of the whole test flight"
+    assert updraft.by_waves(1110.0) < Uncertainty().updraft_mps, "the whole test flight"
 
 
 def test_wind_rises_along_the_slope():
@@ -93,7 +93,7 @@ def test_the_mean_along_a_straight_line_has_the_variance_of_its_integral_length(
     t_s = np.linspace(0.0, length_m / speed_mps, 100_000)
     path_m = np.stack([speed_mps * t_s, 0 * t_s], axis=1)
     point = updraft.convective_mean(path_m[:1], t_s[:1], HEIGHT_M, NOON)
-    points, step_m = 400, length_m / 399  # the line is sampled: the sum over its instants in place of the integral
+    points, step_m = 400, length_m / 399  # the line is sampled, so a sum replaces the integral
     decay = math.exp(-step_m / (0.28 * UPDRAFT.mixed_layer_m))
     expected = point * math.sqrt((1 + decay) / (1 - decay) / points)
     assert updraft.convective_mean(path_m, t_s, HEIGHT_M, NOON) == pytest.approx(expected, rel=0.01)
@@ -108,7 +108,7 @@ def test_the_hour_is_that_of_the_satellites_and_not_of_the_computer():
     ends = (Position(0.0, 35.773, -78.674), Position(600.0, 35.773, -78.674))
     by_satellites = Fix(noon_s, by_satellites=True, ends=ends)
     assert math.degrees(updraft.sun_over(by_satellites._replace(ends=ends[:1]))) == pytest.approx(72.9, abs=0.1)
-    earlier = by_satellites._replace(unix_at_zero_s=noon_s - 6 * 3600.0)  # the sun rises: at the end it is higher
+    earlier = by_satellites._replace(unix_at_zero_s=noon_s - 6 * 3600.0)  # the sun is rising: higher at the end
     risen_deg = math.degrees(updraft.sun_over(earlier) - updraft.sun_over(earlier._replace(ends=ends[:1])))
     assert 1.5 < risen_deg < 2.5, "15 degrees an hour, along a path inclined by the latitude"
     assert updraft.sun_over(by_satellites._replace(ends=())) is None
@@ -126,7 +126,7 @@ def test_the_reader_is_reported_why_an_interval_is_wider_and_what_is_not_known()
 
 @pytest.fixture(scope="module")
 def in_rising_air() -> AirOf:
-    """A flight of four minutes in air that rises by RISING_MPS, and all errors of the study."""
+    """Return a flight of four minutes in air that rises at RISING_MPS, with all errors of the study."""
     budget, aircraft = load_world("updraft").errors, load_complete_aircraft("nexstar")
     defects = replace(budget.defects, updraft_mps=RISING_MPS)
     flight = flown(aircraft, draw_errors(replace(budget, defects=defects), 3), "two-pairs", 3)
@@ -138,15 +138,15 @@ def reconstructed(air: AirOf, sigma_mps: float) -> Trajectory:
 
 
 def test_a_flight_at_several_speeds_shows_a_steady_updraft(in_rising_air):
-    """It acts on the angle of attack as 1/V: otherwise than an offset and a slope."""
+    """It acts on the angle of attack as 1/V, unlike an offset or a slope."""
     result = reconstructed(in_rising_air, 1.0)
     assert abs(result.value("updraft") - RISING_MPS) < 3 * result.standard_error("updraft") < 0.15
     assert "updraft" in prior_conflict(reconstructed(in_rising_air, 0.02)).z
 
 
 def test_by_day_air_that_rose_is_not_taken_for_an_offset_of_the_angle_of_attack(in_rising_air):
-    """The flight contradicts the noon prior, 0.1 m/s, and a wider prior finds the updraft; before sunrise there are no
-    eddies, and a flight without an updraft contradicts nothing."""
+    """The flight contradicts the noon prior, 0.1 m/s, and with a wider prior the updraft is found. Before sunrise and
+    without a known hour there is no such prior."""
     result = reconstructed(in_rising_air, Uncertainty().updraft_mps)
     by_day = updraft.updraft_by_day(result, NOON)
     assert by_day.contradicted and by_day.z > 2.5 and 0.1 < by_day.sigma_mps < 0.6
@@ -166,8 +166,8 @@ def test_by_day_a_flight_that_denies_nothing_has_the_prior_of_the_hour(in_rising
 
 @pytest.mark.parametrize("sunk_mps", [0.5, 1.0])
 def test_a_flight_that_tells_little_is_as_wide_as_the_air_may_sink(in_rising_air, sunk_mps):
-    """Gusts hide the updraft to 0.4 m/s: the prior of noon draws it to a twentieth, two of its deviations and no
-    contradiction. The prior becomes as wide as the sink, and the estimate with it reaches the sink."""
+    """Gusts leave the updraft uncertain by 0.4 m/s, so the noon prior pulls it to a twentieth, which is no
+    contradiction. The prior then becomes as wide as the sink, and with it the estimate reaches the sink."""
     result = reconstructed(in_rising_air, Uncertainty().updraft_mps)
     i, of_hour = SENSOR_ERRORS.index("updraft"), updraft.updraft_by_day(
         replace(result, sensor_errors=np.zeros(len(result.sensor_errors))), NOON).sigma_mps  # fmt: skip

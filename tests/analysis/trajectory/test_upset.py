@@ -1,4 +1,4 @@
-"""A slow aircraft that gusts of W20 = 15 kt stall and turn over: the rest of its flight is reconstructed."""
+"""If gusts of W20 = 15 kt stall a slow aircraft and turn it over, the rest of its flight is reconstructed."""
 
 from dataclasses import replace
 
@@ -32,13 +32,13 @@ def upset() -> tuple[Flown, AirOf]:
 
 
 def test_after_an_upset_through_the_vertical_attitude_and_sensor_errors_are_found(upset) -> None:
-    """Iterations that follow the attitude through the vertical diverge: angles of hundreds of radians, no result."""
+    """Iterations that follow attitude through the vertical would diverge to angles of hundreds of radians."""
     flight, air = upset
     truth = flight.flight.truth
     assert np.degrees(truth["pitch_rad"].min()) < -75 and np.degrees(truth["roll_rad"].abs().max()) > 90
     trajectory = reconstruct(air.table, air.still)
     assert trajectory.converged
-    assert 0 < len(trajectory.lost_s) <= 10  # two seconds
+    assert 0 < len(trajectory.lost_s) <= 10  # blocks, two seconds
     assert all(IN_TURBULENCE_S[0] < lost_s < IN_TURBULENCE_S[1] for lost_s in trajectory.lost_s)
     errors = flight.sensor_truth._errors.values
     for name, true in (("alpha_scale", errors.alpha_scale), ("V_scale", errors.V_scale)):
