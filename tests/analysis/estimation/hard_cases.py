@@ -1,4 +1,4 @@
-"""Twelve fits that must not be used as they are, and the findings of the verdict that say so."""
+"""Makes twelve fits that must not be used as they are, with the finding of the verdict that says so."""
 
 from collections.abc import Callable
 from dataclasses import replace

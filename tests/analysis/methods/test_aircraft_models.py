@@ -1,4 +1,4 @@
-"""The aircraft models against a Nexstar simulated here with an adaptive integrator and a simple control law."""
+"""The aircraft models agree with a Nexstar simulated here with an adaptive integrator and a simple control law."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -49,7 +49,7 @@ def estimate(values, covariance=OWN):
 
 
 class Rerun:
-    """A0 grows by 0.01 per meter of probe position, A1 by 0.02 per meter of IMU position, A2 by 0.1 upwash."""
+    """A0 grows by 0.01 per meter of probe position, A1 by 0.02 per meter of IMU position, A2 with upwash."""
 
     def estimate(self, aircraft, propeller, slope_sigma):
         values = np.array([*A, 0.0, 0.0])

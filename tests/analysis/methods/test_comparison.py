@@ -56,7 +56,7 @@ def test_a_single_error_is_named_and_no_other(probe, seed: int, wrong, pair, cau
     assert {disagreement.culprit for disagreement in disagreements} == {cause}
     for disagreement in disagreements:
         assert abs(disagreement.difference_W) > disagreement.allowed_W
-        assert abs(disagreement.shares_W["unexplained"]) < disagreement.allowed_W, "the estimated error explains it"
+        assert abs(disagreement.shares_W["unexplained"]) < disagreement.allowed_W, "the estimated error must explain it"
 
 
 def between_accelerations_and_decelerations(probe, seed: int, **wrong) -> str:
@@ -99,7 +99,7 @@ def test_gusts_are_not_mistaken_for_lag_or_thrust(probe) -> None:
 
 @pytest.mark.parametrize(("tilt_deg", "side"), [(1.5, "high"), pytest.param(-1.5, "low", marks=pytest.mark.thorough)])
 def test_energy_shows_a_wrong_pitch_of_the_trajectory_with_size_and_sign(probe, tilt_deg: float, side: str) -> None:
-    """No estimated error explains the drag on a deliberately tilted trajectory; the difference W V tilt shows it."""
+    """No estimated error explains the drag on a deliberately tilted trajectory; the tilt follows from W V tilt."""
     flown = fly(AIRCRAFT, probe, draw_errors(load_budget("none"), 0), "accel-decel", 0.0, 0)
     trajectory = reconstruct(flown.table, flown.still)
     states = trajectory.states.assign(theta=trajectory.states["theta"] + np.radians(tilt_deg))

@@ -129,7 +129,7 @@ def table_of(flight_forces: FlightForces, forces: pd.DataFrame, removed: Mapping
 
 
 def wrong(name: str, value: float) -> tuple[pd.DataFrame, Trajectory]:
-    """Return the table without errors, and the trajectory with its measurements with one error."""
+    """Return the table without errors, and a trajectory whose measurements have one error."""
     f, _ = accelerations_and_decelerations(0.03)
     thrust = {key: value for key in ("scale", "slope") if name == f"thrust_{key}"}
     trajectory = measured(f, **thrust, **({"ax_bias": value * g} if name == "pitch" else {}))

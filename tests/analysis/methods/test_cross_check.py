@@ -1,4 +1,4 @@
-"""The cross-check knows its own errors: wrong instruments and moving air are inside its stated uncertainty."""
+"""The stated uncertainty of the cross-check covers wrong instruments and moving air."""
 
 from dataclasses import replace
 
@@ -48,7 +48,7 @@ def test_an_airspeed_that_is_wrong_is_not_a_thrust_that_is(flown, nexstar, prope
 
 @pytest.mark.parametrize("turbulence_kt", [0.0, 3.0])
 def test_vibration_neither_looks_like_gusts_nor_hides_them(flown, nexstar, propeller, turbulence_kt):
-    """Noise of 0.3 m/s2 makes residuals as white as in still air. There is no check in gusts: it gives false alarms."""
+    """Noise of 0.3 m/s2 makes residuals as white as in still air. In gusts there is none, as it gives false alarms."""
     flight = flown(103, turbulence_kt)
     vibration = 0.3 * np.random.default_rng(0).normal(size=(len(flight.table), 3))
     shaken = flight.table.assign(**{f"a{axis}_mps2": flight.table[f"a{axis}_mps2"] + vibration[:, i]

@@ -169,7 +169,7 @@ def test_the_missing_term_is_the_error_of_a_two_term_fit_for_a_CL_minD_of_0_2(CL
 
 
 def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:
-    """The joint covariance with thrust has the polar's signs; for known thrust, only the polar's own part remains."""
+    """If the thrust errors were known, only the polar's own covariance would remain; signs fit the polar's change."""
     trajectory = measured(accelerations_and_decelerations()[0])
     sensitivities = {"thrust_scale": np.array([0.05, 0.0, 0.02]), "thrust_slope": np.array([0.0, 0.01, 0.0])}
     shares = {name: np.outer(s, s) * PRIOR_SIGMA[name] ** 2 for name, s in sensitivities.items()}

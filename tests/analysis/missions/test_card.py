@@ -1,4 +1,4 @@
-"""The card warns of what cannot be fixed in the field, and has the blanks and check boxes to use there."""
+"""The card warns of problems that cannot be fixed in the field, and has blanks and check boxes to use there."""
 
 import tomllib
 from dataclasses import replace

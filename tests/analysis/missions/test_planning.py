@@ -377,7 +377,7 @@ def test_without_a_motor_the_highest_speed_is_assumed():
 
 
 def test_a_run_follows_drag_and_thrust(nexstar: ExpectedAircraft):
-    """At the end of a long run at a constant throttle thrust equals drag."""
+    """At the end of a long run at constant throttle, thrust equals drag."""
     flown = [Hold(4.0, 15.0), Run(0.7, 1.0, 40.0, longest_s=60.0)]
     history = fly(flown, nexstar, HEIGHT_M, 0.0, airborne=True)
     V = float(history.table["V_mps"].iloc[-1])

@@ -117,7 +117,7 @@ def test_the_probe_s_dynamic_pressure_follows_alpha_as_a_hemisphere_does(history
     """Around a sphere the pressure at an angle theta from the stagnation point is q (1 - 9/4 sin^2 theta).
 
     With the alpha holes at 45 deg, the difference is dp = q 9/4 sin 2 alpha, and the hole at the center reads
-    q_c = q (1 - 9/4 sin^2 alpha). The columns are derivatives by ln dp at constant q_c.
+    q_c = q (1 - 9/4 sin^2 alpha). The columns are derivatives with respect to ln dp at constant q_c.
     """
     flying = history.table[history.table["flying"]]
     alpha = flying["alpha_rad"].to_numpy()

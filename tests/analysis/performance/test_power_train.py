@@ -49,7 +49,7 @@ def elsewhere(nexstar, propeller):
 
 
 def test_losses_fitted_to_steady_points_hold_at_other_points(nexstar, propeller) -> None:
-    """Without noise the priors move power by less than a watt."""
+    """Without noise, the priors move power by less than a watt."""
     train = fit_power_train(steady_points(nexstar, propeller), nexstar.propulsion, propeller, **NO_CORRECTION)
     assert train.measured
     V, n, truth = elsewhere(nexstar, propeller)

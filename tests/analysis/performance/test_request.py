@@ -76,7 +76,7 @@ def test_a_height_that_is_none(text: str) -> None:
 
 
 def test_heights_end_where_the_standard_atmosphere_ceases_to_be_colder() -> None:
-    """This is at 11 km, where it has 216.65 K."""
+    """The limit is 11 km, where the standard atmosphere has 216.65 K."""
     assert temperature_at(TROPOPAUSE_M) == pytest.approx(216.65)
     assert parse_request(density_altitudes="10999 m").density_altitudes_m == pytest.approx((10999.0,))
     with pytest.raises(InputError, match="below 11000 m"):

@@ -191,7 +191,7 @@ def test_an_uncalibrated_magnetometer_is_not_used_and_is_noted_only_without_gps(
 
 
 def test_the_offset_of_the_compass_is_determined_with_gps_only(with_gps, without_gps) -> None:
-    """Without GPS the compass defines north. A compass that was not used is not listed."""
+    """Without GPS, the compass defines north. Errors of a compass that was not used are not listed."""
     for (calibration, air, still, alone, _), gps in ((with_gps, True), (without_gps, False)):
         trajectory = reconstruct(air, still, compass=compass(air, calibration)[0])
         offset = next(error for error in sensor_error_estimates(trajectory) if error.name == "heading_bias")
