@@ -244,7 +244,7 @@ def test_in_turbulence_standard_errors_are_right_and_those_of_output_error_too_s
 
 
 def test_in_still_air_process_noise_is_not_significant():
-    """A test at the 5 % level on 40 records without process noise finds some in 2 +- 1.4; the verdict says so."""
+    """A 5 % test finds some in 2 +- 1.4 of 40 records without any; otherwise the verdict says it is not significant."""
     result = 0
     for seed in range(40):
         fit = fit_filter_error(LINEAR, linear_record(seed, strength=0.0), LINEAR_NOISE)

@@ -16,7 +16,7 @@ NONE = ProcessNoise(state="alpha", start=0.0, free=False)
 
 
 def test_a_prior_pulls_the_estimate():
-    """A prior as good as the data, one standard error away, moves it by half of that; the error falls by 1/sqrt(2)."""
+    """A prior as good as the data, one standard error away, moves it by half of that; its error falls to 1/sqrt(2)."""
     segment = linear_record(6)
     Mq = fit_filter_error(LINEAR, segment, LINEAR_NOISE, test_significance=False).parameters["Mq"]
     model = LINEAR.changed(Mq={"prior_mean": Mq.value + Mq.standard_error, "prior_sigma": Mq.standard_error})

@@ -51,7 +51,7 @@ def moving_average(rng, length=15):
 
 
 def shared_with_a_lag(rng):
-    """Return noise of which the second output contains the first, five samples later: they correlate with a lag."""
+    """Return noise whose second output contains the first, five samples later, so they correlate with a lag."""
     e = first_order(rng)
     return np.stack([e[:, 0], 0.8 * np.roll(e[:, 0], 5) + 0.6 * e[:, 1]], axis=1)
 

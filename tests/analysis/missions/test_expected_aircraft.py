@@ -206,7 +206,7 @@ def test_no_climb_is_planned_that_the_battery_does_not_give(nexstar: ExpectedAir
 
 @pytest.mark.parametrize("stall_mps", [0.01, 1.0, 30.0, 100.0])
 def test_a_stall_speed_that_no_wing_has_is_refused(aircraft: Aircraft, stall_mps: float) -> None:
-    """The largest C_L must lie between 0.25 and 4: the stall speed between that for 1.2 over 1.8 and times 2.2."""
+    """For a largest C_L of 0.25 to 4, the stall speed is 1/1.8 to 2.2 times the stall speed for C_L = 1.2."""
     with pytest.raises(InputError, match=r"a stall speed of .* 5\.9 to 23\.6 m/s is possible") as refused:
         expected_aircraft(aircraft, HEIGHT_M, stall_mps=stall_mps)
     assert "\n" not in str(refused.value)

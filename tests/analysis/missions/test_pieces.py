@@ -53,7 +53,7 @@ def test_circuits_are_at_six_speeds_for_8_to_60_seconds() -> None:
 
 
 def test_where_there_is_little_time_level_flight_and_porpoising_are_short_and_runs_are_not() -> None:
-    """In 20 s fit 20 s of porpoising or two legs of 10 s. Porpoising is never shorter than 10 s, nor a leg than 8 s."""
+    """With `longest_s` = 20, porpoising lasts 20 s and each of two legs 10 s; they are never below 10 and 8 s."""
     wide, pilot = Space(5000.0, 60.0), Pilot(autopilot=False, load=1.0)
     for longest_s, porpoising_s, leg_s in ((20.0, 20.0, 10.0), (2.0, 10.0, 8.0), (1000.0, 75.0, 60.0)):
         catalog = pieces.catalog(AIRCRAFT, wide, pilot, WIND_KT, longest_s)

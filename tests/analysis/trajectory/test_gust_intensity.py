@@ -42,7 +42,7 @@ def minus_twice_log_likelihood(y: np.ndarray, gust: dryden.GaussMarkov, noise: f
 
 @pytest.mark.parametrize("noise", [0.01, 0.13, 0.5])
 def test_the_intensity_of_simulated_gusts_is_found_whatever_the_noise(noise) -> None:
-    """6,000 blocks (20 minutes) of increments give their standard deviation within 1 % without noise, and within 3 %
+    """Increments over 6,000 blocks (20 minutes) give their standard deviation within 1 % without noise, and within 3 %
     if noise hides most of them. At the lowest noise, the parabola's vertex itself is 5 % low."""
     sigma, n = 0.77, 6000
     unit = dryden.longitudinal(*CRUISE)

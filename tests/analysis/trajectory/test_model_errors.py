@@ -27,7 +27,7 @@ MADE = {
 
 @pytest.fixture(scope="module")
 def reconstructed() -> Trajectory:
-    """Return a flight without noise, with changing motor speed and errors several times as large as assumed."""
+    """Return the trajectory of a flight without noise, whose motor speed changes, with errors beyond those assumed."""
     table, _ = exact_motion(40.0)
     t = table.index.to_numpy()
     revps = 70 + 40 * np.sin(0.6 * t)

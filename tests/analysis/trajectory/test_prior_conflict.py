@@ -59,7 +59,7 @@ def test_errors_all_twice_their_priors_are_a_conflict_by_that_factor() -> None:
 
 
 def test_errors_that_the_data_half_determine_tell_their_own_size() -> None:
-    """If known to 0.7 of the prior, j = 1/0.49 - 1. The data alone give x = y (1 + 1/j) with the variance s^2 + 1/j."""
+    """If data leave 0.7 of the prior, j = 1/0.49 - 1. They alone give x = y (1 + 1/j) with the variance s^2 + 1/j."""
     j = 1 / 0.7**2 - 1
     count = len(PRIOR)
     for y in (1.6, 2.2):
