@@ -1,6 +1,6 @@
-"""A headless Chromium that tests share, driven by its DevTools protocol over a pipe.
+"""A headless Chromium that tests share, driven through its DevTools protocol over a pipe.
 
-Look at a page: `python -m tests.browser report.html FOLDER` writes pictures of it and the PDF that it prints.
+To look at a page: `python -m tests.browser report.html FOLDER` writes pictures of it and the PDF that it prints.
 """
 
 import base64
@@ -23,24 +23,25 @@ OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
     "--disable-background-networking", "--disable-component-update", "--hide-scrollbars", "--remote-debugging-pipe",
 )  # fmt: skip
-# Of the package axe-core (npm), MPL-2.0: rules of WCAG 2 that a program can check.
+# From the package axe-core (npm), MPL-2.0: the rules of WCAG 2 that a program can check.
 AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
 NO_AXE = "no axe-core here (npm pack axe-core; AXE_CORE=…/axe.min.js)"
 A4_INCHES = (8.27, 11.69)
-# Of windows [px], a laptop's and a phone's: what a phone only repeats is left to `make test-all`.
+# Window widths [px] of a laptop and a phone; what a phone only repeats is left to `make test-all`.
 WIDTHS = (1280, pytest.param(400, marks=pytest.mark.thorough))
 BOTH_WIDTHS = (1280, 400)
-# After the timers of a page that are due within this time, whenever they come: in the order in which they are due.
+# Timers run in the order in which they are due, so this ends after all timers of a page that are due within this time.
 AFTER_TIMERS = "new Promise(done => setTimeout(() => requestAnimationFrame(done), 200))"
-HANGS_S = 120  # an end for what would never end
-LOOK_AGAIN_S = 1.0  # while answers are outstanding: some requests end without an event
-QUIET_ROUNDS = 3  # in which a page neither waits for an answer nor does what is waited for
+HANGS_S = 120  # limit for what would never end
+LOOK_AGAIN_S = 1.0  # while answers are outstanding, since some requests end without an event
+QUIET_ROUNDS = 3  # rounds in which a page neither waits for an answer nor does what is waited for
 
 
 class Browser:
     """Commands and events of the protocol.
 
-    complaints: errors and warnings of the console; requests: their URLs; questions: of dialogs, which `answer` closes
+    complaints: errors and warnings of the console; requests: URLs requested; questions: texts of dialogs, which
+    `answer` closes
     """
 
     def __init__(self, to_browser: int, from_browser: int):
@@ -108,7 +109,7 @@ class Browser:
             self._unanswered.discard(content["requestId"])
 
     def show(self, page: Path | str, width: int, *, dark: bool = False, height: int = 900) -> None:
-        """Open a page, a file or an address, in a window of this size and wait until it has loaded."""
+        """Open a page, a file or an address, in a window of this size, and wait until it has loaded."""
         self.complaints.clear()
         self.requests.clear()
         self.resize(width, height, dark=dark)
@@ -126,13 +127,13 @@ class Browser:
         self.command("Emulation.setEmulatedMedia", features=[scheme])
 
     def value_of(self, script: str) -> Any:
-        """The value of a JavaScript expression in the page; of a promise, what it ends with."""
+        """Return the value of a JavaScript expression in the page, or the result of its promise."""
         answer = self.command("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
     def wait_for(self, condition: str) -> None:
-        """Until a JavaScript expression is true, however long a busy machine takes for it.
+        """Wait until a JavaScript expression is true, however long a busy machine takes for it.
 
         Fails when the page waits for no answer and for no timer, and the expression is still false.
         """
@@ -152,7 +153,7 @@ class Browser:
             quiet += 1
 
     def press(self, key: str, code: int) -> None:
-        """A key; code: its virtual key code."""
+        """Press a key; `code` is its virtual key code."""
         text = {"text": key} if len(key) == 1 else {}
         self.command("Input.dispatchKeyEvent", type="keyDown", key=key, windowsVirtualKeyCode=code, **text)
         self.command("Input.dispatchKeyEvent", type="keyUp", key=key, windowsVirtualKeyCode=code)

@@ -1,7 +1,7 @@
-"""How tests are shared among processes, and which skips are expected.
+"""How tests are distributed among processes, and which skips are expected.
 
 Skips that are not expected fail the run: `pytest --expected-skips FILE`, as continuous integration does. A line of the
-file is a pattern (`*` and `?`) for "test id: reason"; empty lines and lines with # in front are ignored.
+file is a pattern (`*` and `?`) for "test id: reason"; empty lines and lines that start with # are ignored.
 """
 
 import gc
@@ -19,7 +19,7 @@ import pytest
 if TYPE_CHECKING:
     from tests.browser import Browser
 
-# Before the first test imports NumPy: as `make test` sets it, and as the commands do for themselves.
+# This comes before the first test imports NumPy; `make test` sets the same, and so do the commands themselves.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
@@ -48,7 +48,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Groups of modules first, then modules by the number of slow tests: at the end processes wait for short ones.
+    """Put groups of modules first, then modules by their number of slow tests: at the end processes wait for short
+    ones.
 
     Without --all the tests marked `thorough` are left out.
     """
@@ -61,7 +62,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """Tests and imported libraries live to the end: the collector of garbage need not look at them again and again."""
+    """Tests and imported libraries live to the end, so the garbage collector need not look at them again and again."""
     gc.collect()
     gc.freeze()
 
@@ -93,7 +94,7 @@ def group_of(module: Path) -> str:
 
 @pytest.fixture(scope="session")
 def browser() -> "Iterator[Browser]":
-    """One for all tests of a process; each opens its own page."""
+    """One browser for all tests of a process; each test opens its own page."""
     from tests.browser import started
 
     with started() as browser:

@@ -19,21 +19,21 @@ from typing import Any, TypeVar
 
 try:
     import fcntl
-except ImportError:  # Windows: two processes may then fly the same
+except ImportError:  # on Windows two processes may fly the same flight
     fcntl = None  # type: ignore[assignment]
 
 Made = TypeVar("Made")
 
 ROOT = Path(__file__).parents[1]
 FLIGHTS = ROOT / "build" / "test-flights"
-# What makes a flight and its log. Data of aircraft, worlds and plans lie among them.
+# The files that make a flight and its log, among them data of aircraft, worlds and plans.
 SOURCES = ("sim", "flight", "flightpower", "hw_fakes", "daq", "benchmarks/flights.py")
 DAY_S = 86400
 LIBRARIES = ("numpy", "scipy", "pandas", "casadi")
 
 
 def of_sources(root: Path, names: tuple[str, ...] = SOURCES) -> str:
-    """A fingerprint of all files that fly, and of the libraries' versions."""
+    """A fingerprint of all files that a flight comes from, and of the libraries' versions."""
     digest = hashlib.sha256(" ".join(version(name) for name in LIBRARIES).encode())
     for name in names:
         files = sorted((root / name).rglob("*")) if (root / name).is_dir() else [root / name]

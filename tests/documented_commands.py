@@ -32,8 +32,8 @@ OTHERS = {
     "python", "python3", "py", "pip", "uv", "make", "dask", "apt-get", "systemctl", "journalctl", "rsync", "i2cdetect",
     "install.sh", "uninstall.sh",
 }  # fmt: skip
-PROGRAM = re.compile(r"(?:sudo )?(?:[^\s\"'=]*[/\\])?([\w.-]+)( [^(].*)")  # with a word at least
-DRAWN = "──"  # a block with this is a drawing
+PROGRAM = re.compile(r"(?:sudo )?(?:[^\s\"'=]*[/\\])?([\w.-]+)( [^(].*)")  # with at least one more word
+DRAWN = "──"  # a block that contains this is a drawing
 COMPLETION = ("--install-completion", "--show-completion")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FILE_BEFORE = re.compile(r"`([\w.-]+)`:\s*\Z")
@@ -55,7 +55,7 @@ class Step(NamedTuple):
 
 
 class Walk(NamedTuple):
-    """What a page's reader did: the folder, and each step with what it printed."""
+    """What a reader of a page did: the folder, and each step with what it printed."""
 
     folder: Path
     steps: list[tuple[Step, list[str]]]
@@ -82,7 +82,7 @@ def every_command_in(page: Path) -> list[str]:
 
 
 def mentions_in(page: Path) -> list[str]:
-    """Commands of our programs in backticks, which may lack arguments; those with a word at least after their name."""
+    """Commands of our programs in backticks, with at least a word after their name; they may lack arguments."""
     words = re.findall(r"`([^`\n]+ [^`\n]+)`", FENCE.sub("", page.read_text("utf-8")))
     return [command for command in words if command.split()[0] in MODULES and "…" not in command]
 
@@ -93,7 +93,7 @@ def arguments_of(command: str) -> list[str]:
 
 
 def every_one_of(command: str) -> list[str]:
-    """The commands of a loop of the shell, or the command itself."""
+    """The commands of a shell loop, or the command itself."""
     loop = LOOP.fullmatch(command)
     return [loop[3].replace(f"${loop[1]}", value) for value in loop[2].split()] if loop else [command]
 
@@ -142,7 +142,7 @@ def run(command: str) -> tuple[int, list[str]]:
 
 
 def do(step: Step) -> list[str]:
-    """Do a step in the working directory; the output of its command, of a loop that of the first and the last."""
+    """Do a step in the working directory; return the output of its command, or of a loop's first and last commands."""
     if step.command:
         outputs = []
         for command in every_one_of(step.command):
@@ -161,7 +161,8 @@ def do(step: Step) -> list[str]:
 
 
 def same(shown: str, printed: str) -> bool:
-    """Equal words, and numbers equal within 2 % or two units of their last digit; any version of the software."""
+    """Whether words are equal and numbers are within 2 % or two units of their last digit; versions of software may
+    differ."""
     shown, printed = VERSION.sub("x", shown), VERSION.sub("x", printed)
     if NUMBER.sub("#", BORDER.sub("-", shown)).split() != NUMBER.sub("#", BORDER.sub("-", printed)).split():
         return False

@@ -1,6 +1,8 @@
-"""Every parser of bytes from outside, as a function of the bytes. What it may raise is caught; all else is a defect.
+"""Every parser of bytes from outside, as a function of the bytes. Errors that it may raise are caught; any other is a
+defect.
 
-`benchmarks/fuzz.py` gives them millions of inputs; `tests/chain/test_fuzz_corpus.py` those that once found a defect.
+`benchmarks/fuzz.py` gives them millions of inputs; `tests/chain/test_fuzz_corpus.py` gives them those that once found a
+defect.
 """
 
 import tempfile
@@ -64,7 +66,7 @@ class Wire:
 
 
 def driver(make: Callable[[Wire], object]) -> Target:
-    """A driver that is started and read for some ticks; a SensorFailure has it made again."""
+    """A driver that is started and read for some ticks; after a SensorFailure it is made again."""
 
     def target(data: bytes) -> None:
         wire = Wire(data)

@@ -1,7 +1,7 @@
 """The tests nearest to a file, by the graph of imports: `python -m tests.near FILE [COUNT]`, or `make near FILE=…`.
 
-Near is a test that imports the file itself, then one that imports what imports it. Among tests as far away, those
-come first that mirror the file's folder and name, then those that import little else.
+Nearest are tests that import the file itself, then those that import what imports it. Among equally distant tests,
+those come first that mirror the file's folder and name, then those that import little else.
 """
 
 import re
@@ -40,7 +40,7 @@ def imports(root: Path) -> dict[Path, set[Path]]:
 def _names_imported(text: str) -> set[str]:
     """Dotted names of imported modules and of the names imported from them, which may also be modules.
 
-    By the statements' look: to parse every file takes twenty times as long.
+    They are found by the look of the statements, since parsing every file takes twenty times as long.
     """
     names = set()
     for module, taken, modules in STATEMENT.findall(text):
@@ -50,7 +50,7 @@ def _names_imported(text: str) -> set[str]:
 
 
 def _naming(root: Path, file: Path, graph: dict[Path, set[Path]]) -> list[Path]:
-    """Python files that name a page, a script or another file that nothing can import."""
+    """Python files that name a page, a script or another file that cannot be imported."""
     return [path for path in graph if file.name in (root / path).read_text("utf-8")]
 
 
@@ -75,7 +75,7 @@ def nearest(file: Path, graph: dict[Path, set[Path]], begin: list[Path], count: 
 
 
 def _likeness(test: Path, file: Path) -> int:
-    """In how many folders, and words of the name, a test mirrors a file."""
+    """The number of folders that a test mirrors of a file, plus twice that of the words of its name."""
     words = set(test.stem.split("_")) & set(file.stem.split("_"))
     return len(set(test.parts[1:-1]) & set(file.parts[:-1])) + 2 * len(words)
 

@@ -21,7 +21,7 @@ TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 
 
 class _Living:
-    """Processor time of children that still run, looked up anew where one ended or after LOOK_AGAIN_S by the clock.
+    """Processor time of children that still run, looked up again when one has ended or after LOOK_AGAIN_S by the clock.
 
     A browser has hundreds of threads, and querying them all takes longer than most tests.
     """

@@ -1,6 +1,6 @@
 """A store of objects in memory that speaks S3 as far as s3fs asks, and fails where a test wants it to.
 
-In place of an implementation of all of S3, whose import takes longer than all tests here.
+It replaces an implementation of all of S3, whose import takes longer than all tests here.
 """
 
 import hashlib
@@ -18,9 +18,9 @@ CHANGED = "2026-05-01T09:00:00.000Z"
 
 
 class Store(ThreadingHTTPServer):
-    """objects: by "bucket/key". failing: by the same, or by bucket for its list, how many requests are refused as too
-    many. torn: objects of which half arrives. parts: by object that is being written, by their numbers. asked: how
-    often each was read, and each bucket listed."""
+    """objects: contents by "bucket/key". failing: how many requests are refused as too many, by "bucket/key", or by
+    bucket for its list. torn: objects of which only half arrives. parts: by object that is being written, by part
+    number. requests: how often each object was read, and each bucket listed."""
 
     daemon_threads = True
 
@@ -35,7 +35,7 @@ class Store(ThreadingHTTPServer):
 
     @property
     def environment(self) -> dict[str, str]:
-        """Variables by which a client finds it."""
+        """Environment variables through which a client finds the store."""
         return {
             "AWS_ENDPOINT_URL": f"http://127.0.0.1:{self.server_port}",
             "AWS_ACCESS_KEY_ID": "user",
@@ -92,7 +92,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(200, b"", {"ETag": _etag(body)})
 
     def do_POST(self) -> None:
-        """An upload in parts, as of a file that appears when it is whole: begun, or completed."""
+        """Begin or complete an upload in parts, whose file appears when it is whole."""
         self.rfile.read(int(self.headers.get("Content-Length", 0)))
         place, query = self._asked()
         bucket, _, key = place.partition("/")

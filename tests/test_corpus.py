@@ -1,4 +1,4 @@
-"""A simulated flight is flown once for all tests, and anew when what flies it has changed."""
+"""A simulated flight is flown once for all tests, and again when what flies it has changed."""
 
 import sys
 from concurrent.futures import ThreadPoolExecutor

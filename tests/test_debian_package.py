@@ -30,7 +30,7 @@ def test_a_later_version_of_python_s_is_a_later_one_of_debian_s():
 
 
 def test_the_package_has_every_file_of_the_service(tmp_path):
-    """The units with the package's command in place of the one in /opt."""
+    """They are the units with the package's command in place of the one in /opt."""
     (tmp_path / "usr/lib/flightpower/bin").mkdir(parents=True)
     build.files_of_the_system(tmp_path)
     packed = {path.name: path for path in tmp_path.rglob("*") if path.is_file()}
@@ -59,7 +59,8 @@ def test_a_command_of_the_package_starts_this_program_and_no_other(tmp_path):
 
 
 def test_the_package_asks_for_a_python_that_its_modules_are_built_for():
-    """Debian's relations are alternatives of comparisons; those of the newest and oldest, and the gap between."""
+    """Debian's relations are alternatives of comparisons, for the newest version, the oldest, and the gap between
+    them."""
     (relations,) = re.findall(r"^Depends: ((?:.*\n)(?: .*\n)*)", text("control"), re.MULTILINE)
     parts = [part for part in relations.replace("\n", "").split(",") if "python3 " in part]
 
@@ -79,7 +80,7 @@ def test_the_package_asks_for_a_python_that_its_modules_are_built_for():
 
 @pytest.mark.parametrize("architecture", ["amd64", "arm64"])
 def test_what_building_needs_is_named_first_and_in_one_line(tmp_path, architecture):
-    """With nothing but a Python of no libraries: not even the environment of `make` has been made."""
+    """Only a Python without libraries is there: not even the environment of `make` has been made."""
     command = [sys.executable, "-I", "-S", str(ROOT / "debian/build.py"), "--architecture", architecture, "--needs"]
     done = subprocess.run(command, env={"PATH": str(tmp_path)}, capture_output=True, text=True)
     (line,) = done.stderr.splitlines()

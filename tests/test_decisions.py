@@ -128,7 +128,8 @@ def _is_literal(pattern: ast.pattern) -> bool:
 
 
 def _last_name(node: ast.expr) -> str:
-    """reason of `verdict.reason`, `reason`, `verdict["reason"]`, `str(reason)` and `reason.lower()`."""
+    """The last name in an expression: `reason` in `verdict.reason`, `reason`, `verdict["reason"]`, `str(reason)`,
+    `reason.lower()`."""
     match node:
         case ast.Name(id=name) | ast.Attribute(attr=name):
             return name
@@ -157,7 +158,8 @@ def _is_estimate(node: ast.expr) -> bool:
 
 
 def _is_name(node: ast.expr) -> bool:
-    """Not the suffix of a file, the dashes of an option, the underscores of Python or the colon of an address."""
+    """Whether a text is a name, and not a file's suffix, an option's dashes, Python's underscores or an address's
+    colon."""
     return all(text[0] not in ".-_" and text[-1] != ":" for text in _strings(node))
 
 

@@ -57,7 +57,7 @@ def module_exists(dotted: str) -> bool:
     return source.exists() and bool(re.search(rf"\b{rest[0]}\b", source.read_text("utf-8")))
 
 
-# Words of each shelf, 33,000 in all: the documentation is to be read in an evening.
+# Words of each shelf, 33,000 in all, so that the documentation can be read in an evening.
 MOST_WORDS = {
     "README.md": 770,
     "docs/use/*.md": 12_225,
@@ -70,7 +70,7 @@ MOST_WORDS = {
 
 @pytest.mark.parametrize(("pages", "most"), MOST_WORDS.items(), ids=str)
 def test_a_shelf_has_no_more_words_than_it_may(pages: str, most: int) -> None:
-    """Words have a letter: neither the numbers of a table nor the targets of links are words."""
+    """A word has a letter: neither the numbers of a table nor the targets of links are words."""
     texts = [LINK.sub("]", page.read_text("utf-8")) for page in ROOT.glob(pages)]
     words = [word for text in texts for word in text.split() if re.search(r"[^\W\d_]", word)]
     assert 0 < len(words) <= most
@@ -83,7 +83,7 @@ def test_paths_in_the_documentation_exist(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_modules_in_the_documentation_exist(page: Path) -> None:
-    """Programs in Python are run by tests of their own."""
+    """Python programs on the pages have tests of their own."""
     text = PROGRAM.sub("", page.read_text("utf-8"))
     named = {name for name in MODULE.findall(text) if not name.endswith(".py")}
     assert sorted(name for name in named if not module_exists(name)) == []

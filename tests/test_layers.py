@@ -22,7 +22,7 @@ ALLOWED = {
     "hw_fakes": {"flight", "sim"},
     "analysis": {"flight"},
 }
-# The command `sim` alone combines simulator, fake sensors and daemon; programs get the analysis by `flightpower`.
+# Only the command `sim` combines simulator, fake sensors and daemon; programs get the analysis by `flightpower`.
 ALLOWED_IN_FILE = {
     "flightpower/simulate.py": {"flight", "sim", "hw_fakes", "daq"},
     "flightpower/__init__.py": {"analysis"},  # for type checkers
@@ -68,9 +68,9 @@ def test_the_daemon_imports_no_library_of_the_analysis(module: str) -> None:
 
 
 def test_the_analysis_of_an_autopilot_s_log_imports_no_casadi() -> None:
-    """Its 280 MB are then not needed: the extra [autopilot]. Lists the modules that such an analysis loads.
+    """Its 280 MB are then not needed, as with the extra [autopilot]. Lists the modules that such an analysis loads.
 
-    pymavlink, a third of a second, is for telemetry and text alone.
+    pymavlink, which takes a third of a second, is for telemetry and text alone.
     """
     modules = (
         "flightpower.analysis.sources.ardupilot,"
@@ -95,7 +95,7 @@ def test_importing_flightpower_imports_no_library_and_not_even_our_own_packages(
 
 
 def test_an_analysis_loads_no_library_that_it_does_not_use() -> None:
-    """And PyArrow still reads what pandas writes with it afterwards."""
+    """PyArrow also still reads what pandas writes with it afterwards."""
     heavy = ["scipy.optimize", "scipy.ndimage", "scipy.signal", "scipy.stats", "scipy.constants"]
     heavy += ["numpy.f2py", "numpy.testing", "pyarrow"]
     code = (

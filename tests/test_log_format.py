@@ -21,7 +21,7 @@ def section(title: str) -> str:
 
 
 def rows(text: str) -> list[tuple[list[str], str]]:
-    """The names in the first cell of the rows of tables that begin with code, and the last cell."""
+    """The names in the first cell, and the last cell, of those table rows that begin with code."""
     table = [line.strip("|").split("|") for line in text.splitlines() if re.match(r"\| (\*\*)?`", line)]
     return [(re.findall("(?:[*]{2})?`.*?`", row[0]), row[-1].strip()) for row in table]
 
@@ -65,7 +65,7 @@ def test_statuses_are_those_of_the_messages() -> None:
 
 
 class Recorded:
-    """Takes the names in place of a log."""
+    """Takes the names that are recorded, in place of a log."""
 
     def __init__(self) -> None:
         self.attachments: list[str] = []

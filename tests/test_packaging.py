@@ -20,7 +20,7 @@ pytestmark = pytest.mark.xdist_group("sources")
 
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-# Each package and the extras with any one of which it has to work; none: what the aircraft's computer installs.
+# Each package and the extras, any one of which has to be enough; the aircraft's computer installs none.
 EXTRAS: dict[str, tuple[str, ...]] = {
     "daq": (),
     "flightpower": (),
@@ -86,7 +86,7 @@ def test_every_file_of_a_package_is_installed(package: str) -> None:
 
 
 def test_every_part_is_installed_inside_flightpower(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Other packages are called `analysis` or `daq`, too: their files would mix in one folder."""
+    """Other packages are also called `analysis` or `daq`, and their files would mix with ours in one folder."""
     arguments: dict[str, Any] = {}
     setuptools = pytest.importorskip("setuptools")  # of the builder; environments of Python 3.12 have none
     monkeypatch.setattr(setuptools, "setup", arguments.update)
@@ -103,7 +103,8 @@ def test_every_part_is_installed_inside_flightpower(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("folder", ["systemd", "firmware/esc_counter"])
 def test_what_the_aircraft_s_computer_needs_is_in_the_wheel(folder: str) -> None:
-    """Beside the program, in share/flightpower of the environment; `systemd/install.sh` finds its files there."""
+    """The files are beside the program, in share/flightpower of the environment, where `systemd/install.sh` finds
+    them."""
     installed: dict[str, list[str]] = PROJECT["tool"]["setuptools"]["data-files"]
     there = {path for patterns in installed.values() for pattern in patterns for path in ROOT.glob(pattern)}
     assert {path for path in (ROOT / folder).iterdir() if path.is_file()} <= there

@@ -28,7 +28,7 @@ spec.loader.exec_module(troubles)
 
 @pytest.fixture(scope="module")
 def sections() -> dict[str, list[list[str]]]:
-    """Rows of each table, without its head."""
+    """Rows of each table, without its header."""
     sections = {}
     for section in re.split(r"^#{2,3} ", troubles.page(), flags=re.MULTILINE)[1:]:
         title, _, text = section.partition("\n")

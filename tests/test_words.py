@@ -74,7 +74,8 @@ def test_no_sentence_has_a_phrase_that_puzzles() -> None:
 
 
 def binding(words: set[str]) -> re.Pattern[str]:
-    """What code has where it binds one of these names, and prose hardly: only such files are parsed."""
+    """A pattern of code that binds one of these names, which prose hardly matches: only files with a match are
+    parsed."""
     word = rf"\*{{0,2}}_?(?:{'|'.join(sorted(words))})\b"
     return re.compile(
         rf"(?:^ *|[(\[] ?)(?:[\w.*()]+, )*\(?(?:self\.)?{word}\)?(?:, [\w.*()]+)* (?::?=(?!=))"  # x, held = ...

@@ -1,6 +1,6 @@
-"""One simulated flight, recorded by the real daemon through the fake tray and analyzed: by the tutorial's commands.
+"""One simulated flight, recorded by the real daemon through the fake tray and analyzed, with the tutorial's commands.
 
-The flight needs Linux, as the daemon does; the laptop's commands run once without POSIX, as on Windows.
+The flight needs Linux, as the daemon does; the laptop's commands also run once without POSIX, as on Windows.
 """
 
 import contextlib
@@ -39,13 +39,13 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
 
 @pytest.fixture(scope="session")
 def flown(walk: Walk) -> Path:
-    """A folder with the flight of the demonstration: truth, log and what was analyzed."""
+    """A folder with the flight of the demonstration: truth, log and the analysis."""
     return walk.folder / "out" / "demo"
 
 
 @pytest.fixture(scope="session")
 def laptop(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Laptop:
-    """Tunnel, probe, a flight, calibrations and an analysis, in one process."""
+    """The tunnel, probe, flight, calibrations and analysis of the laptop, run in one process."""
     folder = tmp_path_factory.mktemp("laptop")
     (folder / "hop.toml").write_text(HOP, "utf-8")
     (folder / "four.toml").write_text(FOUR_KEYS, "utf-8")
@@ -82,6 +82,6 @@ def laptop(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Laptop:
 
 @pytest.fixture(scope="session")
 def four(laptop: Laptop) -> Path:
-    """A folder with an aircraft file of four keys, and the flight's analysis with it and a battery of 74 Wh."""
+    """A folder with an aircraft file of four keys, and the flight's analysis with this file and a battery of 74 Wh."""
     assert laptop.outcomes["analyze"].returncode == 0, laptop.outcomes["analyze"].stderr
     return laptop.folder

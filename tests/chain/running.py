@@ -16,19 +16,19 @@ from flightpower.flight.log_reader import Log, read_log
 from flightpower.flight.log_writer import LogWriter
 
 BIN = Path(sys.executable).parent
-UNSHOWN = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)  # by an interpreter
+UNSHOWN = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)  # hidden by an interpreter
 WITHOUT_POSIX = Path(__file__).with_name("without_posix.py")
 
 
 class Laptop(NamedTuple):
-    """The laptop's commands without POSIX, by their first words, and the folder that they wrote."""
+    """The outcomes of the laptop's commands without POSIX, by their first words, and the folder that they wrote."""
 
     folder: Path
     outcomes: dict[str, subprocess.CompletedProcess[str]]
 
 
 def read_once(path: Path) -> Log:
-    """What `read_log` reads, kept until the file changes."""
+    """The log that `read_log` reads, kept until the file changes."""
     return _read(path, path.stat().st_mtime_ns) if path.is_file() else read_log(path)
 
 
@@ -99,7 +99,7 @@ def rewritten(
     attached: dict[str, bytes] | None = None,
     ticks: int | None = None,
 ) -> None:
-    """This log with something left out or attached; its first `ticks` only, if given."""
+    """Write this log with something left out or attached, and only with its first `ticks` if given."""
     log, out = read_once(flown / "log.mcap"), io.BytesIO()
     writer = LogWriter(out)
     for name, data in (log.attachments | (attached or {})).items():

@@ -1,4 +1,4 @@
-"""Whatever a user hands over by mistake: one clear line on stderr, exit code 2, nothing written."""
+"""Whatever a user hands over by mistake gives one clear line on stderr and exit code 2, and nothing is written."""
 
 import json
 from collections.abc import Callable
@@ -65,7 +65,7 @@ def test_a_log_without_a_needed_topic(flown: Path, tmp_path: Path, topic: str) -
 
 @pytest.mark.parametrize("topic", ["/imu", "/probe/alpha", "/rpm"])
 def test_a_log_without_a_topic_that_drag_needs_gives_electrical_power(flown: Path, tmp_path: Path, topic: str) -> None:
-    """The curve of battery power, the power for drag by this method, and drag by the propeller table."""
+    """It gives the curve of battery power, the power for drag by this method, and drag by the propeller table."""
     rewritten(flown, tmp_path / "flight.mcap", without_topic=topic)
     done("analyze", tmp_path / "flight.mcap", "--quiet", "-o", tmp_path / "report")
     results = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))
@@ -75,7 +75,7 @@ def test_a_log_without_a_topic_that_drag_needs_gives_electrical_power(flown: Pat
 
 
 def test_a_wrong_aircraft_file_whose_runs_give_no_drag_is_doubted_first_of_all(flown: Path, tmp_path: Path) -> None:
-    """A quarter of the weight makes drag negative; the energy balance finds power of another aircraft, too."""
+    """A quarter of the weight makes drag negative, and the energy balance also finds another aircraft's power."""
     ended = command("analyze", flown / "log.mcap", "--aircraft", "light-1kg", "--quiet", "-o", tmp_path / "report")
     assert ended.returncode == 1
     assert ended.stderr.startswith("doubtful: the whole curve. The runs give no drag")

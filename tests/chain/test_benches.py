@@ -1,4 +1,4 @@
-"""The benches of `benchmarks/bench.py` run on the code as it is, and hold ratios to their limits."""
+"""The benches of `benchmarks/bench.py` run on the current code and hold ratios to their limits."""
 
 import sys
 from pathlib import Path
@@ -14,7 +14,7 @@ from records import ratio
 
 
 def test_every_part_of_the_daemon_is_counted() -> None:
-    """Parts are wrapped by the names of their methods: one that was renamed fails here, not in `make bench`."""
+    """Parts are wrapped by the names of their methods: a renamed method fails here, not in `make bench`."""
     us_a_tick = {row["part"]: row["us a tick"] for row in daemon_parts.part_records(seconds=2.0)}
     assert all(us_a_tick[part] > 0 for part in ("drivers", "bus workers", "encoding messages", "telemetry", "the loop"))
     parts = [us for part, us in us_a_tick.items() if part not in ("all", f"({daemon_parts.FAKES})")]

@@ -1,4 +1,4 @@
-"""`calibrate airspeed` on a log that the daemon recorded: wind and scale of the flight, within its own errors."""
+"""`calibrate airspeed` on a log from the daemon finds the flight's wind and scale within its own errors."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.xdist_group("chain")
 
 
 def test_wind_and_scale_are_those_of_the_flight(flown: Path, tmp_path: Path) -> None:
-    """The demonstration goes one way only: the scale is known to a percent or two, and that is said."""
+    """The demonstration flies one way only, so the scale is known to a percent or two, and the output says so."""
     outcome = done("calibrate", "airspeed", flown / "log.mcap", "-o", tmp_path / "airspeed.json")
     assert "one direction" in outcome.stdout.replace("\n", " ")
     content = json.loads((tmp_path / "airspeed.json").read_text())
@@ -22,7 +22,7 @@ def test_wind_and_scale_are_those_of_the_flight(flown: Path, tmp_path: Path) -> 
     assert abs(content["scale"] - true_scale) < 4 * content["scale_error"]
     truth = pd.read_parquet(flown / "truth.parquet", columns=["phase", "wind_north_mps", "wind_east_mps"])
     north, east = truth.loc[truth["phase"] == "flight", ["wind_north_mps", "wind_east_mps"]].mean()
-    # Along the one heading an error of the scale at 18 m/s is one of the wind.
+    # On a single heading a scale error at 18 m/s appears as a wind error.
     assert content["wind_mps"] == pytest.approx(np.hypot(north, east), abs=0.3 + 4 * 18 * content["scale_error"])
     assert content["format"] == "flightpower-airspeed-1"
     assert content["aircraft"] == "nexstar"
@@ -30,7 +30,7 @@ def test_wind_and_scale_are_those_of_the_flight(flown: Path, tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_analyze_begins_with_the_scale_of_another_flight(flown: Path, tmp_path: Path) -> None:
-    """From the file that the command writes to the prior and the speeds of an analysis; this very flight is refused."""
+    """The scale goes from the command's file into an analysis' prior and speeds; the flight that gave it is refused."""
     done("calibrate", "airspeed", flown / "log.mcap", "-o", tmp_path / "airspeed.json")
     refused = command("analyze", flown / "log.mcap", "--airspeed", tmp_path / "airspeed.json", "-o", tmp_path / "same")
     assert refused.returncode == 2 and "would count twice" in refused.stderr

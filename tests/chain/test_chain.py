@@ -56,7 +56,7 @@ def test_the_curve_lies_within_ten_per_cent_of_the_truth(flown: Path, results: R
 
 
 def test_the_default_probe_of_the_simulator_is_that_of_its_tunnel(walk: Walk) -> None:
-    """`sim fly` without --probe puts into the log what `calibrate probe` makes of `sim tunnel`."""
+    """`sim fly` without --probe puts into the log the file that `calibrate probe` makes from `sim tunnel`."""
     shipped = json.loads((resources.files("flightpower.sim") / "data" / "probe.json").read_text("utf-8"))
     made = json.loads((walk.folder / "probe.json").read_text("utf-8"))
     assert shipped.keys() == made.keys()
@@ -132,7 +132,8 @@ def test_the_log_opens_with_the_stock_reader_and_explains_itself(flown: Path) ->
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_the_analysis_does_not_look_at_what_the_simulator_flies(flown: Path, results: Results, tmp_path: Path) -> None:
-    """The aircraft file's [aerodynamics] doubled: the same curve to the last digit. (The four keys are without.)"""
+    """Doubling the aircraft file's [aerodynamics] leaves the curve the same to the last digit. (The four keys have
+    none.)"""
     head, _, aerodynamics = load_aircraft("nexstar").text.partition("\n[aerodynamics]\n")
     aerodynamics, section, others = aerodynamics.partition("\n[")
     doubled = re.sub(r"= (-?[\d.]+)", lambda m: f"= {2 * float(m[1])}", aerodynamics)
@@ -144,7 +145,8 @@ def test_the_analysis_does_not_look_at_what_the_simulator_flies(flown: Path, res
 
 @pytest.mark.slow
 def test_a_torn_log_is_analyzed_up_to_the_tear_and_says_so(flown: Path, results: Results, tmp_path: Path) -> None:
-    """Cut in the descent, after the last run: the runs are all there. The aircraft file given overrides the log's."""
+    """The log is cut in the descent, after the last run, so all runs are there. The aircraft file given overrides the
+    log's."""
     heavier = load_aircraft("nexstar").text.replace('weight = "8.47 lbf"', 'weight = "9.00 lbf"')
     (tmp_path / "heavier.toml").write_text(heavier)
     data = (flown / "log.mcap").read_bytes()

@@ -42,7 +42,7 @@ def about_heading(results: Results) -> list[str]:
 
 @pytest.mark.slow
 def test_the_heading_is_held_by_a_calibration(flown: Path, tmp_path: Path) -> None:
-    """The demonstration's magnetometer has 1 uT of iron on each axis, what the calibration says of its error."""
+    """The demonstration's magnetometer has 1 uT of iron on each axis, which is the calibration's stated error."""
     rewritten(flown, tmp_path / "without.mcap", without_topic="/gps")
     (tmp_path / "mine.json").write_bytes(CALIBRATION)
     results, path = analyzed(tmp_path / "without.mcap", "--magnetometer", tmp_path / "mine.json")

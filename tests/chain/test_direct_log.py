@@ -1,4 +1,4 @@
-"""`--no-hardware`: the log written straight against the one that the daemon recorded, message by message."""
+"""With `--no-hardware` the log is written directly; it is compared with the daemon's log, message by message."""
 
 from pathlib import Path
 
@@ -27,14 +27,14 @@ COUNT = {
     "/battery": {"voltage_V": 4e-3, "current_A": 0.01},  # a millivolt a cell
     "/time": {},
 }
-# What comes over a line that others use as well: once a second, behind longer messages, it is late for its tick, and
-# two ticks later the daemon takes the newer one.
+# Messages on a line that others use as well: once a second one is late for its tick, behind longer messages, and two
+# ticks later the daemon takes the newer one.
 LATE = {"/controls": 0.05}
 
 
 @pytest.fixture(scope="module")
 def logs(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Log]:
-    """The demonstration flight, recorded and written straight."""
+    """The demonstration flight, recorded by the daemon and written directly."""
     straight = tmp_path_factory.mktemp("straight") / "demo"
     fly(straight, plan="demo", no_hardware=True)
     return [read_log(folder / "log.mcap") for folder in (flown, straight)]

@@ -1,8 +1,8 @@
 """The commands of README, tutorial and docs run as they stand, and print what the tutorial shows.
 
-These run here: the tutorial's commands that have an output, and every other command that needs no log. Those of the
-daemon: test_documented_daemon_commands.py. Those that need a log, and which are run elsewhere or not at all, and why:
-test_documented_commands_with_a_log.py. Names and options of all commands are checked.
+This file runs the tutorial's commands that have an output, and every other command that needs no log. The daemon's
+commands are in test_documented_daemon_commands.py. Those that need a log, and the reasons why some are run elsewhere or
+not at all, are in test_documented_commands_with_a_log.py. Names and options of all commands are checked.
 """
 
 import json
@@ -65,7 +65,7 @@ def test_the_comparison_can_fail() -> None:
 
 
 def quick_commands() -> list[str]:
-    """Commands of all pages that need no log or table, each once, without those of the tutorial."""
+    """Commands of all pages that need no log or table, each once, except those of the tutorial."""
     walked = {step.command for step in steps_in(TUTORIAL)}
     result = (" ".join(command.split("  #")[0].split()) for page in PAGES for command in commands_in(page))
     quick = [item for item in dict.fromkeys(result) if item.startswith(QUICK) and item not in walked]
@@ -73,7 +73,7 @@ def quick_commands() -> list[str]:
 
 
 def test_the_other_commands_that_need_no_log_run_as_they_stand(walk: Walk) -> None:
-    """It runs in the tutorial's folder, whose files the command reads. A file that exists is not in the way."""
+    """They run in the tutorial's folder, whose files they read. A file that exists is not in the way."""
     for command in quick_commands():
         written = re.search(r"(?:-o|--output|>) (\S+)", command)
         if written:
@@ -114,7 +114,7 @@ def printed(walk: Walk, start: str) -> str:
 
 
 def test_the_curve_of_the_demonstration_contains_the_truth_and_is_trusted(walk: Walk) -> None:
-    """The propeller stays inside its table. So short a flight leaves the air's rise unknown."""
+    """The propeller stays inside its table. So short a flight leaves the vertical motion of the air unknown."""
     results = json.loads((walk.folder / "out/demo/log.report/results.json").read_text("utf-8"))
     assert results["trust"] == Trust.TRUSTED and results["evidence"] == []
     (air,) = results["warnings"]
@@ -128,7 +128,7 @@ def test_the_curve_of_the_demonstration_contains_the_truth_and_is_trusted(walk: 
 
 
 def test_rehearsed_bursts_bound_the_lag_of_short_lines(walk: Walk) -> None:
-    """0.4 ms, a hundredth of a tick: no more than an upper bound, and nothing to change."""
+    """A lag of 0.4 ms, a hundredth of a tick, gives no more than an upper bound, and nothing has to change."""
     message = printed(walk, "calibrate tubing")
     assert message.count("from 8 steps") == 3 and "Nothing to change" in message
     for bound, expected in re.findall(r"shorter than ([\d.]+) ms.*?file ([\d.]+) ms", message):
@@ -140,7 +140,7 @@ def test_the_rehearsed_magnetometer_calibration_is_the_simulator_s(walk: Walk) -
     _, metadata = truth(walk.folder / "out/turned")
     error = np.array(content["hard_iron_T"]) - metadata["errors"]["hard_iron"]
     assert np.all(np.abs(error) < 4 * np.array(content["hard_iron_error_T"]))
-    # Lengths do not determine a rotation, and the scale of all axes is the field's.
+    # Lengths of vectors do not determine a rotation, and the field strength sets the scale of all axes.
     iron = np.array(content["soft_iron"]) @ np.array(metadata["errors"]["soft_iron"])
     assert np.allclose(iron / (np.trace(iron) / 3), np.eye(3), atol=5 * content["soft_iron_error"])
 

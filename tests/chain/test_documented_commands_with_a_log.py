@@ -1,7 +1,7 @@
-"""Every command of README, docs and systemd/README.md is run by a test, or listed here with the reason why not.
+"""Every command of README, docs and systemd/README.md is run by a test, or listed here with the reason why it is not.
 
-Commands that need a log run here, on the tutorial's log. Commands of the tutorial and commands without a log: see
-test_documented_commands.py; the daemon's: test_documented_daemon_commands.py.
+Commands that need a log run here, on the tutorial's log. Commands of the tutorial and commands without a log are in
+test_documented_commands.py; the daemon's are in test_documented_daemon_commands.py.
 """
 
 import json
@@ -38,7 +38,7 @@ SURVEY = json.dumps(
     }
 )
 
-# With the log of the tutorial as log.mcap, and the file that the command writes.
+# Commands that run with the tutorial's log as log.mcap, and the file that each writes.
 OF_A_FLIGHT = {
     "flightpower export out/demo/log.mcap --to parquet -o tables": "tables/runs.parquet",
     "flightpower export log.mcap --to mcap -o derived.mcap": "derived.mcap",
@@ -123,7 +123,7 @@ NOT_RUN = {
 
 
 def shown() -> list[str]:
-    """Each command of all pages once."""
+    """Each command of all pages, once."""
     pages = (*PAGES, ROOT / "systemd" / "README.md")
     return list(dict.fromkeys(command for page in pages for command in every_command_in(page)))
 
@@ -157,7 +157,7 @@ def succeeds(command: str, written: str) -> None:
 
 @pytest.mark.thorough
 def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The exports share one analysis: their logs and options are the same."""
+    """The exports share one analysis, since their logs and options are the same."""
     monkeypatch.chdir(tmp_path)
     Path("out/demo").mkdir(parents=True)
     for name in ("log.mcap", "out/demo/log.mcap"):

@@ -1,7 +1,7 @@
 """`daq check`, `zero` and `run` as the documentation has them, in the tutorial's folder with its tray file.
 
-The buses are those of the fake tray, on a simulated clock and without threads, so that no second is waited for.
-What the installed daemon does with device files and in real time: test_hardware_in_the_loop.py.
+The buses are those of the fake tray, on a simulated clock and without threads, so the tests do not wait. For what the
+installed daemon does with device files and in real time, see test_hardware_in_the_loop.py.
 """
 
 import json
@@ -28,7 +28,8 @@ STAND = 'title = "stand"\n[[segment]]\nkind = "stand"\nduration = "40 s"\n'
 
 @pytest.fixture(autouse=True)
 def _standing(walk: Walk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An aircraft that stands still, its sensors with the errors of the bench, instead of the computer's buses."""
+    """Buses of an aircraft that stands still, whose sensors have the errors of the bench, in place of the
+    computer's."""
     errors = draw(load_budget("bench"), 0)
     flight = fly(load_aircraft("nexstar"), parse_plan(STAND, "stand"), seed=0, deviations=errors.deviations)
     clock = SimulatedClock(unix_at_start_ns=1_463_218_140 * 10**9)
@@ -79,7 +80,7 @@ def test_the_zero_is_taken_and_written() -> None:
 
 
 def test_the_daemon_records_until_it_is_stopped() -> None:
-    """The command with --record-bus, too."""
+    """This includes the command with --record-bus."""
     commands = documented("daq run")
     assert len(commands) == 2
     for i, command in enumerate(commands, 1):
@@ -92,7 +93,7 @@ def test_the_daemon_records_until_it_is_stopped() -> None:
 
 
 def test_the_check_of_the_tray_file_refuses_what_the_daemon_would_refuse() -> None:
-    """A pulse counter without the motor's pole pairs, in neither file."""
+    """The tray has a pulse counter, but neither file gives the motor's pole pairs."""
     example = (ROOT / "daq" / "tray.example.toml").read_text("utf-8")
     Path("no-poles.toml").write_text(example.replace('aircraft = "nexstar"', "", 1), "utf-8")
     code, (message,) = run("daq config --check no-poles.toml")

@@ -1,7 +1,7 @@
-"""Each driver against its fake over the physical range: decoded value within a count of what the simulator said.
+"""Each driver against its fake over the physical range: the decoded value is within a count of the simulator's.
 
-Both sides were written from the datasheets, not from one another. The input goes up in steps of some seconds, and is
-compared where it has settled: that leaves nothing but quantisation between the two.
+Both sides were written from the datasheets, not from one another. The input rises in steps of some seconds and is
+compared after it has settled, which leaves only quantization between the two.
 """
 
 import math
@@ -37,7 +37,7 @@ G = 9.80665
 
 
 def staircase(levels, step_s=2.0):
-    """One of `levels` after the other, `step_s` each; the last one stays. Levels are numbers or rows."""
+    """A function that gives each of `levels` for `step_s`, and then stays at the last. Levels are numbers or rows."""
     levels = np.asarray(levels, dtype=float)
     return lambda t_s: levels[np.clip((t_s / step_s).astype(int), 0, len(levels) - 1)]
 
@@ -57,9 +57,9 @@ def run(make, sensor_truth, seconds, seed=3, **options):
 
 
 def settled(samples, levels, step_s=2.0, after_s=1.0):
-    """(level, message) of samples taken in the later part of each step; every level is there.
+    """(level, message) of samples from the later part of each step; every level occurs.
 
-    The last 0.1 s are left out: that is the grid on which a fake barometer's housing changes its temperature.
+    The last 0.1 s are left out, since a fake barometer's housing changes its temperature on that grid.
     """
     results = [
         (levels[int(t_s / step_s)], sample.message)
@@ -95,8 +95,8 @@ def test_angular_rate(range_dps):
 
 @pytest.mark.parametrize("fifo", [True, False])
 def test_the_logged_delay_is_the_one_that_was_made(fifo):
-    """On a ramp a wrong delay is an offset. 200 Hz samples within 1 % of their rate, at an unknown phase: 5 ms. The
-    phase is the same for both filters, whose delays differ by 1.9 and 2.2 ms."""
+    """On a ramp a wrong delay is an offset. The 200 Hz samples are within 1 % of their rate and at an unknown phase of
+    up to 5 ms. The phase is the same for both filters, whose delays differ by 1.9 and 2.2 ms."""
     sensor_truth = AnalyticSensorTruth(
         force_mps2=lambda t: np.outer(t, [1.0, 0.5, -1.0]), rate_radps=lambda t: np.outer(t, [0.1, -0.1, 0.2])
     )
@@ -135,14 +135,14 @@ def test_magnetic_field():
 
     samples = run(make, AnalyticSensorTruth(field_T=staircase(levels)), 9)
     for level, m in settled(samples, levels):
-        # The fuse makes a count of up to 1.5 times the nominal one.
+        # The fuse raises a count to at most 1.5 times the nominal one.
         assert (m.field_x_T, m.field_y_T, m.field_z_T) == pytest.approx(level, abs=1.5 * 4912e-6 / 32760)
 
 
 @pytest.mark.parametrize(("variant", "which"), [(ms56xx.MS5611, 0x77), (ms56xx.MS5805, 0x76)], ids=["5611", "5805"])
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_barometers_over_pressure_and_temperature(variant, which, seed):
-    """A count is some 0.02 Pa; the temperature's rounding moves the pressure by less than another count or two."""
+    """A count is about 0.02 Pa; rounding of the temperature moves the pressure by less than another count or two."""
     levels = [(p, T) for T in (233.15, 253.15, 273.15, 293.15, 310.0, 358.15) for p in (30e3, 70e3, 100e3, 110e3)]
     sensor_truth = AnalyticSensorTruth(
         absolute_Pa=staircase([p for p, _ in levels], 3.0), transducer_K=staircase([T for _, T in levels], 3.0)
@@ -166,7 +166,7 @@ def test_a_barometers_sample_is_dated_at_the_middle_of_its_conversion():
         9,
     )
     late_s = [t_s - (s.message.pressure_Pa - 90e3) / 1000 for t_s, s in samples if s.message.status is Status.OK]
-    # Half of what typical and longest conversion differ by, the 1 ms grid, and the transfer that starts it.
+    # Half the difference between typical and longest conversion, the 1 ms grid, and the transfer that starts it.
     assert np.max(np.abs(late_s)) < 0.41e-3 + 0.5e-3 + 0.1e-3
 
 
@@ -226,7 +226,7 @@ def test_navigation_solutions(on_i2c):
     assert len(fixes) >= 90  # ten a second, once it is configured
     for t_s, m in fixes:
         valid_s = m.utc_ns * 1e-9 - start.timestamp()
-        # Valid 80 ms before it is sent; 26 ms on the line (at once on I2C), up to a tick in the buffer.
+        # A fix is valid 80 ms before it is sent, is 26 ms on the line (none on I2C), and up to a tick in the buffer.
         assert 0.08 - 1e-6 <= t_s - valid_s <= 0.08 + 0.03 + 0.04 + 1e-6
         assert m.latitude_deg == pytest.approx(35.6 + 1e-4 * valid_s, abs=1e-7)
         assert m.longitude_deg == pytest.approx(-78.9 - 1e-4 * valid_s, abs=1e-7)
@@ -306,13 +306,13 @@ def resting(tmp_path_factory):
 
 
 def left_by(corner_Hz):
-    """What a first-order low-pass leaves of white noise averaged over a tick (standard deviations)."""
+    """The share of white noise averaged over a tick that a first-order low-pass leaves (of the standard deviation)."""
     tau_per_tick = 1 / (2 * math.pi * corner_Hz) / (TICK_NS * 1e-9)
     return math.sqrt(1 - tau_per_tick * (1 - math.exp(-1 / tau_per_tick)))
 
 
 def scatter(values):
-    """Standard deviation, slow drift left out, and four standard errors of it (relative)."""
+    """Standard deviation without slow drift, and four standard errors of it (relative)."""
     return np.diff(values).std() / math.sqrt(2), 4 * math.sqrt(3 / len(values)) / 2
 
 
@@ -326,7 +326,7 @@ def test_noise_of_a_resting_imu_is_what_the_budget_says_and_its_filter_leaves(re
         for axis in "xyz":
             unit = "mps2" if name == "specific_force" else "radps"
             values = np.array([getattr(m, f"{name}_{axis}_{unit}") for m in messages])
-            # Plain standard deviation: neighboring means share what the filter remembers.
+            # The plain standard deviation is right here, since neighboring means share what the filter remembers.
             assert values.std() == pytest.approx(sigma * left_by(corner_Hz), rel=4 / math.sqrt(2 * len(values)))
 
 

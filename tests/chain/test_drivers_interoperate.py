@@ -1,4 +1,5 @@
-"""Drivers and fakes with pymavlink's own connections at the far end of a real line: neither side was written here."""
+"""Drivers and fakes talk with pymavlink's own connections at the far end of a real line, which were not written
+here."""
 
 import fcntl
 import os
@@ -16,7 +17,7 @@ from flightpower.flight.messages import Status
 from flightpower.hw_fakes.pty import PtyServer
 from flightpower.hw_fakes.tray import AUTOPILOT_PORT, FakeTray
 
-os.environ["MAVLINK20"] = "1"  # mavutil looks for it when it is imported
+os.environ["MAVLINK20"] = "1"  # mavutil reads it when it is imported
 from pymavlink import mavutil
 
 sys.path.append(str(Path(__file__).parents[1] / "hw_fakes"))
@@ -28,7 +29,7 @@ PULSES = [1500, 1750, 1400, 1500, 1000, 1000, 1000, 1000]
 
 
 class ReadersClock:
-    """Passes 2 ms at each look, none while bytes wait at `path` to be read: a slow reader loses nothing."""
+    """A clock that advances 2 ms at each look, but not while bytes wait at `path`: a slow reader loses nothing."""
 
     path = None
 

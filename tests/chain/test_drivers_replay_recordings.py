@@ -1,6 +1,6 @@
-"""Recordings of the buses, played back: the same bytes give the same messages, a driver that changed is objected to.
+"""Recordings of the buses, played back: the same bytes give the same messages, and a changed driver is rejected.
 
-Recordings in `tests/recordings/` are of parts that once were on somebody's bench; each has to go on being understood.
+Recordings in `tests/recordings/` are of parts that once were on somebody's bench; each has to stay readable.
 """
 
 import json
@@ -50,7 +50,7 @@ def drivers(recording: RecordedTransfers):
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
-    """Eight seconds of the whole fake tray, some of it failing: the recording, and the log that was written."""
+    """Eight seconds of the whole fake tray, with some failures: the recording, and the log that was written."""
     folder = tmp_path_factory.mktemp("bench")
     clock = SimulatedClock(start_ns=3_000_000_000)
     fake = FakeTray(AnalyticSensorTruth(differential_Pa=sine(100.0, 50.0, 0.5)), clock, 2, faults=FAULTS)
@@ -165,7 +165,7 @@ def test_what_was_recorded_on_a_bench_is_still_understood(path):
 
 
 def test_the_page_on_bench_recordings_is_true(monkeypatch):
-    """Its example runs as it stands there."""
+    """The page's example runs as it stands there."""
     root = Path(__file__).parents[2]
     monkeypatch.chdir(root)
     example = (root / "docs" / "understand" / "fake-tray.md").read_text().split("```python\n")[1].split("```")[0]

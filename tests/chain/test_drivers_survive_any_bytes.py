@@ -100,7 +100,7 @@ MAKERS = {
 
 
 class Place:
-    """Does with a driver what the daemon does: a new one when it fails."""
+    """Does with a driver what the daemon does: makes a new driver when it fails."""
 
     def __init__(self, make, wire, clock):
         self._make, self._wire, self._clock = make, wire, clock
@@ -142,7 +142,7 @@ def test_any_bytes_and_then_sound_ones(name, noise, ticks):
 @pytest.mark.parametrize("name", MAKERS)
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(noise=st.binary(min_size=1, max_size=700))
-@example(noise=b"\xb5\x62")  # half a frame of a receiver, which a whole one follows
+@example(noise=b"\xb5\x62")  # half of a receiver's frame, which a whole one follows
 def test_any_bytes_while_it_is_brought_up(name, noise):
     clock = SimulatedClock(start_ns=5_000_000_000)
     options = TrayVariant(rpm_with_crc=name == "framed counter", gps_on_i2c=name == "ublox on i2c")

@@ -31,7 +31,8 @@ UNITS = {*UNIT_OF_SUFFIX, "W", "kgpm3"}
 
 @pytest.fixture(scope="module")
 def exports(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder to which the notebook exported the flight, cell by cell: a kernel takes two seconds."""
+    """The folder to which the notebook exported the flight, run cell by cell here: a kernel takes two seconds to
+    start."""
     folder = tmp_path_factory.mktemp("exports")
     names: dict[str, object] = {}
     with patch.dict(os.environ, FLIGHTPOWER_LOG=str(flown / "log.mcap"), FLIGHTPOWER_EXPORTS=str(folder)):
@@ -69,12 +70,12 @@ def test_every_column_names_its_unit(parquet: dict[str, pd.DataFrame]) -> None:
 
 
 def test_derived_quantities_are_those_that_the_simulator_flew(flown: Path, parquet: dict[str, pd.DataFrame]) -> None:
-    """The rms over the runs of error over standard error, of six quantities in one flight.
+    """The rms over the runs of the ratio of error to standard error, for six quantities in one flight.
 
-    Most of an error is common to all instants of a flight, so that the rms is at most as scattered as the magnitude of
-    one standard normal number, however many instants there are. The six share sensor errors; Bonferroni's bound holds
-    for any correlation: right standard errors fail in at most 5 % of flights.
-    Angles are those of the IMU's forward axis, which is tilted in the airframe.
+    Most of an error is common to all instants of a flight, so the rms scatters at most as much as the magnitude of one
+    standard normal number, however many instants there are. The six share sensor errors; Bonferroni's bound holds for
+    any correlation: right standard errors fail in at most 5 % of flights. Angles are those of the IMU's forward axis,
+    which is tilted in the airframe.
     """
     quantities = (
         ("V_mps", "V_mps"), ("alpha_rad", "alpha_rad"), ("theta_rad", "pitch_rad"), ("thrust_N", "thrust_N"),

@@ -1,4 +1,4 @@
-"""The daemon through each fault: it goes on, says so in the topic's status, and has the sensor back within 2 s."""
+"""The daemon goes on through each fault, reports it in the topic's status, and has the sensor back within 2 s."""
 
 import sys
 from pathlib import Path
@@ -32,9 +32,9 @@ TOPICS = {
 }
 TOPICS["i2c"] = [topic for name in I2C_PARTS for topic in TOPICS[name]]
 
-# What the log says from a second after the fault's start to its end. None: nothing on the wire tells it from a
-# measurement. That is so of a value that is stuck, of a bit turned over in a plain number, of a stranger at the address
-# of a part without identity or checksum, and of damaged bytes in the legacy frame of the pulse counter.
+# What the log says from a second after the fault's start to its end. None: the bytes on the wire look like a
+# measurement. This is so for a value that is stuck, a flipped bit in a plain number, a stranger at the address of a
+# part without identity or checksum, and damaged bytes in the legacy frame of the pulse counter.
 SAID = {
     "no_acknowledge": Status.NO_REPLY,
     "timeout": Status.TIMEOUT,
@@ -84,7 +84,8 @@ def flown(tmp_path, *faults, **options):
 
 
 def held_to(log, topics, expected):
-    """Good before the fault, `expected` during it, good again within 2 s of its end and from then on."""
+    """Assert good messages before the fault, `expected` during it, and good ones from 2 s after its end at the
+    latest."""
     assert [m.text for _, m in log["/daq/event"] if "driver error" in m.text] == []
     end_s = START_S + LASTS_S
     for topic in topics:

@@ -18,11 +18,11 @@ def test_ordinary_nonsense_is_refused_or_ignored(name):
 
 
 class TooLong(BaseException):
-    """No error of altered bytes, which readers catch."""
+    """Not an error of altered bytes, which readers would catch."""
 
 
 def test_inputs_that_once_found_a_defect_find_none():
-    """Each needs at most 10 s of processor time: some had been read for ever."""
+    """Each needs at most 10 s of processor time; some were once read for ever."""
 
     def too_long(*_):
         raise TooLong

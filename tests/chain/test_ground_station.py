@@ -1,4 +1,4 @@
-"""A ground station that people use, MAVProxy, hears what the daemon sends; where it is installed."""
+"""MAVProxy, a ground station that people use, hears what the daemon sends; skipped where it is not installed."""
 
 import shutil
 import subprocess

@@ -35,7 +35,7 @@ FORCE_MPS2, DIFFERENCE_PA, STATIC_PA, MOTOR_REVPS = [0.5, 0.2, -9.7], 120.0, 98_
 GIVE_UP_S = 120.0  # so that a test that hangs ends
 SERIAL_TOPICS = ("/gps", "/rpm", "/controls")
 TOPICS = ("/imu", "/mag", "/baro", "/static", "/probe/alpha", "/probe/beta", "/probe/airspeed", *SERIAL_TOPICS)
-# A reader that comes late makes others: an overflowed FIFO or line is CORRUPT, for instance.
+# Statuses that a late reader never causes. It causes others: an overflowed FIFO or line is CORRUPT, for instance.
 NEVER_BY_LATENESS = {Status.FAULT, Status.SATURATED, Status.WRONG_DEVICE, Status.NO_REPLY}
 
 
@@ -59,7 +59,7 @@ class RealClock:
 @pytest.mark.slow
 @pytest.mark.parametrize("messages", [30, pytest.param(150, marks=pytest.mark.thorough)])
 def test_the_installed_daemon_records_from_device_files(tmp_path, messages):
-    """It records until each topic has so many good messages, however long that takes."""
+    """It records until each topic has enough good messages, however long that takes."""
     sensor_truth = AnalyticSensorTruth(
         force_mps2=constant(FORCE_MPS2),
         differential_Pa=constant(DIFFERENCE_PA),
@@ -100,8 +100,9 @@ def test_the_installed_daemon_records_from_device_files(tmp_path, messages):
         entries = log.entries[topic]
         # A bus answers each tick once, late or not. Late bytes of a serial line join those of a later tick.
         assert topic in SERIAL_TOPICS or len({entry.tick for entry in entries}) == len(entries), topic
-        # An answer that comes after the next tick has been passed over is logged behind the timeouts of that tick.
-        # A barometer's `busy` has the time of its tick, the result after it that of the conversion, begun before.
+        # An answer that comes after the next tick has been passed over is logged behind the timeouts of that tick. A
+        # barometer's `busy` has the time of its tick; the result after it has the time of its conversion, which began
+        # earlier.
         unordered = (Status.TIMEOUT, Status.BUSY)
         answers = [entry.tick for entry in entries if entry.message.status not in unordered]
         assert all(a <= b for a, b in pairwise(answers)), topic

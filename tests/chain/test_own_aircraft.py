@@ -60,7 +60,8 @@ def test_a_battery_is_enough_for_endurance(flown: Path, four: Path) -> None:
 
 @pytest.mark.slow
 def test_options_replace_what_a_log_has_or_lacks(flown: Path, tmp_path: Path) -> None:
-    """A heavier aircraft file, the true weight and the log's own probe by options: the same curve."""
+    """A heavier aircraft file, with the true weight and the log's own probe given by options, leaves the curve the
+    same."""
     heavier, probe, bare = tmp_path / "heavier.toml", tmp_path / "mine.json", tmp_path / "bare.mcap"
     heavier.write_text(load_aircraft("nexstar").text.replace('weight = "8.47 lbf"', 'weight = "9.00 lbf"'))
     probe.write_bytes(read_once(flown / "log.mcap").attachments["probe.json"])

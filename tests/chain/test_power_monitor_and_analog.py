@@ -80,7 +80,7 @@ def test_voltage_and_current_within_a_count(part, variant, volts, amperes):
 @pytest.mark.parametrize(("part", "variant"), PARTS, ids=["INA226", "INA228"])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_every_tick_has_a_value_and_its_time_is_right(part, variant, seed):
-    """On a ramp of 1 A/s a wrong time is an offset. Of the part's cycle neither phase nor rate (10 %) is known."""
+    """On a ramp of 1 A/s a wrong time is an offset. Neither phase nor rate (to 10 %) of the part's cycle is known."""
     bench, driver = monitor(part, variant, constant(12.0), lambda t: t, seed=seed)
     samples = bench.read(driver, 60)
     assert [m.status for _, m in samples[1:]] == [Status.OK] * 59
@@ -153,7 +153,7 @@ def test_the_daemon_records_battery_and_analog_inputs(tmp_path):
 
 
 def test_a_converter_takes_the_slowest_rate_that_ends_within_a_tick_and_else_its_fastest():
-    """Nominal conversions last 1/rate, 11 % longer with a slow oscillator, and nine tenths of a tick are free."""
+    """A nominal conversion lasts 1/rate, and 11 % longer with a slow oscillator; nine tenths of a tick are free."""
     for period_s, rate_Hz in ((0.2, 8), (0.04, 32), (0.02, 64), (0.01, 128), (0.0015, 860), (0.001, 860)):
         code, nominal_s = rate_code(period_s)
         assert (ads1115_rates[code], nominal_s) == (rate_Hz, 1 / rate_Hz)

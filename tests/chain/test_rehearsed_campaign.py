@@ -1,4 +1,4 @@
-"""The campaign that docs/use/many-flights.md rehearses: first flights, and what is printed against the truth."""
+"""The campaign that docs/use/many-flights.md rehearses: its first flights, and printed values against the truth."""
 
 import json
 import re
@@ -26,7 +26,7 @@ def truth_W(folder: Path, V: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page's steps up to the first flight of each configuration, and these two compared."""
+    """The folder after the page's steps up to the first flight of each configuration, which it compares."""
     folder = tmp_path_factory.mktemp("rehearsal")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)

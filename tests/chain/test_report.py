@@ -77,7 +77,7 @@ def test_the_report_in_a_browser(flown: Path, results: Results, browser: Browser
 
 
 def on_paper(browser: Browser, page: Path) -> None:
-    """As wide as the paper, dark on white; what is folded stays off it."""
+    """The page is as wide as the paper and dark on white; folded parts stay off the paper."""
     browser.show(page, PAPER_PX, dark=True)
     short = pages(browser.pdf())
     assert short <= MOST_PAGES
@@ -98,7 +98,7 @@ def pages(pdf: bytes) -> int:
 
 
 def the_curve_is_there_before_any_script(browser: Browser, page: Path) -> None:
-    """With scripts off."""
+    """The curve is there with scripts off."""
     curves = "document.querySelectorAll('#power svg.chart path').length"
     browser.command("Emulation.setScriptExecutionDisabled", value=True)
     try:
@@ -113,7 +113,7 @@ def the_curve_is_there_before_any_script(browser: Browser, page: Path) -> None:
 
 
 def sorted_like_the_page(browser: Browser) -> list[str]:
-    """The drawings in their order; an id occurs once, or a link leads to the wrong place."""
+    """The drawings in page order; each id occurs once, or a link would lead to the wrong place."""
     ids = browser.value_of("[...document.querySelectorAll('[id]')].filter(e => !e.closest('svg')).map(e => e.id)")
     assert len(set(ids)) == len(ids)
     drawings = set(browser.value_of("Object.keys(charts)"))
@@ -121,7 +121,7 @@ def sorted_like_the_page(browser: Browser) -> list[str]:
 
 
 def the_browser_complains_of_a_broken_page(browser: Browser, page: str, folder: Path) -> None:
-    """The test can fail: it reports the same page with a picture from the network and a mistake in a script."""
+    """This test can fail: it reports the same page with a picture from the network and a mistake in a script."""
     assert "default-src 'none'" in page
     broken = '<img src="http://192.0.2.1/x.png"><script>nothing()</script></body>'
     (folder / "broken.html").write_text(page.replace("</body>", broken), "utf-8")
@@ -141,7 +141,7 @@ def results(flown: Path) -> Results:
 
 
 def test_the_answers_come_before_the_first_drawing(page: str, results: Results) -> None:
-    """In words and large: how slow for best endurance, how fast for best range, with this battery."""
+    """They are in words and large: how slow for best endurance, how fast for best range, with this battery."""
     assert results.use is not None
     head = re.sub(
         r"<[^>]+>",
@@ -181,7 +181,7 @@ def test_the_field_table_is_the_results(flown: Path, results: Results) -> None:
 
 
 def test_the_path_is_written_with_the_error_of_every_state(flown: Path) -> None:
-    """Five lines a second; pitch is known to better than half a degree, and never to less than its gyro's noise."""
+    """Five lines a second; pitch is known to better than half a degree, but never better than its gyro's noise."""
     with (flown / "log.report" / "path.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert {"t_s", "pitch_rad", "pitch_rad_error", "v_down_mps", "wind_north_mps_error"} <= rows[0].keys()

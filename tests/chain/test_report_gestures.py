@@ -30,7 +30,7 @@ def report(request: pytest.FixtureRequest, flown: Path, browser: Browser) -> Ite
 
 
 def put(browser: Browser, field: str, value: str) -> None:
-    """A number typed into a control."""
+    """Type a number into a control."""
     box = f"document.querySelector('[data-field={field}] input[type=number]')"
     browser.value_of(f"{box}.value = '{value}'; {box}.dispatchEvent(new Event('input')); {DRAWN}")
 
@@ -92,7 +92,7 @@ def click(browser: Browser, x: float, y: float) -> None:
 
 
 def place(browser: Browser, figure: str, x: float, y: float) -> list[float]:
-    """Where a point of a figure is in the window, scrolled to it."""
+    """The window coordinates of a point of a figure, after scrolling to it."""
     return browser.value_of(f"""(async () => {{
       const element = document.getElementById('{figure}');
       element.scrollIntoView({{block: 'center'}});

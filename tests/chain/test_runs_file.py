@@ -57,7 +57,8 @@ def test_an_edited_file_of_runs_is_what_the_next_analysis_uses(flown: Path, edit
 
 
 def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, tmp_path: Path) -> None:
-    """Beyond the table of a propeller of less pitch, as decelerations with the motor slow are beyond any."""
+    """The runs lie beyond the table of a propeller of less pitch, as decelerations with a slow motor lie beyond any
+    table."""
     text = (flown / "log.report" / "runs.toml").read_text("utf-8")
     parts = [part.replace("true", "false") if '"acceleration"' in part else part for part in text.split("[[run]]")]
     (tmp_path / "mine.toml").write_text("[[run]]".join(parts), "utf-8")
@@ -67,7 +68,7 @@ def test_decelerations_alone_do_not_put_the_blame_on_the_propeller(flown: Path, 
     assert "mine.toml: keeps decelerations only" in outcome.stderr and "was flown?" not in outcome.stderr
 
 
-@pytest.mark.thorough  # in make test an edited list of stretches is not lost: test_replace.py
+@pytest.mark.thorough  # in make test, test_replace.py shows that edited stretches are not lost
 @pytest.mark.slow
 def test_an_edited_file_of_runs_in_the_report_s_folder_is_not_lost(flown: Path, edited: Edited) -> None:
     report, own_file = edited.report, edited.report / "runs.toml"

@@ -57,7 +57,7 @@ def test_what_costs_seconds_is_refused_for_its_data_alone(laptop: Laptop, name: 
 
 
 def test_what_only_posix_has_is_blocked(tmp_path: Path) -> None:
-    """Otherwise the tests above would show nothing."""
+    """Otherwise the tests above would prove nothing."""
     (outcome,) = commands_without_posix(["flightpower", "daq", "run", "-c", str(tmp_path / "tray.toml")])
     assert outcome.returncode == 2
     assert "runs on Linux only, on the aircraft's computer (fcntl is missing)" in outcome.stderr

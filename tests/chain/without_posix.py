@@ -54,7 +54,7 @@ def block() -> None:
 
 
 def outcome(command: list[str]) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of a command, as of one in its own process."""
+    """Exit code, stdout and stderr of a command, as if it ran in its own process."""
     out, err, code = io.StringIO(), io.StringIO(), 0
     sys.argv = command
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 
 class HandClock:
-    """Time moves when somebody sleeps on it, or by hand."""
+    """A clock that moves when somebody sleeps on it, or by hand."""
 
     def __init__(self, start_ns: int = 5_000_000_000):
         self.ns = start_ns
@@ -53,7 +53,7 @@ class RegisterBus:
 
 
 class ScriptedPort:
-    """Returns the pieces of `incoming`, one a call, and records what is written."""
+    """Returns the pieces of `incoming`, one per call, and records what is written."""
 
     def __init__(self) -> None:
         self.incoming: list[bytes] = []
@@ -67,7 +67,7 @@ class ScriptedPort:
 
 
 def bring_up(sensor) -> float:
-    """Run through a driver's start; the time it asked to wait [s]."""
+    """Run through a driver's start and return the time that it asked to wait [s]."""
     return sum(sensor.start())
 
 

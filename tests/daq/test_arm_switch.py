@@ -1,4 +1,4 @@
-"""The arm switch: marks the log, or starts and ends it."""
+"""The arm switch marks the log, or starts and ends it."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from flightpower.hw_fakes.tray import FakeTray
 
 
 def texts(switch, *pulses_us):
-    """What is told while channel 2 moves; None is a tick without signal."""
+    """The texts of events while channel 2 moves; None is a tick without signal."""
     texts = []
     for pulse in pulses_us:
         # The servo on the same channel is at the opposite end.

@@ -1,4 +1,4 @@
-"""Buses and serial lines that hang, on a real clock: they cost their own data and no tick of other sensors.
+"""Buses and serial lines that hang, on a real clock, cost their own data and no tick of other sensors.
 
 That the loop does not wait for them is shown without measuring time: a read that hangs returns only after the loop has
 done further ticks. Lateness and missed ticks also depend on the machine: `benchmarks/daemon.py soak` measures them.
@@ -50,7 +50,7 @@ class Part:
 
 
 class Ticks:
-    """The number of the loop's latest tick."""
+    """Holds the number of the loop's latest tick."""
 
     def __init__(self):
         self._number, self._changed = 0, threading.Condition()
@@ -93,7 +93,8 @@ def run(act, ticks=150):
 
 @pytest.mark.skipif(len(PROCESSORS) < 2, reason="there is one processor only")
 def test_threads_share_a_processor_until_a_bus_is_late(monkeypatch):
-    """With real-time priority. A bus that is late may keep its processor busy, and the others go on elsewhere."""
+    """This needs real-time priority. A bus that is late may keep its processor busy while the others go on
+    elsewhere."""
     if os.sched_getscheduler(0) != os.SCHED_FIFO:
         pytest.skip("no real-time priority here")
     monkeypatch.setattr(sampling_loop, "STARTING_NS", 0)
@@ -137,7 +138,7 @@ def statuses(result, topic, begin=0, end=10**9):
 
 
 def assert_each_tick_has_its_message(result, topics=("/imu", "/mag")):
-    """Except the last ones, whose answers may come after the end."""
+    """The last ticks are excepted, since their answers may come after the end."""
     for topic in topics:
         messages = of_tick(result, topic)
         assert all(len(each) == 1 for each in messages.values())
@@ -145,7 +146,7 @@ def assert_each_tick_has_its_message(result, topics=("/imu", "/mag")):
 
 
 def test_late_readings_of_a_line_are_logged_late_and_once():
-    """A line that holds up its reader for five ticks: its next reading comes after them, with its own time."""
+    """A line holds up its reader for five ticks; its next reading comes after them, with its own time."""
 
     asked_at = []
 

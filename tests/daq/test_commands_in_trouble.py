@@ -109,7 +109,7 @@ def ticks_of(path: Path) -> list[int]:
 
 @contextmanager
 def card(folder: Path, option: str):
-    """The folder of the logs, as a file system of its own."""
+    """A folder for logs that is a file system of its own."""
     logs = folder / "logs"
     logs.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", option, "tmpfs", logs], check=True)
@@ -127,7 +127,7 @@ def fill(ballast: Path):
 
 @needs_root
 def test_a_card_that_fills_up_in_flight(tmp_path, counter):
-    """A tmpfs of 3 MB that somebody fills and empties again: no tick of the log is lost, and all of it is told."""
+    """Somebody fills a tmpfs of 3 MB and empties it again: no tick of the log is lost, and all of this is reported."""
     with card(tmp_path, "size=3m") as logs:
         tray = tray_file(tmp_path, counter.path, "[files]\nkeep_free_MB = 0")
         with running(tray) as (daemon, lines):
@@ -179,7 +179,7 @@ def test_a_card_that_takes_no_file_at_power_on(tmp_path, counter, option, cure, 
 
 @needs_root
 def test_a_read_only_file_is_asked_for(tmp_path, counter):
-    """A log that was named is wanted there: one line, before anything is read."""
+    """A log file that was named has to be written: the command ends with one line before it reads anything."""
     with card(tmp_path, "ro") as logs:
         done = daq("run", "-c", tray_file(tmp_path, counter.path), "-o", logs / "mine.mcap")
         assert done.returncode == 2
@@ -203,7 +203,7 @@ def test_sighup_begins_a_new_log_and_nothing_is_lost_between(tmp_path, counter):
 
 
 def test_an_unwritable_device(tmp_path):
-    """A device that may not be opened: nothing else is there, so it is a failure, and says which."""
+    """The only device may not be opened, which is a failure, and the message names it."""
     device = tmp_path / "tty"
     device.touch(mode=0o000)
     done = daq("run", "-c", tray_file(tmp_path, str(device)))
@@ -243,7 +243,7 @@ def test_away_from_the_aircraft_s_computer_one_line_says_so(tmp_path, command):
 
 
 def test_a_terminal_that_is_closed_finishes_the_log(tmp_path, counter):
-    """A hang-up from the terminal is no wish for a new file: nobody could stop the recording any more."""
+    """A hang-up from the terminal does not ask for a new file, since nobody could stop that recording any more."""
     tray = tray_file(tmp_path, counter.path)
     log = tmp_path / "logs" / "log-0001.mcap"
     pid, terminal = pty.fork()

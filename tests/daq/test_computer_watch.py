@@ -1,4 +1,4 @@
-"""A supply that is too low and a processor that is too hot are told while they are, on the page and in the log."""
+"""Low supply voltage and a hot processor are reported while they last, on the page and in the log."""
 
 import pytest
 from test_daemon import SteadySensorTruth, default_tray
@@ -36,7 +36,7 @@ def test_what_the_computer_says(sysfs, tmp_path):
     assert read_computer(tmp_path / "none") == (None, None, None)
     assert read_computer(sysfs) == (False, False, pytest.approx(321.462))
     for bits, low, slowed in (("1", True, False), ("50000", False, False), ("50005", True, True), ("8", False, True)):
-        (sysfs / FIRMWARE).write_text(f"{bits}\n")  # hexadecimal; above bit 16 is what was since power-on
+        (sysfs / FIRMWARE).write_text(f"{bits}\n")  # hexadecimal; bits from 16 on are what occurred since power-on
         assert read_computer(sysfs)[:2] == (low, slowed)
     (sysfs / FIRMWARE).write_text("nonsense\n")
     assert read_computer(sysfs)[:2] == (None, None)

@@ -82,7 +82,7 @@ def test_a_press_of_the_button_is_one_new_log_however_long_it_lasts(chip, monkey
     monkeypatch.setattr(gpio.GpioLine, "get", lambda line: looks.append(line) or look(line))
 
     def wait_for_looks():
-        enough = len(looks) + 4  # two see a change that is no bounce
+        enough = len(looks) + 4  # two looks see a change that is no bounce
         wait_for(lambda: len(looks) >= enough)
 
     light = CrewLight(LightConfig(led=LED, button=BUTTON), on_press=lambda: pressed.append(1))

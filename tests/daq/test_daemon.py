@@ -31,7 +31,7 @@ SECONDS = 20
 
 
 class SteadySensorTruth:
-    """Everything constant, nothing symmetric: a sign or an axis gone wrong shows."""
+    """Everything is constant and nothing is symmetric, so a wrong sign or axis shows."""
 
     duration_s = 1e9
     force, rate = (0.5, 0.2, -9.7), (0.1, -0.2, 0.3)
@@ -80,7 +80,7 @@ class SteadySensorTruth:
 
 
 def default_tray(tmp_path, fake, **replacements):
-    """The example tray with logs in tmp_path and each line at the speed of the fake at its end."""
+    """The example tray, with logs in tmp_path and each line at the speed of the fake at its end."""
     text = EXAMPLE.read_text()
     for device, part in fake.serial_devices.items():
         head, result, tail = text.partition(f'port = "{device}"')
@@ -157,7 +157,7 @@ def test_every_topic_is_there_with_its_schema(flight):
 
 
 def test_what_the_parts_felt_is_what_the_log_says(flight):
-    """To a count of each part, which is its resolution: quantisation is the only error in here."""
+    """They agree to a count of each part, which is its resolution: quantization is the only error here."""
     _, log = flight
     sensor_truth = SteadySensorTruth()
     imu, mag = good(log, "/imu")[-1], good(log, "/mag")[-1]
@@ -379,7 +379,7 @@ def test_a_wrong_date_of_the_receiver_names_nothing_and_ends_nothing(tmp_path, m
 
 
 def test_a_folder_whose_name_is_no_text_is_recorded_into(tmp_path):
-    """A name of bytes that are no characters is in events, in the state and on the link."""
+    """A name of bytes that are not characters appears in events, in the state and on the link."""
     folder = tmp_path / os.fsdecode(b"caf\xe9")
     folder.mkdir()
     seen = []

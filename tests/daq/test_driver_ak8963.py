@@ -95,7 +95,7 @@ def test_a_wrong_part_or_an_unreadable_fuse_memory_is_refused(bus):
 
 
 def test_one_wrong_bit_in_a_reply_is_no_loss_of_supply():
-    """It would cost 22 ticks to start the part again."""
+    """Taking it for one would cost 22 ticks, in which the part starts again."""
     bus = registers()
     sensor = AK8963Driver(bus)
     bring_up(sensor)

@@ -36,7 +36,7 @@ def heartbeat() -> bytes:
 
 
 def autopilot(*, heard: bool = True, **options) -> tuple[ScriptedPort, AutopilotDriver]:
-    """A driver and its port. heard: whether the autopilot's first heartbeat has arrived."""
+    """A driver and its port; `heard` says whether the autopilot's first heartbeat has arrived."""
     port = ScriptedPort()
     sensor = AutopilotDriver(port, aircraft=NEXSTAR, rate_Hz=25, **options)
     bring_up(sensor)
@@ -73,7 +73,7 @@ def test_messages_of_a_tick():
 
 
 def battery_status(voltages, current_battery) -> BatteryStatus:
-    """As it comes off the wire."""
+    """A battery status as it comes off the wire."""
     data = packed(mavlink.MAVLink_battery_status_message(0, 0, 1, 0, voltages, current_battery, 0, 0, 50))
     return MavlinkParser().feed(data)[0].content
 
@@ -89,7 +89,7 @@ def test_battery_from_either_message():
 
 
 def of_another(message, system: int, component: int) -> bytes:
-    """A message of another sender on the same line."""
+    """A message from another sender on the same line."""
     return bytes(message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=component)))
 
 
@@ -207,7 +207,7 @@ def test_what_the_sticks_say_stands_once_beside_what_the_servos_are_reported():
 
 
 def streaming(sensor, port, rate_Hz: float, seconds: float, begin_s: float) -> float:
-    """Attitude and servo outputs at a rate, and a heartbeat a second. Returns the end [s]."""
+    """Stream attitude and servo outputs at a rate, and a heartbeat a second; return the end [s]."""
     for tick in range(round(seconds * 25)):
         now_s = begin_s + tick / 25
         due = tick * rate_Hz % 25 < rate_Hz
@@ -318,8 +318,8 @@ def decoded(kind, payload) -> list:
 @example(noise=b"\xfeO\x00\x00\x00\x02" + bytes(6), lost=9)  # ends where a message begins
 @settings(max_examples=60)
 def test_a_message_after_noise_or_a_loss_is_found_when_its_successors_are_there(noise, lost):
-    """Bytes that look like the head of a frame hold up what follows by the length of a frame, and lose none of it; but
-    an unknown message that ends where another begins cannot be recognized as false: at most 280 bytes are lost."""
+    """Bytes that look like the head of a frame delay what follows by the length of a frame, and lose none of it; but an
+    unknown message that ends where another begins cannot be recognized as false: at most 280 bytes are lost."""
     parser, message = MavlinkParser(), attitude()
     before = noise + message[lost:]
     received = parser.feed(before + message * 10)

@@ -57,7 +57,7 @@ def test_the_trays_parts():
     ],
 )
 def test_ends_and_middle_of_the_range(part, decode_part, full, fraction, top_Pa):
-    # TE gives its limits in parts of 2^14 - 1, Honeywell in whole counts of 2^14.
+    # TE states its limits in parts of 2^14 - 1, Honeywell in whole counts of 2^14.
     _, transfer = decode_part(part)
     count_Pa = 2 * top_Pa / ((2 * fraction - 1) * full)
     assert pressure_Pa(fraction * full, transfer) == pytest.approx(top_Pa, abs=count_Pa)
@@ -132,7 +132,7 @@ class RepliesBus(BareBus):
 
 
 def statuses(*ticks: list[bytes]) -> list[tuple[Status, int | None]]:
-    """Status and pressure counts of ticks, each with the replies that it takes, after 5 s of 8000 at 22 degC."""
+    """Status and pressure counts of ticks, each with its replies, after 5 s of about 8000 counts at 22 degC."""
     bus = RepliesBus()
     address, transfer = honeywell.decode_part(AIRSPEED)
     sensor = BridgeTransducerDriver(bus, address, transfer, topic="/probe/airspeed")
@@ -151,7 +151,7 @@ def shifted(reply: bytes) -> bytes:
 
 @pytest.mark.parametrize("pressure", [8000, 8001, 1000, 16000])
 def test_a_reply_shifted_by_a_bit_is_read_again(pressure):
-    """The second reading is stale where the part has not measured since; its value is this tick's all the same."""
+    """The second reading is stale if the part has not measured since; its value still counts for this tick."""
     sound = frame(0, 8001, 735)
     assert statuses([shifted(frame(0, pressure, 735)), frame(2, 8001, 735)], [sound]) == [(Status.OK, 8001)] * 2
     both = [shifted(frame(0, pressure, 735))] * 2

@@ -1,4 +1,4 @@
-"""Motor speed: frames out of torn bytes, in both variants, and silence."""
+"""Motor speed from frames in torn bytes, in both variants, and from silence."""
 
 from itertools import pairwise
 
@@ -89,7 +89,7 @@ def test_a_motor_that_spins_up_is_heard_from_its_first_frame():
 
 
 def test_a_frame_torn_by_the_line_is_not_taken_for_the_end_of_one():
-    """A read that finds nothing for 5 ms is no pause: adapters hand bytes over in bites."""
+    """A read that finds nothing for 5 ms is not a pause: adapters hand over bytes in pieces."""
     port, sensor = counter()
     stream = b"".join(legacy(9000 + i) for i in range(20))
     port.incoming = [piece for i in range(0, len(stream), 3) for piece in (stream[i : i + 3], b"")]
@@ -190,7 +190,7 @@ def test_earlier_firmware_is_read_without_counts():
 
 
 def legacy_stream(periods: list[int]) -> list[int | None]:
-    """The period reported in each tick, from one legacy frame a tick."""
+    """The period reported in each tick, with one legacy frame a tick."""
     port = ScriptedPort()
     sensor = EscCounterDriver(port, pole_pairs=7)
     bring_up(sensor)
@@ -204,7 +204,7 @@ def legacy_stream(periods: list[int]) -> list[int | None]:
 
 @pytest.mark.parametrize("bit", range(10, 20))
 def test_one_wrong_bit_in_a_legacy_period_is_withheld(bit):
-    """5 % of the speed and more."""
+    """The bit changes the speed by 5 % or more."""
     assert legacy_stream([10714, 10714 ^ 1 << bit, 10714, 10715]) == [10714, None, 10714, 10715]
 
 

@@ -106,7 +106,7 @@ def test_a_fifo_that_has_grown_is_read_in_parts_and_nothing_is_lost():
     assert sum(message.samples * message.accel_x_counts for message in following) == pytest.approx(
         first * (first - 1) / 2
     )
-    # The mean of the first nine is 5 ms times 4.5 and the seven after them old.
+    # The first nine samples are on average 5 ms times (4.5 + 7) old, since seven samples follow them.
     assert following[0].group_delay_s == pytest.approx(0.0099 + 0.005 * (4.5 + 7))
     assert following[-1].group_delay_s < 0.0099 + 0.005 * 4.5 + 1e-9
 
@@ -272,7 +272,7 @@ def test_what_the_fifo_takes_and_the_way_to_the_magnetometer_are_audited_in_turn
 
 
 def flipped_once(chip: Chip, register: int, byte: int, bit: int) -> None:
-    """The next reply that starts at `register` has one wrong bit."""
+    """Flip one bit in the next reply that starts at `register`."""
     original, pending = chip.write_read, [True]
 
     def damaged(address, data, count):
@@ -296,7 +296,7 @@ def test_one_wrong_bit_in_a_reply_is_no_loss_of_supply(register, byte):
 
 
 def test_one_wrong_bit_in_the_count_costs_nothing():
-    """Eight samples wait; each wrong count would be another mean, of bytes that are not there, with another delay."""
+    """Eight samples wait; a wrong count would give another mean, of bytes that are not there, with another delay."""
     for byte, bit in [(8, 0), (9, 7), (9, 6), (9, 5)]:
         chip, sensor = started(period_s=0.04)
         for tick in range(1, 4):

@@ -61,7 +61,7 @@ def test_any_single_wrong_bit_of_a_calibration_is_found(words, bit):
 
 
 def sealed(words, variant) -> tuple[int, ...]:
-    """`words` with the checksum in its place."""
+    """`words` with the right checksum in its place."""
     words = list(words[: variant.prom_words])
     words[variant.crc_word] &= 0xFF00 if variant.crc_shift == 0 else 0x0FFF
     words[variant.crc_word] |= crc4(tuple(words)) << variant.crc_shift
@@ -78,7 +78,7 @@ def test_an_all_zero_calibration_passes_its_checksum_and_is_refused(variant):
 
 
 class Part:
-    """A barometer that converts; asserts that nobody reads before the conversion is over."""
+    """A barometer that converts; it asserts that nobody reads before the conversion is over."""
 
     def __init__(self):
         self.now_ns = 0
@@ -161,7 +161,7 @@ def test_an_absurd_reading_is_corrupt_and_the_temperature_is_looked_at_again(whi
     run(part, sensor, 3)
     good = getattr(part, which)
     setattr(part, which, 0x000102)
-    sensor._temperature_due_ns = part.now_ns  # so that one of each is converted
+    sensor._temperature_due_ns = part.now_ns  # so that each of pressure and temperature is converted once
     spoilt = run(part, sensor, 2)
     setattr(part, which, good)
     following = [sample.message for _, sample in spoilt + run(part, sensor, 8)]
@@ -190,7 +190,7 @@ def test_while_the_part_warms_up_pressure_is_compensated_at_the_temperature_of_i
     """D2 rises by 800 counts a second (0.027 K) and D1 rises so that pressure stays constant. A count of either is 0.02
     Pa or less.
 
-    Compensated with the last temperature, half a second old on average, pressure is 2.8 Pa low and saws by 5.
+    Compensated with the last temperature, half a second old on average, pressure would be 2.8 Pa low and saw by 5.
     """
     part, sensor = started()
     d1, d2 = part.d1, part.d2
@@ -224,7 +224,7 @@ def test_a_pressure_that_jumps_for_two_conversions_is_not_believed(damaged, repl
 
 
 def test_a_pressure_that_has_changed_is_believed_from_the_third_on():
-    """A tube is put on: 400 Pa."""
+    """A tube that is put on changes the pressure by 400 Pa."""
     part, sensor = started()
     run(part, sensor, 5)
     part.d1 += 20_000
@@ -260,7 +260,7 @@ def test_an_ms5607_on_a_board_for_an_ms5611_is_reported_by_half_the_pressure():
 
 
 def test_an_ms5611_in_thin_air_is_not_taken_for_another_part():
-    """Two thirds of the pressure at sea level, at 3400 m: an MS5607 would say 1340 hPa."""
+    """At 3400 m the pressure is two thirds of that at sea level: an MS5607 would read 1340 hPa."""
     part, sensor = started()
     high = compensate(MS5611, part.prom, part.d1, part.d2)[1]
     part.d1 = round(part.d1 - 33_000 / (high - compensate(MS5611, part.prom, part.d1 - 1000, part.d2)[1]) * 1000)

@@ -43,7 +43,7 @@ PVT = nav_pvt()
 
 
 def solution_at(tick: int) -> bytes:
-    """Each tick has its own solution, a tenth of a second after the previous one."""
+    """A solution for this tick, dated a tenth of a second after the one for the previous tick."""
     return nav_pvt(iTOW=123456000 + 100 * tick)
 
 
@@ -134,7 +134,8 @@ def test_frames_after_garbage_are_found(noise, cuts):
 
 
 def test_what_only_looks_like_a_frame_does_not_hold_up_what_follows():
-    """Two bytes of noise before an acknowledgment make it the head of 261 bytes, of which no more will come."""
+    """Two bytes of noise before an acknowledgment turn it into the head of a 261-byte frame, the rest of which never
+    comes."""
     port = ScriptedPort()
     sensor = UBloxDriver(port)
     bring_up(sensor)
@@ -242,7 +243,7 @@ class Receiver(ScriptedPort):
         self.incoming.append(reply)
 
     def run(self, sensor: UBloxDriver, solutions: int) -> list[tuple[int | None, int]]:
-        """The model that each solution claims, and the true one."""
+        """Receive solutions; return the model that each of them claims, and the true one."""
         models = []
         for _ in range(solutions):
             self.itow_ms += self.period_ms
@@ -287,7 +288,7 @@ def test_a_rate_that_the_receiver_acknowledges_and_does_not_keep_is_reported():
 def test_the_model_is_asked_for_every_two_seconds_and_set_again():
     receiver, sensor = running()
     receiver.run(sensor, 5)
-    receiver.model = 0  # nothing else tells
+    receiver.model = 0  # nothing else shows it
     models = receiver.run(sensor, 60)
     assert models[-1] == (8, 8) and 10 <= models.count((8, 0)) <= 20
 
@@ -322,7 +323,7 @@ def test_silence_is_reported_and_the_receiver_configured_again():
 
 
 def test_a_solution_that_the_receiver_repeats_is_none_and_the_receiver_is_configured_again():
-    """The time of week never changes: an old value would be logged as a new one."""
+    """The time of week never changes, so an old value would be logged as a new one."""
     port = ScriptedPort()
     sensor = UBloxDriver(port, reopen=lambda baud: port)
     bring_up(sensor)

@@ -1,4 +1,4 @@
-"""Each kind of fault: no tick is lost, and no reading of any other sensor. All: `benchmarks/daemon.py faults`."""
+"""Each kind of fault costs no tick and no reading of any other sensor. `benchmarks/daemon.py faults` has all faults."""
 
 import pytest
 from test_daemon import SteadySensorTruth, default_tray
@@ -37,7 +37,7 @@ def test_it_costs_its_own_sensor_only(tmp_path, kind, device):
     log = read_log(recording.path)
     ticks = log.entries["/daq/tick"]
     assert recording.missed == 0 and [entry.tick for entry in ticks] == list(range(SECONDS * 25))
-    hit = ON_THE_BUS if kind == "timeout" else TOPICS[device]  # a timeout is of the whole bus
+    hit = ON_THE_BUS if kind == "timeout" else TOPICS[device]  # a timeout is that of the whole bus
     for topic, entries in log.entries.items():
         late = [entry for entry in entries if entry.time_ns - ticks[0].time_ns > SETTLED_S * 1e9]
         if topic not in hit:

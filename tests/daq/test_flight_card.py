@@ -56,7 +56,7 @@ def test_the_monitor_ticks_off_a_good_run_once(tmp_path):
 
 
 def test_a_run_that_goes_on_after_it_was_reported_is_ticked_off_once():
-    """Speed is held for six seconds at 18 m/s and rises on: a second verdict on the same leg replaces the first."""
+    """Speed is held for six seconds at 18 m/s and then rises: a second verdict on the same leg replaces the first."""
     planned = FlightCard([PlannedRun(kind="acceleration", from_mps=12.0, to_mps=18.0, times=3)])
     monitor, good = RunMonitor(load_aircraft("nexstar"), None, card=planned), 0
     for i in range(300):

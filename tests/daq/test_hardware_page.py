@@ -26,7 +26,7 @@ def test_every_part_and_address_of_the_example_is_on_the_page_and_in_the_diagram
 
 
 def test_optional_parts_have_the_addresses_and_limits_that_their_drivers_assume():
-    """The counts of a shunt's voltage end at 82 mV; the counter's program pulls its input up."""
+    """The counts of a shunt's voltage end at 82 mV; the counter's program pulls up its input."""
     for config in (Ina226Config, Ads1115Config):
         (address,) = [field.default for field in msgspec.structs.fields(config) if field.name == "address"]
         assert f"0x{address:02X}" in PAGE and f"0x{address:02X}" in DIAGRAM
@@ -37,7 +37,7 @@ def test_optional_parts_have_the_addresses_and_limits_that_their_drivers_assume(
 
 
 def test_the_example_has_transducers_for_the_supply_that_a_pi_stands():
-    """3.3 V: DS3 of MS4515DO, last digit 3 of Honeywell's SSC."""
+    """A Pi stands 3.3 V: DS3 of MS4515DO, last digit 3 of Honeywell's SSC."""
     parts = [sensor["part"] for sensor in SENSORS if "part" in sensor]
     assert len(parts) == 3
     assert all(re.search(r"-DS3|A3$", part) for part in parts)

@@ -62,7 +62,7 @@ def test_the_same_transfer_again_gives_the_new_answer(bus):
 
 
 def test_a_transfer_that_was_cut_short_is_an_error_and_not_the_last_reading(bus, monkeypatch):
-    """i2c-dev returns how many messages were transferred: an adapter may do the first of two only."""
+    """i2c-dev returns how many messages were transferred: an adapter may do only the first of two."""
     bus.write_read(0x68, b"\x75", 2)
     monkeypatch.setattr(fuse_i2c.FuseI2C, "_transfer", lambda self, argument, pid: 1)
     with pytest.raises(OSError) as caught:
@@ -71,7 +71,7 @@ def test_a_transfer_that_was_cut_short_is_an_error_and_not_the_last_reading(bus,
 
 
 def test_a_file_that_is_no_bus_is_closed_again(tmp_path):
-    """The supervisor tries again twice a second: each try that left a file open would end the daemon in minutes."""
+    """The supervisor tries again twice a second: if each try left a file open, the daemon would end within minutes."""
     before = len(list(OPEN_FILES.iterdir()))
     (tmp_path / "i2c-1").touch()
     with pytest.raises(OSError) as caught:

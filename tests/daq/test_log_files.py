@@ -37,7 +37,7 @@ def ticks_of(path: Path) -> list[int]:
 
 
 def wait_for(condition, seconds=GIVE_UP_S):
-    """Until `condition` holds; fails when it does not come true in time."""
+    """Wait until `condition` holds; fail if it does not come true in time."""
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
@@ -70,7 +70,7 @@ class RecordingSession:
             self.tick += 1
 
     def run_until(self, condition) -> None:
-        """A tick every 5 ms until `condition` holds: the disk's thread works on a real clock."""
+        """Do a tick every 5 ms until `condition` holds: the disk's thread works on a real clock."""
 
         def step():
             self.run(1)
@@ -167,7 +167,7 @@ def test_a_log_is_named_by_the_satellites_time_once_it_is_known(tmp_path):
     session.run(10)
     session.files.satellite_offset_ns = 1_795_358_402 * 10**9  # 2026-11-22 14:40:02 at monotonic time 0
     dated = tmp_path / "log-0001_2026-11-22_144002Z.mcap"
-    session.run_until(lambda: f"recording {dated}" in session.texts)  # told at the tick after the new name
+    session.run_until(lambda: f"recording {dated}" in session.texts)  # reported at the tick after the new name
     session.files.close()
     assert session.files.paths == [dated]
     assert ticks_of(dated) == list(range(session.tick))
@@ -277,7 +277,7 @@ FAULTS = {
 
 @pytest.fixture
 def hurried(monkeypatch):
-    """Patience in hundredths of what it is: sixty seconds of a flight last 0.6 s."""
+    """Divide the patience by a hundred: sixty seconds of a flight last 0.6 s."""
     for name in ("GIVE_UP_AFTER_S", "MAX_PATIENCE_S", "WELL_AFTER_S"):
         monkeypatch.setattr(logbook_module, name, getattr(logbook_module, name) / 100)
     monkeypatch.setattr(disk_module, "SYNC_EVERY_S", disk_module.SYNC_EVERY_S / 100)
@@ -333,7 +333,7 @@ def test_the_first_bytes_of_a_new_file_are_its_trial(tmp_path, faulty):
 
 
 def test_syncs_that_fail_now_and_then_do_not_bring_the_patience_back(tmp_path, faulty, hurried):
-    """A card that works between its faults is asked as rarely as one that does not."""
+    """A card that works between its faults is tried as rarely as one that never works."""
     session = RecordingSession(tmp_path)
     for _ in range(3):
         syncs = session.files._current.disk.syncs
@@ -376,7 +376,7 @@ def test_a_log_that_goes_away_is_reported_and_followed_by_another(tmp_path, hurr
 
 
 def test_the_end_of_a_file_that_could_not_be_saved_is_reported(tmp_path, faulty):
-    """The arm switch ends the recording while the card fails: that is no all-clear."""
+    """The arm switch ends the recording while the card fails, and this must not look like an all-clear."""
     session = RecordingSession(tmp_path)
     session.run_until(lambda: session.files._current.disk.syncs > 1)
     faulty.sync_error = errno.EIO
@@ -426,7 +426,7 @@ def test_a_disk_that_stays_broken_costs_data_but_never_time(tmp_path, faulty):
 
 
 def test_each_further_file_of_a_failing_card_gets_twice_the_time(tmp_path):
-    """Up to a minute: of an hour of failure sixty files are left, and a few more."""
+    """The time grows up to a minute: an hour of failure leaves sixty files and a few more."""
     session = RecordingSession(tmp_path)
     patience_s = []
     for _ in range(6):
@@ -463,7 +463,8 @@ def test_a_disk_that_hangs_is_reported_and_does_not_delay_the_end(tmp_path, faul
 
 
 def test_a_sync_that_fails_is_not_believed_later(tmp_path, faulty):
-    """After EIO from fsync the kernel has forgotten the pages; that the next one succeeds means nothing (fsync(2))."""
+    """After EIO from fsync the kernel has forgotten the pages, so the success of the next one means nothing
+    (fsync(2))."""
     disk = DiskWriter(lambda _: tmp_path / "log.mcap")
     disk.write(b"the beginning")
     wait_for(lambda: disk.synced_bytes == len(b"the beginning"))

@@ -1,4 +1,4 @@
-"""Recordings that outlast a file, a clock and a card: ticks and time run on, each log is complete by itself."""
+"""Recordings that outlast a file, a clock and a card: ticks and time run on, and each log is complete by itself."""
 
 import gc
 import subprocess
@@ -43,7 +43,7 @@ def split_tray(tmp_path: Path, fake, minutes: float):
 
 
 def flown(tmp_path: Path, *, minutes: float = 60, seconds: int = 30, jump_s: dict[int, int] | None = None):
-    """Logs of a flight; jump_s: by how much the system's clock is set forward at which second."""
+    """Logs of a flight; jump_s: by how many seconds the system's clock is set forward, at which second."""
     clock = SimulatedClock(start_ns=7 * SECOND_NS, unix_at_start_ns=10**18)
     fake = FakeTray(SteadySensorTruth(), clock)
     jumps = dict(jump_s or {})
@@ -81,7 +81,7 @@ def without_file_events(log):
 
 
 def test_files_put_together_are_the_flight(split, one_file):
-    """Message for message, time and tick included: the joints cannot be seen."""
+    """They equal it message for message, including time and tick: the joints cannot be seen."""
     _, parts = split
     _, [item] = one_file
     assert len(parts) == 3
@@ -105,7 +105,7 @@ def test_each_file_is_complete_by_itself(split):
 
 
 def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, one_file):
-    """Channels on the grid are equal, except the ends, where splines have less to lean on."""
+    """Channels on the grid are equal except at the ends, where splines have fewer points to lean on."""
     import numpy as np
 
     from flightpower.analysis.sources.daemon import synchronize
@@ -123,7 +123,7 @@ def test_the_analysis_reads_one_file_as_it_reads_the_flight(split, one_file):
 
 
 def test_a_jump_of_the_system_clock_changes_nothing_but_what_time_says(tmp_path, one_file):
-    """Twice: time arrives (46 years on), and is set back again by a day."""
+    """The clock jumps twice: it gets the time (46 years ahead), and is set back by a day."""
     _, [plain] = one_file
     _, [jumped] = flown(tmp_path, jump_s={8: 46 * 365 * 86400, 16: -86400})
     for topic, entries in without_file_events(plain).items():
@@ -150,7 +150,7 @@ def test_time_pairs_all_clocks_once_the_satellites_told_theirs(one_file):
 
 
 class Stream:
-    """Takes what a log is made of."""
+    """Takes the bytes of a log."""
 
     def __init__(self):
         self.content = bytearray()
@@ -185,7 +185,7 @@ def test_the_index_of_an_hour_is_handed_over_without_being_copied(tmp_path):
 
 
 class OneBus:
-    """A transducer that always says the same, as cheaply as can be."""
+    """A transducer that always gives the same reading, as cheaply as possible."""
 
     def read(self, address, count):
         return bytes([0x20, 0x00, 0x60, 0x00])
@@ -251,12 +251,12 @@ def test_nothing_waits_in_a_chunk_for_half_a_second(tmp_path, rate_Hz):
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_changes_of_file_leave_no_memory_in_use():
-    """Two hours on the simulated clock in 24 files, in its own process, weighed by the kernel.
+    """Two hours on the simulated clock in 24 files, in its own process, whose memory the kernel measures.
 
-    After the sixth file memory stays level, except for single steps of up to 400 KiB when the disk thread was late.
-    What is kept grows in both halves of the rest. In each, a single number kept at each tick would be 24 bytes of
-    13,500 ticks, 316 KiB; a file's index kept when the file is finished (750 chunks of two sensors and three topics of
-    our own, 131 bytes each), 863 KiB.
+    After the sixth file memory stays level, except for single steps of up to 400 KiB when the disk thread was late. A
+    leak grows in both halves of the rest. In each half, a single number kept at each tick would be 24 bytes of 13,500
+    ticks, 316 KiB; a file's index kept when the file is finished (750 chunks of two sensors and three topics of our
+    own, 131 bytes each), 863 KiB.
     """
     command = [sys.executable, BENCHMARK, "day", "--rate", "5", "--hours", "2", "--file-min", "5"]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=600)

@@ -29,7 +29,7 @@ def means(t_s: float, V: float, height_m: float, **other: float | None) -> Means
 
 
 def flown(seconds: float, V: float, height_m: float, probe: ProbeMaps | None = None, **other: float) -> Motion:
-    """The motion at the end of so many seconds of steady flight, after ten on the ground."""
+    """The motion at the end of so many seconds of steady flight, which follow ten seconds on the ground."""
     source = MotionFromMeans(NEXSTAR, probe, load_thrust("apc-12x8e", folding=False), {})
     for i in range(50):
         assert source.at(means(STEP_S * i, 0.0, 0.0)) is None
@@ -83,7 +83,7 @@ def test_the_probe_s_map_gives_angles_and_true_dynamic_pressure() -> None:
 
 @pytest.mark.parametrize("bank_deg", [30.0, -20.0])
 def test_the_bank_of_a_turn_is_found_after_its_time_constant(bank_deg: float) -> None:
-    """A coordinated turn: no side force; yaw rate in body axes g sin(bank)/V."""
+    """The turn is coordinated: no side force, and a yaw rate in body axes of g sin(bank)/V."""
     rate = GRAVITY_MPS2 * math.sin(math.radians(bank_deg)) / 17.0
     assert math.degrees(flown(20.0, 17.0, 60.0, r_radps=rate).bank) == pytest.approx(bank_deg, abs=0.1)
     slipping = flown(20.0, 17.0, 60.0, ay_mps2=-GRAVITY_MPS2 * math.sin(math.radians(bank_deg)))

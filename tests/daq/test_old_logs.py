@@ -107,7 +107,7 @@ def test_one_bad_file_stops_neither_the_recording_nor_the_completion_of_the_othe
 
 
 def test_a_file_without_a_byte_is_removed_and_told_unless_it_is_being_recorded(tmp_path):
-    """As a power cut leaves it between the file's name and its first bytes; it is not a log that nothing can read."""
+    """A power cut leaves such a file between its name and its first bytes; it is not an unreadable log."""
     path = tmp_path / "log-0001.mcap"
     path.touch()
     with path.open("rb") as recording:
@@ -146,7 +146,7 @@ def test_a_log_that_may_not_be_written_is_named_and_the_next_is_completed(tmp_pa
 
 
 def test_recording_begins_before_old_logs_are_completed(tmp_path, monkeypatch, torn):
-    """Also while a process that completes one hangs."""
+    """This holds while a process that completes one hangs."""
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(torn)
     recovery = BackgroundRecovery([path])
@@ -212,7 +212,7 @@ def test_the_process_has_no_real_time_priority(tmp_path):
 
 @pytest.mark.thorough
 def test_twenty_logs_are_completed_within_a_minute_beside_busy_programs(tmp_path, torn):
-    """As twenty kills in a row leave them; two programs a processor compute all the time."""
+    """Twenty kills in a row leave such logs; two programs per processor compute all the time."""
     paths = [tmp_path / f"log-{number:04}.mcap" for number in range(1, 21)]
     for path in paths:
         path.write_bytes(torn)

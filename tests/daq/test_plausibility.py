@@ -45,7 +45,7 @@ GOOD = {
 
 
 def flown(plausibility: Plausibility, seconds: range, **changes) -> list[Event]:
-    """Readings at 4 Hz; changes: by topic, with _ in place of /."""
+    """Readings at 4 Hz; `changes` are by topic, with _ in place of /."""
     readings = GOOD | {f"/{topic.replace('_', '/')}": message for topic, message in changes.items()}
     events = []
     for quarter in range(4 * seconds.start, 4 * seconds.stop):
@@ -101,8 +101,8 @@ def test_what_cannot_be_true_together_is_reported_once(changes, comparison):
 
 
 def test_an_autopilots_attitude_is_not_believed_while_speed_changes():
-    """The autopilot mistakes 3 m/s^2 for 17 deg of pitch: seven decelerations of 5 s, with 3 s of speed held after
-    each."""
+    """The autopilot mistakes 3 m/s^2 for 17 deg of pitch: seven decelerations of 5 s, each followed by 3 s of steady
+    speed."""
     plausibility, wrong = Plausibility(PROBE), {"attitude": Attitude(roll_rad=0.0, pitch_rad=0.4)}
     for start in range(0, 56, 8):
         for second in range(5):

@@ -1,4 +1,4 @@
-"""A power cut at any byte: all but the last second is read by us as it is, by any MCAP reader after the next start."""
+"""A power cut at any byte: we read all but the last second as it is, and any MCAP reader does after the next start."""
 
 import os
 import pty
@@ -74,7 +74,7 @@ def test_the_statistics_of_a_mended_log_count_every_message(flight, tmp_path):
 
 
 def test_zeros_after_the_head_of_a_chunk_are_not_taken_for_an_empty_chunk(flight, tmp_path):
-    """A file system may have extended the file and not written the data: the rest of a record is then zeros."""
+    """A file system may have extended the file without writing the data, so the rest of a record is zeros."""
     data, _ = flight
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(data)
@@ -243,10 +243,10 @@ def test_a_killed_daemons_file_cut_anywhere_costs_the_chunk_being_written(killed
 
 
 def test_only_what_was_synced_is_left_and_that_is_all_but_a_second(tmp_path, monkeypatch):
-    """Replays the daemon's own writes and syncs, and at every instant keeps only what had been synced by then.
+    """Replay the daemon's own writes and syncs, and at every instant keep only what had been synced by then.
 
-    The loss is counted in ticks that were done, because on a busy machine a second may have fewer of them. Syncs are
-    not carried out: how long they take is a matter of the disk.
+    The loss is counted in completed ticks, because on a busy machine a second may have fewer of them. Syncs are not
+    carried out, since their duration depends on the disk.
     """
     calls: list[tuple[int, int, str, int, bytes]] = []  # begin, end [ns], operation, file offset, data
     pwrite = os.pwrite

@@ -65,7 +65,7 @@ def test_missed_ticks_are_reported_for_ten_seconds():
 
 
 def test_a_stall_is_reported_on_the_page_and_in_the_log_and_forgotten_after_ten_seconds(tmp_path):
-    """The tray hangs for six seconds; a clock that jumps is how the daemon sees a computer that was busy."""
+    """The tray hangs for six seconds; the daemon sees a computer that was busy as a clock that jumps."""
     clock = SimulatedClock()
     fake = FakeTray(SteadySensorTruth(), clock)
     tray = default_tray(tmp_path, fake)
@@ -92,7 +92,8 @@ def test_a_stall_is_reported_on_the_page_and_in_the_log_and_forgotten_after_ten_
 
 
 def test_an_arm_switch_that_nothing_moves_is_reported():
-    """Channel 9 of 8, or one without a pulse while others have one. No signal at all is another matter."""
+    """The switch is channel 9 of 8, or a channel without pulses while others have them. No signal at all is another
+    matter."""
     switch = ArmSwitch(ArmSwitchConfig(channel=9, action="record"))
 
     def on_cycle(at_s, *pulses):

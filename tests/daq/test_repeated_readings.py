@@ -1,4 +1,4 @@
-"""A part that repeats itself: found in flight where its values changed before, and nowhere else."""
+"""A part that repeats itself is found in flight if its values changed before, and nowhere else."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def gps(number: int) -> Gps:
 
 
 def reported_after_s(topic, message_of, *, frozen_s=3.0, flown_s=10.0, in_flight=True, period_s=0.04, noise=True):
-    """How long after the beginning of the repetition the first stale message came [s]; None if none did."""
+    """How long after the repetition began the first stale message came [s]; None if none came."""
     readings = RepeatedReadingsOfSensor()
     ticks, first_stale_s = round(flown_s / period_s), None
     values = NOISE.integers(-500, 500, ticks) if noise else np.zeros(ticks, dtype=int)
@@ -71,7 +71,7 @@ def test_what_may_stand_still_is_not_compared():
 
 
 def test_a_calm_transducer_is_not_stale_although_its_counts_often_repeat():
-    """An hour of 1.5 counts of noise at 25 Hz: each fourth reading is the one before, and up to nine in a row are."""
+    """In an hour with 1.5 counts of noise at 25 Hz, each fourth reading equals the one before, up to nine in a row."""
     readings = RepeatedReadingsOfSensor()
     counts = np.rint(NOISE.normal(8000, 1.5, 90_000)).astype(int).tolist()
     for tick, count in enumerate(counts):
@@ -82,7 +82,7 @@ def test_a_calm_transducer_is_not_stale_although_its_counts_often_repeat():
 
 
 def test_it_stays_stale_after_landing_until_it_changes():
-    """A frozen airspeed is no sign of flight any more; that must not make it a measurement again."""
+    """A frozen airspeed no longer shows flight, but that must not make it a measurement again."""
     readings = RepeatedReadingsOfSensor()
     for tick in range(300):
         readings.marked([Sample("/static", 0, static(tick))], tick * TICK_NS, in_flight=True)

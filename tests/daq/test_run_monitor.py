@@ -1,4 +1,4 @@
-"""Runs told good or lost on the aircraft: the criteria of the analysis, on synthetic flights."""
+"""Runs reported good or lost on the aircraft: the criteria of the analysis, on synthetic flights."""
 
 import dataclasses
 import math
@@ -28,7 +28,7 @@ ZERO_PA = 3.0  # of the airspeed transducer
 
 
 def means_at(t_s: float, V: float, height_m: float, *, bank_rate: float = 0.0, n: float | None = 80.0) -> Means:
-    """What a level aircraft's sensors give; without bank the wings are level."""
+    """Means of a level aircraft's sensors; with no bank rate the wings are level."""
     kelvin = KELVIN - 0.0065 * height_m
     static = PRESSURE_PA * (kelvin / KELVIN) ** 5.25588
     rho = static / (287.05287 * kelvin)
@@ -42,7 +42,7 @@ def means_at(t_s: float, V: float, height_m: float, *, bank_rate: float = 0.0, n
 def notified(
     *, over_s=14.0, V=(12.0, 22.0), climb_mps=0.0, height_m=60.0, turn_radps=0.0, n=80.0, aircraft=NEXSTAR
 ) -> list[str]:
-    """What the pilot reads of a speed change between two steady flights, after ten seconds on the ground."""
+    """The texts that the pilot gets for a speed change between two steady flights, after ten seconds on the ground."""
     monitor, texts = RunMonitor(aircraft, None), []
     seconds = 10 + 8 + over_s + 8
     for i in range(round(seconds / 0.2)):
@@ -97,7 +97,7 @@ def progress_in(V, seconds, *, climb_mps=0.0) -> list:
 
 @pytest.mark.parametrize(("V", "kind"), [((12.0, 22.0), "acceleration"), ((22.0, 12.0), "deceleration")])
 def test_the_pilot_is_reported_how_long_to_hold_a_run(V, kind):
-    """The time left runs down with the clock, and a run that was held as long as told is good."""
+    """The time left runs down with the clock, and a run that was held as long as reported is good."""
     progress = progress_in(V, 14.0)
     left = [(t, now.more_s) for t, now in progress if now.more_s > 0]
     assert {now.kind for _, now in progress} == {kind} and all(len(now.text) <= 50 for _, now in progress)
@@ -129,13 +129,14 @@ def test_a_light_aircraft_s_runs_may_be_shorter_and_lower():
 
 
 def test_smoothing_and_advance_ratio_are_those_of_the_analysis():
-    """Criteria are in `flight.runs` for both."""
+    """Both take their criteria from `flight.runs`."""
     assert (2 * run_monitor.HALF + 1) * run_monitor.STEP_S == pytest.approx(LEVEL_RUN.smoothing_s)
     assert energy_balance.J_REFERENCE == thrust_prior.J_REFERENCE
 
 
 def flown(rows, aircraft=NEXSTAR) -> list[str]:
-    """What the pilot reads of (V, height, turn) five times a second, after ten seconds on the ground; None: a gap."""
+    """The texts that the pilot gets for (V, height, turn) five times a second, after ten seconds on the ground; None is
+    a gap."""
     monitor, texts = RunMonitor(aircraft, None), []
     for i, row in enumerate([(0.0, 0.0, 0.0)] * 50 + list(rows)):
         if row is not None:
@@ -150,7 +151,7 @@ LEVEL = [(12.0, 60.0, 0.0)] * 40 + [(12 + 0.14 * i, 60.0, 0.0) for i in range(50
 
 @pytest.mark.parametrize("turn_radps", [0.0, 0.8])
 def test_a_run_ends_where_a_steep_climb_or_a_turn_begins(turn_radps):
-    """Speed goes on rising, by 3 m/s of climb or 55 deg of bank; before that the run was good."""
+    """Speed goes on rising, with 3 m/s of climb or 55 deg of bank; the run before that was good."""
     climb = 0.0 if turn_radps else 0.6
     on = [(19 + 0.14 * i, 60 + climb * i, turn_radps) for i in range(30)]
     good, *others = flown(LEVEL + on + on[-1:] * 40)
@@ -159,7 +160,7 @@ def test_a_run_ends_where_a_steep_climb_or_a_turn_begins(turn_radps):
 
 
 def test_a_gap_of_one_mean_ends_a_run():
-    """Speeds are fits over eleven means; none is over a gap."""
+    """Speeds are fits over eleven means, and no fit spans a gap."""
     rows = [*LEVEL, *[(19.0, 60.0, 0.0)] * 40]
     assert [text.split(":")[0] for text in flown(rows)] == ["acceleration good"]
     rows[64] = None  # in the middle
@@ -179,8 +180,8 @@ def test_a_change_of_speed_for_less_than_three_seconds_is_not_mentioned():
 
 
 def test_a_run_changes_speed_by_a_fifth_of_its_mean_and_not_too_gently():
-    """Clearly: by 0.5 m/s^2 somewhere. A small or gentle change is reported only if it would have covered enough
-    speed."""
+    """The change has to reach 0.5 m/s^2 somewhere. A small or gentle change is reported only if it would have covered
+    enough speed."""
 
     def change(first: float, last: float, over_s: float) -> list[str]:
         n = round(5 * over_s)
@@ -193,7 +194,7 @@ def test_a_run_changes_speed_by_a_fifth_of_its_mean_and_not_too_gently():
 
 
 def test_the_speeds_covered_are_those_of_the_run():
-    """With ends at which speed changes slowly, between 0.09 and 0.25 m/s^2, of an aircraft of 6.7 m/s at C_L = 1."""
+    """At the ends speed changes slowly, by between 0.09 and 0.25 m/s^2; the aircraft flies at 6.7 m/s at C_L = 1."""
     slow, fast = 0.2 * 0.16 * np.arange(30), 0.2 * 0.9 * np.arange(1, 26)
     V = np.concatenate([7 + slow, 7 + slow[-1] + fast, 7 + slow[-1] + fast[-1] + slow])
     monitor, texts = RunMonitor(load_aircraft("light-1kg"), None), []
@@ -211,7 +212,7 @@ def test_the_interval_s_half_width_is_reported_in_per_cent(monkeypatch):
 
 
 def test_a_leg_in_which_speed_is_held_is_given_after_four_seconds_and_again_if_speed_goes_on():
-    """Speed goes on by more than 5 %; the leg ends at the furthest speed."""
+    """Speed goes on by more than 5 %, and the leg ends at the furthest speed."""
     divided, reported, t, V = Legs(), [], 0.0, 12.0
     for wanted, seconds in ((20.0, 4.0), (20.0, 10.0), (20.8, 2.0), (20.8, 8.0), (22.0, 2.0), (22.0, 8.0)):
         n = round(seconds / 0.2)
@@ -285,7 +286,7 @@ def test_the_energy_balance_finds_the_drag_polar_that_made_the_runs():
 
 
 def noisy_balance(rng: np.random.Generator, sigma_mps2: float) -> EnergyBalance:
-    """Runs of an aircraft with a known polar; the thrust of each window is wrong at random."""
+    """The energy balance after runs of an aircraft with a known polar, with a random thrust error in each window."""
     balance, A, qS_per_V2 = EnergyBalance(Uncertainty()), (0.045, -0.02, 0.06), 0.08
     for thrust in (4.0, 0.3, 3.0, -0.2):
         V, rows = 12.0 if thrust > 1 else 22.0, []
@@ -302,7 +303,7 @@ def noisy_balance(rng: np.random.Generator, sigma_mps2: float) -> EnergyBalance:
 
 
 def test_the_interval_is_that_of_the_noise_the_thrust_and_the_airspeed():
-    """The scatter of many flights is that of the noise; the interval adds 1.8 % of thrust and 1.25 % of airspeed."""
+    """Noise alone scatters the results of many flights; the interval adds 1.8 % of thrust and 1.25 % of airspeed."""
     rng, V = np.random.default_rng(0), 14.0
     power, variance = [], []
     for _ in range(60):
@@ -328,7 +329,7 @@ def test_the_interval_is_that_of_the_noise_the_thrust_and_the_airspeed():
 
 @pytest.mark.parametrize("thrust_scale, airspeed_scale", [(0.05, 1e-5), (1e-5, 0.05), (0.03, 0.04)])
 def test_in_steady_flight_the_interval_is_what_the_aircraft_file_states(thrust_scale, airspeed_scale):
-    """There drag is thrust: a scale of thrust that is not known is one of power."""
+    """In steady flight drag equals thrust, so an unknown scale of thrust is one of power."""
     uncertainty = Uncertainty(
         thrust_scale_fraction=thrust_scale, thrust_slope=1e-5, airspeed_scale_fraction=airspeed_scale
     )
@@ -369,7 +370,7 @@ def test_thrust_on_a_stand_is_a_prior_of_the_in_flight_estimate():
 
 
 def test_a_climb_is_paid_from_the_energy_and_an_inverse_is_one():
-    """In a climbing run thrust work goes into height, and the drag stays."""
+    """In a climbing run part of the work of thrust goes into height, and the drag stays the same."""
 
     def run(climb_mps: float) -> EnergyBalance:
         balance = EnergyBalance(Uncertainty())
@@ -399,7 +400,7 @@ def test_legs_forget_what_is_older_than_minutes_and_go_on():
         leg = legs.add(Row(0.2 * i, speed, 0.0, 0.0, 0.0, 50.0, 50.0, True, None))
         ended += [leg] if leg is not None and leg.ended else []
     assert len(legs.rows) <= 2 * KEPT_ROWS
-    for leg in ended[1:]:  # each half wave lasts 31.4 s, also after rows were forgotten
+    for leg in ended[1:]:  # each half wave lasts 31.4 s, even after rows were dropped
         assert leg.rows[-1].t_s - leg.rows[0].t_s == pytest.approx(10 * math.pi, abs=0.5)
         assert (leg.rows[-1].V - leg.rows[0].V) * leg.sign == pytest.approx(10.0, abs=0.01)
 

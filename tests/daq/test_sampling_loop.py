@@ -317,7 +317,7 @@ def test_single_stale_readings_with_good_ones_between_are_not_degraded():
 
 
 def test_a_counter_that_is_silent_while_the_motor_stands_has_not_failed():
-    """Until its first frame: afterwards silence may be a broken wire."""
+    """This holds until its first frame; after that, silence may mean a broken wire."""
     health = SensorHealth("esc_counter", silent_at_rest=True)
     assert not any(health.read([Status.NO_DATA], i * 10**9) for i in range(60))
     assert health.state is SensorState.WAITING

@@ -41,7 +41,7 @@ def example():
 
 
 def merged(folder: Path, text: str) -> Path:
-    """The unit with a tray's drop-in at its end, and the daemon where it is here."""
+    """The unit with a tray's drop-in at its end, and with the daemon's path on this machine."""
     path = folder / UNIT.name
     unit = UNIT.read_text().replace("/opt/flightpower/bin/daq", str(DAQ))
     service, install = unit.split("[Install]")
@@ -88,7 +88,7 @@ LOAD_NUMBER, JUMP_IF_EQUAL, RETURN, ALLOW, REFUSE = 0x20, 0x15, 0x06, 0x7FFF0000
 
 
 def system_calls(group: str) -> set[str]:
-    """The system calls of one of systemd's groups, or the one that has this name."""
+    """The system calls of one of systemd's groups, or the single call that has this name."""
     if not group.startswith("@"):
         return {group}
     listed = subprocess.run(["systemd-analyze", "syscall-filter", group], capture_output=True, text=True, check=True)
@@ -105,7 +105,7 @@ def permitted_calls() -> set[str]:
 
 
 def sandbox(permitted: set[str]) -> Callable[[], None]:
-    """What a process does to be refused all other system calls, as by the unit."""
+    """A function after which a process is refused all other system calls, as by the unit."""
     numbers = re.findall(r"#define __NR_(\w+) (\d+)", NUMBERS_OF_CALLS.read_text())
     code = [struct.pack("=HBBI", LOAD_NUMBER, 0, 0, 0)]
     for number in (int(number) for name, number in numbers if name not in permitted):
@@ -187,14 +187,14 @@ def test_the_sandbox_opens_exactly_the_trays_devices():
     ],
 )
 def test_no_device_has_to_exist_when_the_service_starts(device, permitted):
-    """systemd looks up the number of a path once, and ignores one that is not there; a number or a class remains."""
+    """systemd resolves a path to its number once and ignores a missing path; a number or a class remains."""
     kind = 'ms5611"\nbus' if "i2c" in device else 'ublox"\nport'
     lines = unit_drop_in(tray(f'[[sensors]]\ndriver="{kind}="{device}"\n')).splitlines()
     assert [line for line in lines if line.startswith("DeviceAllow=")][1:] == [f"DeviceAllow={p} rw" for p in permitted]
 
 
 def test_the_numbers_are_those_of_this_kernel():
-    """Where this machine has such devices."""
+    """Checked where this machine has such devices."""
     from flightpower.daq.systemd_unit import NUMBERS
 
     for path in Path("/dev").iterdir():
@@ -296,7 +296,7 @@ def test_the_udev_rules_are_understood():
     rules = [line for line in path.read_text("utf-8").splitlines() if line and not line.startswith("#")]
     assert rules
     for rule in rules:
-        assert "ATTRS{serial}" not in rule  # it would find that of a hub or of the USB controller
+        assert "ATTRS{serial}" not in rule  # it would match that of a hub or of the USB controller
         for term in rule.split(", "):
             assert UDEV_MATCH.fullmatch(term) or UDEV_ASSIGNMENT.fullmatch(term), f"{term} in {rule}"
     udevadm = shutil.which("udevadm")

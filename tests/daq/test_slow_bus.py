@@ -39,7 +39,7 @@ class SlowPart:
 
 
 class Bench:
-    """A worker on a clock that is moved by hand; every tick ends without an answer, unless it was permitted before."""
+    """A worker on a clock that is moved by hand; every tick ends without an answer unless one was permitted before."""
 
     def __init__(self, period_ns=PERIOD_NS):
         self.clock, self.part, self.period_ns = HandClock(0), SlowPart(), period_ns
@@ -52,7 +52,7 @@ class Bench:
         return self.worker.collect(self.clock.ns + to_deadline_ns)
 
     def answer(self):
-        """The pending read returns, and its thread has signaled that before this returns."""
+        """Let the pending read return, and wait until its thread has signaled this."""
         self.part.permit.release()
         self.worker._done_signal.acquire(timeout=GIVE_UP_S)
         self.worker._done_signal.release()
@@ -85,7 +85,8 @@ def test_a_tick_that_is_passed_over_is_a_timeout_and_degrades_the_sensor():
 
 
 def test_a_read_that_ends_early_in_the_next_tick_is_followed_by_that_ticks_read():
-    """A bus that needs 90 % of a tick and was held up for 20 %: without it the next tick would be passed over."""
+    """The bus needs 90 % of a tick and was held up for 20 %: if no read followed, the next tick would be passed
+    over."""
     bench = Bench(GIVE_UP_S * 10**9)
     bench.tick(0)
     threading.Timer(0.05, bench.part.permit.release, ()).start()
@@ -125,7 +126,7 @@ def test_a_slow_bus_is_reported_once_with_what_to_do_and_again_when_it_is_fast_e
 
 
 def test_as_many_sensors_are_moved_as_leave_less_than_half_of_a_tick():
-    """38 ms of 40: without the IMU 22 are left, without the barometer as well 8."""
+    """The bus takes 38 ms of 40: without the IMU it takes 22, and without the barometer as well 8."""
     load = BusLoad("/dev/i2c-1", PERIOD_NS)
     slow = {"mag": 8_000_000, "imu": 16_000_000, "baro": 14_000_000}
     (text,) = (event.text for _ in range(3 * READINGS) for event in load.add(slow))

@@ -35,7 +35,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory):
-    """What a recording with a dead barometer leaves."""
+    """The files that a recording with a dead barometer leaves."""
     folder = tmp_path_factory.mktemp("status")
     clock = SimulatedClock()
     faults = [Fault(kind="no_acknowledge", device="baro", start_s=3.0)]
@@ -139,7 +139,7 @@ def test_the_command_prints_the_address_at_which_the_page_answers(tmp_path):
 
 
 def test_a_simulated_flight_shows_its_state_while_it_is_recorded(tmp_path):
-    """Away from a Pi: the same file as that of `daq run --status`, and none once the flight has ended."""
+    """Away from a Pi it is in the same file as from `daq run --status`, and there is none once the flight has ended."""
     (tmp_path / TRAY).write_text(EXAMPLE_TRAY, "utf-8")
     flight, shown = SteadySensorTruth(), []
     flight.duration_s = 4.0

@@ -43,7 +43,7 @@ class StandingSensorTruth(SteadySensorTruth):
         self.motor_revps = extra.pop("motor", 0.0)
 
     def _noise(self, t_s, seed):
-        """White, the same for the same instant (at 10 us)."""
+        """White noise, equal for equal instants (to 10 us)."""
         place = (np.asarray(t_s) * 1e5).astype(np.int64) * 2654435761 + seed * 7919
         return NORMAL[place % len(NORMAL)]
 
@@ -74,7 +74,7 @@ def test_a_zero_taken_in_still_air_is_what_the_parts_are_off(tmp_path):
     zero = taken(tmp_path, StandingSensorTruth())
     for which, offset_Pa in OFFSET_PA.items():
         reading = zero.readings[f"/probe/{which}"]["differential_pressure_Pa"]
-        # To half a count of the coarsest part, 0.19 Pa, and four standard errors of its mean.
+        # The limits are half a count of the coarsest part, 0.19 Pa, and four standard errors of the mean.
         assert reading.mean == pytest.approx(offset_Pa, abs=0.1 + 4 * reading.standard_deviation / 250**0.5)
         assert reading.samples == pytest.approx(250, abs=2)
     for axis, bias in zip("xyz", BIAS_RADPS, strict=True):
@@ -174,7 +174,7 @@ def test_limits_of_a_zero_are_those_of_the_parts_and_of_what_a_flight_bears():
         assert of_part < limit < 1.1 * of_part
     for limit, noise in ((RATE.spread, 0.005), (FORCE.spread, 0.06)):
         assert 3 * noise < limit < 6 * noise, "several times the noise are a hand on the wing"
-    # 1 Pa is 0.3 % of airspeed at 16 m/s; a wind of 3 m/s, which is no zero, makes 5.5.
+    # 1 Pa is 0.3 % of airspeed at 16 m/s; a wind of 3 m/s, which must not pass for a zero, gives 5.5 Pa.
     n = 20_000
     drifting = [[2.0 + drift * (i >= n // 2) for i in range(n)] for drift in (0.9, 1.1)]
     assert rest_problems("dp", drifting[0], PRESSURE) == []
@@ -183,7 +183,8 @@ def test_limits_of_a_zero_are_those_of_the_parts_and_of_what_a_flight_bears():
 
 
 def test_a_drift_counts_beyond_four_standard_errors_of_the_halves():
-    """Noise of 0.01 rad/s in halves of 50: the difference of two means is good to 0.002, four times that is allowed."""
+    """With noise of 0.01 rad/s in halves of 50, the difference of two means is good to 0.002; four times that is
+    allowed."""
     noise = np.tile([0.01, -0.01], 50)
     criteria = RATE._replace(shift=0.0)
     allowed = 4 * 0.01 * np.sqrt(2 / 50)

@@ -203,7 +203,8 @@ NO_VEHICLES = (
 
 
 def creates_a_vehicle(heartbeat) -> None:
-    """QGroundControl's rules (MultiVehicleManager), and no request for parameters that are not there."""
+    """Assert what makes QGroundControl create a vehicle (MultiVehicleManager) and not request parameters, as there are
+    none."""
     assert heartbeat.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
     assert heartbeat.type not in NO_VEHICLES and heartbeat.type == mavlink.MAV_TYPE_FIXED_WING
     assert heartbeat.autopilot == mavlink.MAV_AUTOPILOT_GENERIC
@@ -264,7 +265,7 @@ def test_a_ground_station_on_a_serial_line_sees_the_flight(tmp_path):
 
 
 def assert_returns(call):
-    """That `call` does not wait for a process that never reads: then it would wait for ever."""
+    """Assert that `call` does not wait for a process that never reads, which would take for ever."""
     thread = threading.Thread(target=call, daemon=True)
     thread.start()
     thread.join(GIVE_UP_S)
@@ -273,7 +274,7 @@ def assert_returns(call):
 
 @pytest.mark.parametrize("trouble", ["stopped", "killed", "nobody", "no such line"])
 def test_nothing_that_happens_to_telemetry_holds_up_a_tick(tmp_path, monkeypatch, trouble):
-    """Minutes of cycles to a process that is stopped, dead or without a peer: a blocking pipe would block for ever.
+    """Minutes of cycles go to a process that is stopped, dead or without a peer: a blocking pipe would block for ever.
 
     They are some thirty times the capacity of a pipe.
     """
@@ -315,7 +316,7 @@ def test_events_too_long_for_a_line_reach_the_other_process(tmp_path, monkeypatc
 
 
 def every_field(topic: str) -> dict:
-    """A value of many digits in every field, and of many items in every list."""
+    """A message's fields, with a value of many digits in each, and many items in each list."""
     fields = msgspec.structs.fields(TYPE_OF_TOPIC[topic])
     return {f.name: [65535] * 300 if "list" in str(f.type) else -1.23456789012345e-200 for f in fields[1:]}
 
@@ -579,7 +580,7 @@ def test_sys_status_has_a_bit_for_each_kind_of_sensor_and_only_an_aircraft_of_it
 
 @pytest.mark.parametrize("length", [1, 49, 50, 51, 99, 100, 101, 200])
 def test_a_long_text_arrives_whole(length):
-    """In chunks of one id, in order; a ground station knows the end by a zero byte."""
+    """Its chunks have one id and come in order; a ground station recognizes the end by a zero byte."""
     text = ("0123456789" * 20)[:length]
     ground = MavlinkEncoder(TelemetryConfig(to="udp:127.0.0.1:9"), None, None)
     packets = [*ground.packets(Snapshot(elapsed_s=1.0, events=[Event(text=text), Event(text=text)]))]

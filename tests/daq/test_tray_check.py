@@ -184,7 +184,7 @@ def test_every_part_says_who_it_is_and_where(tmp_path):
 
 
 def check_line(driver: str, port, extra="", **options):
-    """The identity of one part on a line, by itself."""
+    """The line of the check about a single part on a line."""
     clock = SimulatedClock()
     fake = FakeTray(SteadySensorTruth(), clock, variant=TrayVariant(**options))
     clock.advance_ns(2 * 10**9)
@@ -340,7 +340,7 @@ def test_values_are_shown_in_the_units_beside_them() -> None:
 
 
 def test_the_room_on_the_disk_is_that_beyond_what_is_kept_free(tmp_path, monkeypatch):
-    """10 GB and more than are kept free last for the bytes of the default tray, 16 kB/s at 25 Hz."""
+    """The space beyond what is kept free, 10 GB here, lasts for the default tray's bytes, 16 kB/s at 25 Hz."""
     monkeypatch.setattr(tray_check, "free_bytes", lambda folder: 10e9)
     result = checked(tmp_path, AtRest())
     clock = SimulatedClock()
@@ -359,7 +359,7 @@ def test_the_room_on_the_disk_is_that_beyond_what_is_kept_free(tmp_path, monkeyp
     ],
 )  # fmt: skip
 def test_ticks_and_room_are_reported_in_numbers(tmp_path, readings, free_s, expected):
-    """Missed ticks are among those that were expected; two hours of recording have to fit."""
+    """Missed ticks count among the expected ones; two hours of recording have to fit."""
     tray = default_tray(tmp_path, FakeTray(AtRest(), SimulatedClock()))
     facts = tray_check.system_checks(tray, readings, free_s)
     assert [fact.ok for fact in facts[:2]] == [readings.missed == 0, free_s >= 7200.0]

@@ -1,4 +1,4 @@
-"""The tray file: what is accepted, and that everything wrong is refused by file and key."""
+"""The tray file: what is accepted, and that every mistake is refused by file and key."""
 
 from pathlib import Path
 

@@ -135,7 +135,7 @@ def test_a_sudden_change_of_speed_is_believed(counter):
 
 
 def test_a_stopped_motor_is_reported_every_half_second_and_starts_again(counter):
-    """The time of the stop is no period."""
+    """The time for which it was stopped is not a period."""
     edges = np.concatenate([pulses(500, 60_000), pulses(500, 1_400_000, 1_300_000)])
     sent = counter(edges, 1_400_000)
     stopped = [

@@ -23,7 +23,7 @@ AIRCRAFT = ("nexstar", "astraeus-ls", "astraeus-hs")
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_below_the_stall_lift_is_linear_and_drag_parabolic(name):
     aero = aerodynamics_of(load_aircraft(name))
-    # Four widths before the stall, the step, a tanh, has reached only 3e-4 of its height.
+    # Four widths before the stall, the step, which is a tanh, has reached only 3e-4 of its height.
     alpha = np.linspace(0, aero.stall_angle_rad - 4 * aero.stall_width_rad, 20)
     CL, CD = lift_and_drag(aero, alpha, elevator=0.05)
     assert np.allclose(CL, aero.CL0 + aero.CLa * alpha + aero.CLde * 0.05, atol=2e-3)
@@ -39,7 +39,8 @@ def test_lift_breaks_away_beyond_the_stall_and_drag_rises(name):
     assert abs(alpha[top] - aero.stall_angle_rad) < 2 * aero.stall_width_rad
     assert CL[-1] > 0 and CL[np.searchsorted(alpha, alpha[top] + 4 * aero.stall_width_rad)] < 0.95 * CL[top]
     assert np.all(np.diff(CD[top:]) > 0)
-    # Smooth: a tanh of this width falls no faster than its height over twice the width, while the rest goes on rising.
+    # The curve is smooth: a tanh of this width falls no faster than its height over twice the width, and the rest
+    # rises.
     attached = aero.CL0 + aero.CLa * alpha[top]
     fastest = (attached - np.sin(2 * alpha[top])) / (2 * aero.stall_width_rad) + aero.CLa
     assert np.max(np.abs(np.diff(CL) / np.diff(alpha))) < fastest
@@ -78,7 +79,7 @@ def test_an_aircraft_without_aerodynamics_cannot_be_simulated():
         aerodynamics_of(real)
 
 
-# Derivatives that all differ, so that none can stand for another.
+# All derivatives differ, so that none can stand in for another.
 DISTINCT = Aerodynamics(
     CL0=0.3, CLa=5.0, CLde=0.4, CLq=4.0, CD0=0.03, K=0.06, CL_minD=0.2, stall_angle_rad=0.25, stall_width_rad=0.01,
     CYb=-0.51, CYp=-0.12, CYr=0.23, CYdr=0.14, Clb=-0.055, Clp=-0.46, Clr=0.17, Clda=0.28, Cldr=0.019,

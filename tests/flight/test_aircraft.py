@@ -24,7 +24,7 @@ FOOT, POUND = 0.3048, 4.4482216152605
     ],
 )
 def test_shipped_aircraft_have_the_sources_numbers(name, span_ft, chord_ft, area_ft2, weight_lbf):
-    """Table 5.1."""
+    """Their source is Table 5.1."""
     aircraft = load_aircraft(name)
     assert aircraft.geometry.span_m == pytest.approx(span_ft * FOOT)
     assert aircraft.geometry.chord_m == pytest.approx(chord_ft * FOOT)
@@ -166,7 +166,7 @@ def test_the_simulator_asks_for_every_key_it_flies_by():
 
 
 def test_every_key_is_described():
-    """The table that messages, template and aircraft.md are made of has the keys that the code reads, no other."""
+    """The table that messages, template and aircraft.md are made from has exactly the keys that the code reads."""
     read = set(keys_of(Aircraft)) - {"aerodynamics"}
     for surface in SURFACES:
         read = {key.replace(f"{surface}.", "SURFACE.") for key in read}
@@ -179,7 +179,7 @@ REQUIRED = ("name", "geometry.span", "geometry.wing_area", "mass.weight")
 
 
 def keys_of(kind, section=""):
-    """Keys of a file that `read_table` takes for a dataclass."""
+    """Keys of a file from which `read_table` makes a dataclass."""
     hints = typing.get_type_hints(kind)
     for field in dataclasses.fields(kind):
         key = section + split_unit(field.name)[0]

@@ -1,4 +1,4 @@
-"""A file is known by its content, and one line says how to get a readable one where it is not read."""
+"""A file is recognized by its content; where it cannot be read, one line says how to get a readable one."""
 
 import gzip
 import io

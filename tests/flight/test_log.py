@@ -105,7 +105,7 @@ def test_a_failed_reading_is_a_status_and_nulls(kind):
 
 @pytest.mark.parametrize("kind", MESSAGES)
 def test_viewers_can_read_the_schema(kind):
-    """Foxglove and Lichtblick show no topic at all where a property has no plain type, or one that is a reference."""
+    """Foxglove and Lichtblick show no topic at all if a property has no plain type or is a reference."""
     schema = schema_of(kind)
     assert schema["type"] == "object"
     assert set(schema["properties"]) == set(kind.__struct_fields__)
@@ -123,7 +123,7 @@ def assert_plain_type(schema, name):
 
 
 def test_a_log_whose_schemas_say_more_is_read_as_before(tmp_path, monkeypatch):
-    """Logs of earlier versions: `anyOf` with null, and `$ref` to the list of statuses."""
+    """Logs of earlier versions have schemas with `anyOf` with null, and with `$ref` to the list of statuses."""
     earlier = {"type": "object", "properties": {"status": {"$ref": "#/$defs/Status"}, "samples": {"anyOf": [{}]}}}
     stream = io.BytesIO()
     monkeypatch.setattr("flightpower.flight.log_writer.schema_text", lambda kind: json.dumps(earlier).encode())
@@ -159,7 +159,7 @@ def test_a_file_torn_anywhere_gives_what_was_closed_before_the_tear(tmp_path):
 
 
 def test_a_log_that_still_grows_or_lost_its_end_is_not_called_damaged(tmp_path):
-    """Its whole records are read; a record whose bytes are others is damage."""
+    """Its whole records are read; a record with altered bytes is damage."""
     stream, path = io.BytesIO(), tmp_path / "log.mcap"
     write(stream, ticks=40, finish=False)
     complete = stream.getvalue()
@@ -247,7 +247,7 @@ def test_reading_leaves_the_search_for_cycles_as_it_was(tmp_path):
 
 @pytest.mark.parametrize("text", [b"caf\xe9", b"\xff\xfe", b"\xed\xa0\x80"])
 def test_a_text_that_is_not_utf_8_costs_its_message_only(tmp_path, text):
-    """In the first of three events of a chunk; the other topics and later chunks are read."""
+    """The text is in the first of three events of a chunk; the other topics and later chunks are read."""
     path = tmp_path / "log.mcap"
     with path.open("wb") as stream:
         log = LogWriter(stream)

@@ -26,6 +26,6 @@ def test_the_limit_is_the_largest_chunk_that_is_read(kind: str, monkeypatch: pyt
 
 
 def test_the_limit_of_all_chunks_grows_with_the_file() -> None:
-    """A log of this program is compressed to a fifth; ten times as much is permitted, and 16 MiB to any."""
+    """Logs of this program shrink to a fifth; ten times that ratio is permitted, and 16 MiB more for any file."""
     assert allowed_bytes(0) == 16 * 2**20
     assert allowed_bytes(1000) - allowed_bytes(0) == 50 * 1000

@@ -1,4 +1,4 @@
-"""Messages kept as columns come back as they were: nulls, integers of any size, lists, order of time."""
+"""Messages kept as columns come back as they were: nulls, integers of any size, lists, and their order in time."""
 
 import pytest
 

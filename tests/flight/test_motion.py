@@ -81,7 +81,7 @@ def test_attitude_derivative_turns_the_rotation_matrix(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_wind_axis_form_is_the_body_axis_form(seed):
-    """(3.21-3.23) against (3.6-3.8) by the chain rule: this is where the printed signs were wrong."""
+    """(3.21-3.23) follow from (3.6-3.8) by the chain rule: this is where the printed signs were wrong."""
     rng = np.random.default_rng(seed)
     V, alpha, beta = rng.uniform([10, -0.4, -0.4], [40, 0.4, 0.4])
     phi, theta, _ = random_attitude(rng)
@@ -108,7 +108,7 @@ def test_flow_and_velocity_are_inverses():
 
 
 def test_torque_free_rotation_keeps_energy_and_momentum():
-    """A tumbling body in no air: kinetic energy and the momentum vector, seen from the ground, stay."""
+    """A body tumbles without air: kinetic energy and the momentum vector, seen from the ground, stay constant."""
 
     def rates(_, x):
         phidot = attitude_derivative(*x[3:5], *x[:3])
@@ -133,7 +133,8 @@ def test_a_spinning_propeller_yaws_the_aircraft_that_pitches_up():
 
 
 def test_specific_force_off_the_center_is_that_of_a_point_carried_around():
-    """Second derivative of the point's position by differences: a body that turns about a tilted axis ever faster."""
+    """The point's position is differentiated twice numerically, on a body that turns ever faster about a tilted
+    axis."""
     axis, rate, acceleration = np.array([0.3, -0.5, 0.8]), 1.3, 0.7
     axis = axis / np.linalg.norm(axis)
     point = np.array([0.4, -0.1, 0.2])

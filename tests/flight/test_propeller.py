@@ -70,7 +70,7 @@ def apc(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def uiuc_tables(folder: Path) -> dict[float, str]:
-    """The 10x5 in the wind tunnel, by speed of rotation; the number behind the name's last bar is the speed."""
+    """The 10x5 in the wind tunnel, by speed of rotation, which is the number after the name's last underscore."""
     texts = {}
     for path in sorted(folder.glob("apce_10x5_*_????.txt")):
         rpm = re.search(r"_(\d{4})\.txt$", path.name)
@@ -83,7 +83,7 @@ def test_uiuc_files_give_back_their_printed_values(uiuc):
     texts = uiuc_tables(uiuc)
     assert len(texts) >= 5
     propeller = parse_uiuc(texts, "apce 10x5", 0.254)
-    # Seven tests at four speeds: two of one speed, at low and at high J, are one row at their mean speed.
+    # Seven tests at four speeds: two tests at one speed, for low and for high J, are one row at their mean speed.
     assert [row.rpm for row in propeller.rows] == [4005.0, 4996.5, 6011.5, 6708.5]
     by_rpm = {row.rpm: row for row in propeller.rows}
     for rpm, text in texts.items():
@@ -97,7 +97,7 @@ def test_uiuc_files_give_back_their_printed_values(uiuc):
 
 
 def test_two_halves_of_one_speed_leave_no_hole_between_speeds(uiuc):
-    """Rows of 4993 and 5000 rpm were once two: just below them cT at low J was that of the high-J half, 0.03."""
+    """Rows of 4993 and 5000 rpm were once separate: just below them, cT at low J was that of the high-J half, 0.03."""
     propeller = load_propeller(uiuc / "apce_10x5_kt0821_5000.txt")
     cT, _ = propeller.coefficients(0.2, np.array([4005.0, 4500.0, 4980.0, 5000.0, 5500.0, 6005.0]))
     assert np.all(np.diff(cT) > -1e-4), "cT grows with Reynolds number here"
@@ -117,7 +117,7 @@ def test_uiuc_files_as_downloaded_give_diameter_static_thrust_and_all_speeds(uiu
 
 
 def test_between_tabulated_speeds_reynolds_number_is_followed(uiuc):
-    """The row of 5000 rpm left out and asked for between 4005 and 6010: within the tunnel's own 0.002 in cT and cP."""
+    """The row of 5000 rpm is left out and found from 4005 and 6010: within the tunnel's own 0.002 in cT and cP."""
     texts = uiuc_tables(uiuc)
     full_table = parse_uiuc(texts, "apce 10x5", 0.254)
     without = parse_uiuc({rpm: text for rpm, text in texts.items() if not 4900 < rpm < 5100}, "apce 10x5", 0.254)
@@ -146,7 +146,7 @@ def test_apc_files_give_back_their_printed_coefficients(apc, name):
 
 @pytest.mark.parametrize("name", ["PER3_12x8E.dat", "PER3_10x5E.dat"])
 def test_apc_files_give_back_their_printed_thrust(apc, name):
-    """The file prints thrust in pounds beside its coefficients: (3.48) has to give the same."""
+    """The file prints thrust in pounds beside its coefficients, and (3.48) has to give the same thrust."""
     text = (apc / name).read_text("utf-8", errors="replace")
     propeller = parse_propeller(text, name)
     assert len(propeller.rows) == 6
@@ -207,7 +207,7 @@ def test_beyond_zero_thrust_the_propeller_brakes_and_then_windmills(name):
     n = 80.0
     V = np.linspace(0.3, 1.6, 40) * n * propeller.diameter_m
     thrust, power = propeller.thrust_and_power(V, n, 1.2)
-    # Below zero thrust power is still taken; further on the air turns the propeller. Never the other way round.
+    # Below zero thrust the propeller still takes power; further on the air turns it. It is never the other way round.
     assert thrust[0] > 0 > thrust[-1]
     assert power[0] > 0 > power[-1]
     assert V[np.argmax(thrust < 0)] <= V[np.argmax(power < 0)]

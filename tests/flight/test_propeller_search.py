@@ -125,7 +125,7 @@ def test_the_nearest_are_near_in_both_dimensions_and_one_is_measured() -> None:
 
 
 def thrust_ratio(base: Table, other: Table, J: tuple[float, float]) -> float:
-    """Mean logarithm of thrusts at one airspeed and speed of rotation, from thrusts in newtons."""
+    """Mean logarithm of the ratio of two tables' thrusts [N] at equal airspeeds and one speed of rotation."""
     rpm = np.clip(np.mean(base.rpm), *other.rpm)
     n, V = rpm / 60, np.linspace(*J, 15) * rpm / 60 * base.propeller.diameter_m
     item, two = (table.propeller.thrust_and_power(V, np.full(V.shape, n), 1.2)[0] for table in (base, other))
@@ -139,7 +139,7 @@ def thrust_ratio(base: Table, other: Table, J: tuple[float, float]) -> float:
 def test_each_measured_table_as_if_it_were_missing_lies_in_the_interval_said(
     words: tuple[str, ...], least: int
 ) -> None:
-    """95 % of the 29 tables of any make, and 12 of the 13 of one series."""
+    """The interval holds for 95 % of the 29 tables of any make, and for 12 of the 13 of one series."""
     inside, scale_z = 0, []
     requests = [table for table in MEASURED if words == ("nobody",) or table.series == "APC thin electric"]
     for left_out in requests:
@@ -155,7 +155,7 @@ def test_each_measured_table_as_if_it_were_missing_lies_in_the_interval_said(
 
 
 def test_an_inch_of_diameter_and_pitch_cost_what_physics_says() -> None:
-    """Thrust grows with D^4 and, at one airspeed, more with what the advance ratio loses; and with pitch, less."""
+    """At one airspeed, thrust grows with D^4 and more, since a larger diameter lowers J; with pitch it grows less."""
     cost = cost_of(named("apc-11x7e"), parse_query(["11x7.5", "apc", "thin"]), TABLES)
     assert cost.per_inch
     in_powers = [math.log1p(step) / math.log1p(1 / inch) for step, inch in zip(cost.per_inch, (11, 7), strict=True)]

@@ -24,7 +24,7 @@ class Counted(Propeller):
 
 @pytest.fixture
 def propeller() -> Counted:
-    """Corners at J = 0.4 and 0.6, where the slope of cT doubles, and at 6000 rpm."""
+    """A table with corners at J = 0.4 and 0.6, where the slope of cT doubles, and at 6000 rpm."""
     J = (0.0, 0.4, 0.6, 0.8)
     slow = Row(4000.0, J, (0.10, 0.08, 0.05, 0.0), (0.045, 0.045, 0.04, 0.02))
     fast = Row(6000.0, J, (0.11, 0.09, 0.06, 0.01), (0.047, 0.047, 0.042, 0.021))
@@ -61,13 +61,13 @@ def test_the_speed_of_rotation_at_full_throttle_balances_the_motor(propeller: Co
     ids=["thrust", "full throttle"],
 )
 def test_a_dozen_evaluations_do(propeller: Counted, solved: Callable[[Propeller, np.ndarray], np.ndarray]) -> None:
-    """For 400 speeds at once, of which the slowest to be revps decides: bisection takes 30 for as many digits."""
+    """For 400 speeds at once the slowest to converge decides; bisection takes 30 evaluations for as many digits."""
     n = solved(propeller, np.linspace(1.0, 25.0, 400))
     assert np.isfinite(n).all() and propeller.calls <= 12
 
 
 def test_a_thrust_that_does_not_change_with_rotation_has_no_speed_of_rotation(propeller: Counted) -> None:
-    """Nor has a thrust that is not known, nor one that is never reached."""
+    """Nor has an unknown thrust, nor one that is never reached."""
     idle = Propeller("idle", 0.3, (Row(4000.0, (0.0, 0.5), (0.0, 0.0), (0.0, 0.0)),))
     assert np.isnan(revps_for_thrust(idle, 15.0, 0.5, RHO))
     assert np.isnan(revps_for_thrust(propeller, np.array([15.0, np.nan]), np.array([1e5, 2.0]), RHO)).all()

@@ -31,7 +31,8 @@ def test_speed_turns_where_it_comes_back_and_not_where_it_wavers() -> None:
 
 
 def test_legs_alternate_and_end_at_the_furthest_speeds() -> None:
-    """Random walks between 8 and 25 m/s, some of which change direction by little more or less than a leg needs."""
+    """The speeds are random walks between 8 and 25 m/s; some change direction by slightly more or less than a leg
+    needs."""
     rng = np.random.default_rng(0)
     for _ in range(40):
         turns = rng.uniform(8, 25) * np.exp(np.cumsum(rng.uniform(-0.25, 0.25, 30)))

@@ -1,4 +1,4 @@
-"""The drag of a propeller that stands: Hoerner's plates in the flow."""
+"""The drag of a propeller that stands still: Hoerner's plates in the flow."""
 
 import pytest
 

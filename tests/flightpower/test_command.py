@@ -173,7 +173,7 @@ def test_a_new_tray_names_the_aircraft(tmp_path: Path) -> None:
 @pytest.mark.skipif(not THREADS.is_dir(), reason="threads are counted in /proc (Linux)")
 @pytest.mark.parametrize("name", ["analyze", "flightpower export"])
 def test_a_command_computes_in_one_thread_unless_the_user_asks_for_more(name: str) -> None:
-    """It is too late to say so once NumPy was imported, as the modules of the commands do."""
+    """The setting would come too late after NumPy was imported, as the modules of the commands do."""
     main, *words = name.split()
     code = (
         f"import os, sys; from flightpower import scripts; sys.argv = {[main, *words, '--version']}; scripts.{main}();"

@@ -33,7 +33,7 @@ def test_the_program_on_the_page_imports_names_that_exist_and_calls_what_they_ta
 
 
 def test_the_program_on_the_page_is_the_one_whose_types_are_checked() -> None:
-    """`make types` takes it and what is right and wrong in typed_program.py."""
+    """`make types` checks it, and also what is right and wrong in typed_program.py."""
     (program,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     assert Path(__file__).with_name("typed_page.py").read_text("utf-8").partition("\n")[2] == program
     checked = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["mypy"]["files"]

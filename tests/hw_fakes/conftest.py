@@ -12,7 +12,7 @@ def clock():
 
 @pytest.fixture
 def powered(clock):
-    """A tray of those functions, half a second after power-on."""
+    """A function that makes a tray on an `AnalyticSensorTruth`, half a second after power-on."""
 
     def make(seed=1, after_s=0.5, **functions):
         options = {
@@ -29,5 +29,5 @@ def powered(clock):
 
 @pytest.fixture
 def bus_of(powered):
-    """The I2C bus of such a tray."""
+    """A function that makes such a tray and returns its I2C bus."""
     return lambda **functions: powered(**functions).i2c("/dev/i2c-1")

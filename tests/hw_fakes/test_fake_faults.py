@@ -67,7 +67,7 @@ def test_after_a_brown_out_the_imu_is_at_its_defaults_and_hides_its_magnetometer
 
 
 def test_bits_flip_in_about_as_many_bytes_as_asked_for():
-    """600 bytes of a constant register at a rate of 0.2: 120, with a standard deviation of 10."""
+    """600 bytes of a constant register at a rate of 0.2 give 120, with a standard deviation of 10."""
     clock, tray = tray_with("bit_flips", "imu")
     bus = tray.i2c("/dev/i2c-1")
     advance(clock, 2.1)
@@ -178,7 +178,7 @@ def test_checksum_errors_hit_about_as_many_bytes_as_asked_for():
     damaged = heard(port, clock, END_S - 0.04)
     frame = healthy.esc_counter.output(1_000_000_000)[0][1]
     wrong = sum(damaged[i : i + 4] not in (frame, frame[:3] + b"\xcd", frame[:3] + b"\xce") for i in range(0, 260, 4))
-    assert 65 * 0.35 < wrong < 65 * 0.85  # 65 frames of four bytes, each hit by a chance of 0.2: 59 %
+    assert 65 * 0.35 < wrong < 65 * 0.85  # 65 frames of four bytes, each byte hit with a probability of 0.2: 59 %
 
 
 def test_the_same_seed_is_the_same_misfortune():

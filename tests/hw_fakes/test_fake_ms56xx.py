@@ -70,8 +70,9 @@ def test_the_arithmetic_used_below_meets_the_published_vectors(d2, centi_degC, p
     ("part", "forwards"), [(ms56xx.MS5611, datasheet_ms5611), (ms56xx.MS5805, datasheet_ms5805)], ids=["5611", "5805"]
 )
 def test_the_compensation_backwards_is_the_inverse_of_the_datasheets(part, forwards, seed):
-    """To the last digit when warm. Below 20 degC the datasheet squares TEMP after cutting it to 0.01 degC; the squares'
-    slopes at -40 degC make that up to 4 Pa, and cutting TEMP and T2 apart another 0.01 degC."""
+    """They agree to the last digit when warm. Below 20 degC the datasheet squares TEMP after cutting it to 0.01 degC;
+    the slopes of the squares at -40 degC make that up to 4 Pa, and cutting TEMP and T2 separately makes another 0.01
+    degC."""
     prom = ms56xx.draw_prom(part, seed)
     for degC in range(-40, 86, 5):
         for pascal in (30_000, 70_000, 100_000, 110_000):

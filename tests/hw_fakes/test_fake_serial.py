@@ -23,7 +23,7 @@ class RealClock:
 
 
 def listen(port, clock, seconds, step_s=0.04):
-    """Arrival [ns] of the end of each piece, and the pieces."""
+    """The arrival [ns] of the end of each piece, and the pieces."""
     pieces = []
     for _ in range(round(seconds / step_s)):
         clock.advance_ns(round(step_s * 1e9))

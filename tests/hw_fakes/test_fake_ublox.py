@@ -15,7 +15,7 @@ RATE_10_HZ = bytes.fromhex("b562060806006400010001007a12")
 
 
 def pvt_only(rate_ms=100):
-    """Commands that leave nothing but NAV-PVT."""
+    """Commands that switch off every message but NAV-PVT."""
     return [
         UBXMessage("CFG", "CFG-RATE", SET, measRate=rate_ms, navRate=1, timeRef=1).serialize(),
         UBXMessage("CFG", "CFG-MSG", SET, msgClass=1, msgID=7, rateUART1=1).serialize(),
@@ -264,5 +264,5 @@ def test_a_line_too_slow_loses_whole_messages(powered, clock):
 def test_same_seed_same_bytes(gps_of, clock):
     assert clock.now_ns() == POWER_ON_NS
     first = listen(gps_of(), clock, 3.0)
-    # The second tray is switched on later, by a whole number of microseconds: it lives the same life.
+    # The second tray is switched on later, by a whole number of microseconds, and does the same.
     assert listen(gps_of(), clock, 3.0) == first

@@ -141,7 +141,7 @@ def definition(plant: Plant) -> str:
 
 
 def write(plant: Plant, folder: Path) -> str:
-    """Write the definition where JSBSim looks for it; gives the model's name."""
+    """Write the definition where JSBSim looks for it; return the model's name."""
     name = plant.aircraft.name
     place = folder / "aircraft" / name
     place.mkdir(parents=True)

@@ -21,7 +21,7 @@ jsbsim = pytest.importorskip("jsbsim", reason="JSBSim is not installed")
 from jsbsim_model import FT, LBF, write  # noqa: E402
 
 STANDARD = Air(ground_pressure_Pa=SEA_LEVEL_PRESSURE_PA, ground_temperature_K=SEA_LEVEL_TEMPERATURE_K)
-STEPS = 16  # of JSBSim in one of ours: it acts on the state of the step before, which has to be a short one
+STEPS = 16  # steps of JSBSim in one of ours: it acts on the state of the step before, so steps have to be short
 HEAD = f"""
 title = "for comparison"
 height = "100 m"
@@ -100,7 +100,7 @@ def test_our_trim_is_trimmed_there(standard_plant, other, over_stall):
 @pytest.mark.parametrize("maneuver", [RUN, DOUBLET, STEPS_3211], ids=["acceleration", "elevator-doublet", "3-2-1-1"])
 def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, maneuver):
     truth = fly(nexstar, parse_plan(HEAD + maneuver, "comparison")).truth
-    # Without the recovery after the elevator input, when the motor jumps faster than JSBSim shows its thrust.
+    # The recovery after the elevator input is left out: the motor jumps faster there than JSBSim shows its thrust.
     truth = truth[truth["segment"] == 0].iloc[: None if maneuver == RUN else round(MANEUVER_S / 0.02)]
     columns = ("elevator_rad", "aileron_rad", "rudder_rad", "motor_speed_revps")
     controls = truth[list(columns)].to_numpy()
@@ -125,7 +125,7 @@ def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, maneuver):
     results = [state(fdm)]
     for before, after in pairwise(controls):
         for i in range(STEPS):
-            # Halfway through the step that follows, as good as a linear course within it.
+            # Controls of halfway through the step that follows, which is as good as a linear course within it.
             steer(fdm, *(before + (after - before) * (i + 0.5) / STEPS))
             fdm.run()
         steer(fdm, *after)
@@ -134,7 +134,7 @@ def test_a_flight_of_ours_is_flown_the_same_there(nexstar, other, maneuver):
     assert np.ptp(truth["V_mps"] if maneuver == RUN else np.rad2deg(truth["alpha_rad"])) > 4
     assert np.max(np.abs(V / truth["V_mps"] - 1)) < 0.01
     assert np.max(np.abs(np.rad2deg(alpha - truth["alpha_rad"]))) < 0.2
-    # JSBSim says the thrust of the step before: power is compared with the speed and motor of each instant.
+    # JSBSim gives the thrust of the step before, so power is compared with the speed and motor of each instant.
     power = truth["thrust_N"].to_numpy() * truth["V_mps"].to_numpy()
     first_order_lag = np.array(results)[1:, 2]
     assert np.max(np.abs(first_order_lag / power[1:] - 1)) < 0.01

@@ -31,7 +31,7 @@ def test_spectra_are_those_of_the_standard():
     omegas = np.geomspace(0.05, 60, 25)
     for omega in omegas:
         response = C @ np.linalg.solve(1j * omega * np.eye(N) - A, B) + D
-        # Unit two-sided intensity in time is 1/(pi) one-sided in angular frequency, V/pi in spatial.
+        # An intensity of one, two-sided in time, is 1/pi one-sided in angular frequency and V/pi in spatial frequency.
         result = np.sum(np.abs(response) ** 2, axis=1) * V / np.pi
         Om = omega / V
 
@@ -54,7 +54,7 @@ def test_variances_are_those_of_the_standard():
     # Low-altitude model (sec. 3.7.3.4.1): sigma_w is a tenth of the wind at 20 ft, scale of w is the height.
     assert s.sigma_w == pytest.approx(0.1 * W20)
     assert s.L_w == pytest.approx(H)
-    h = 1000 * FOOT_M  # where the model meets that of high altitude: everything isotropic, 1000 ft
+    h = 1000 * FOOT_M  # where the model meets that of high altitude, 1000 ft: everything is isotropic
     top = gust_scales(W20, h)
     assert (top.L_u, top.sigma_u) == pytest.approx((top.L_w, top.sigma_w), rel=1e-9)
 
@@ -71,7 +71,7 @@ def test_noise_held_over_a_step_gives_the_same_variance():
         def rate(state, white=white):
             return np.array(dryden(GustStates(*state), tuple(white), V=V, span_m=SPAN, scales=gust_scales(W20, H))[0])
 
-        # Trapezoidal predictor-corrector: of second order, as good as exact at a hundredth of the filters' time.
+        # The trapezoidal predictor-corrector is of second order, as good as exact at a hundredth of the filters' time.
         a = np.array(x)
         k1 = rate(a)
         k2 = rate(a + dt * k1)

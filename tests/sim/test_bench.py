@@ -1,4 +1,4 @@
-"""Segments that rehearse calibrations: what they do to the sensors is what the aircraft file and physics say."""
+"""Segments that rehearse calibrations act on the sensors as the aircraft file and physics say."""
 
 from dataclasses import replace
 
@@ -26,7 +26,8 @@ STANDING = np.array([0.0, 0.0, 0.3])
 
 
 def test_a_burst_arrives_late_by_the_lag_of_its_line() -> None:
-    """The area under a step behind a first-order lag is larger by pressure times lag; the pressing up is as late."""
+    """The area under a step behind a first-order lag is larger by pressure times lag; the rise in pressure is as
+    late."""
     segment = BurstsSegment(line="alpha", pressure_Pa=300.0, count=1)
     t = np.arange(0.0, segment.duration_s, 1e-3)
     at_once, late = (segment.response(t, step_response(NO_LINE, *GROUND_AIR, lag), np.zeros(1)) for lag in (0.0, 0.025))
@@ -37,7 +38,7 @@ def test_a_burst_arrives_late_by_the_lag_of_its_line() -> None:
     assert t[at_once > 299.9][-1] == pytest.approx(burst, abs=2e-3)
     after = t >= burst
     assert np.trapezoid(late[after], t[after]) == pytest.approx(300.0 * 0.025, rel=0.02)
-    half = 2.5  # while it is pressed up, the pressure is that of one lag earlier
+    half = 2.5  # while the pressure rises, it is that of one lag earlier
     assert np.interp(half, t, late) == pytest.approx(np.interp(half - 0.025, t, at_once), rel=1e-3)
 
 

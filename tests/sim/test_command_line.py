@@ -40,7 +40,7 @@ BAD_PLANS = {
 
 @pytest.fixture
 def sim(monkeypatch, capsys, tmp_path):
-    """Run the command in an empty directory; gives exit code and stderr."""
+    """Run the command in an empty directory; return exit code and stderr."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments):

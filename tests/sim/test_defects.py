@@ -146,7 +146,7 @@ def test_a_bending_boom_shows_more_angle_of_attack_in_proportion_to_load_factor(
 
 
 def test_static_ports_near_the_wing_err_in_proportion_to_lift():
-    """Airspeed pressure goes with the square of airspeed; through the lines a little later than the truth."""
+    """Airspeed pressure goes with the square of airspeed; behind the lines it comes a little later than the truth."""
     flight = flown_with(FOUR_RUNS)
     truth = flight.truth[flight.truth["kind"] == "run"]
     t, CL = truth["time_s"].to_numpy(), truth["CL"].to_numpy()
@@ -185,7 +185,8 @@ def test_the_true_curve_is_that_with_the_gear_in():
 
 
 def test_thrust_fades_with_the_energy_taken():
-    """Against the table at the same motor speed and airspeed; 20 % are lost when the battery is empty."""
+    """Thrust is compared with the table at the same motor speed and airspeed; 20 % is lost when the battery is
+    empty."""
     faded = flown_with(FOUR_RUNS, thrust_loss=0.2)
     row = faded.truth.iloc[-1]
     table, _ = faded.plant.propeller.thrust_and_power(row["V_mps"], row["motor_speed_revps"], row["density_kgpm3"])

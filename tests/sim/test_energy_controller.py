@@ -23,7 +23,7 @@ DT = 0.02
 
 
 def settled(*seen: Observation, height_m: float = 80.0, speed_mps: float = 15.0) -> tuple[float, float]:
-    """Pitch and throttle after observations of which each lasts two seconds."""
+    """Pitch and throttle after observations that last two seconds each."""
     controller, command = EnergyController(CRUISE, DT), (0.0, 0.0)
     for item in seen:
         for observation in repeat(item, round(2 / DT)):
@@ -40,7 +40,7 @@ def test_height_is_exchanged_for_airspeed_by_pitch_and_both_are_paid_by_throttle
     assert pitch > 0.06 and throttle < 0.49  # fast: nose up, throttle back
     pitch, throttle = settled(LEVEL, LEVEL._replace(height=78.0))
     assert pitch > 0.06 and throttle > 0.51  # low: nose up, more throttle
-    # Fast and low by the same energy: only pitch.
+    # An aircraft that is fast and low by the same energy needs only pitch.
     low_m = (16.0**2 - 15.0**2) / 2 / 9.80665
     both = LEVEL._replace(V=16.0, height=80.0 - low_m)
     _, alone = settled(LEVEL, LEVEL._replace(height=80.0 - low_m))
@@ -76,7 +76,7 @@ def test_laps_in_calm_air_are_level_at_the_speed_of_the_plan() -> None:
 
 
 def test_throttle_answers_the_energy_that_gusts_give_and_take() -> None:
-    """That of the airspeed that the sensor feels, and of height."""
+    """This energy is that of height and of the airspeed that the sensor feels."""
     truth = laps(4.0)
     held = truth[truth["segment"].isin((3, 5, 7, 9))].assign(
         energy=lambda x: 9.81 * x["height_m"] + x["V_mps"] ** 2 / 2

@@ -27,8 +27,8 @@ def part(flight, index):
 
 
 def test_the_truth_is_one_motion_from_standing_to_standing(flight):
-    """Position, velocity, attitude, rates and specific force of every row belong together, on the ground, on the way
-    up, in flight and on the way down: differentiated by splines."""
+    """Position, velocity, attitude, rates and specific force of every row belong together, as derivatives of splines
+    show: on the ground, on the way up, in flight and on the way down."""
     truth = flight.truth
     t = truth["time_s"].to_numpy()
     assert np.allclose(np.diff(t), 0.02)
@@ -106,7 +106,8 @@ def test_the_whole_test_flight_is_what_it_says(nexstar):
 
 
 def test_a_deceleration_pitches_slowly_and_by_some_degrees(nexstar):
-    """The source: 8 deg in 20 s. From its own speeds down, in as long a run as its throttle allowed."""
+    """The source has 8 deg in 20 s. Here the run starts at the plan's speeds and lasts as long as its throttle
+    allows."""
     flight = fly(nexstar, load_plan("case-1"))
     run = next(
         g
@@ -119,8 +120,8 @@ def test_a_deceleration_pitches_slowly_and_by_some_degrees(nexstar):
 
 
 def test_the_sources_own_runs_on_its_own_aircraft():
-    """8 deg of pitch in a deceleration of 20 s; 6.8 deg/s at most in an acceleration. Its throttle and its speeds are
-    not printed in what we have of it: within a sixth."""
+    """The source has 8 deg of pitch in a deceleration of 20 s, and at most 6.8 deg/s in an acceleration. Its throttle
+    and its speeds are not printed in what we have of it, so it is matched within a sixth."""
     truth = fly(load_aircraft("astraeus-hs"), load_plan("long-deceleration")).truth
     faster, slower = (run for _, run in truth[truth["kind"] == "run"].groupby("segment"))
     assert np.rad2deg(faster["q_radps"].abs().max()) == pytest.approx(6.8, rel=1 / 6)
@@ -205,7 +206,7 @@ def test_the_errors_of_the_day_change_the_aircraft_that_flies(nexstar):
     plain = fly_text(nexstar, text)
     assert flight.plant.mass_kg == pytest.approx(plain.plant.mass_kg * (1 + errors.values.weight_scale))
     assert flight.power_required["weight_N"].iloc[0] == pytest.approx(flight.plant.mass_kg * 9.80665)
-    # The truth to find is of the aircraft that flew, heavier or lighter and with its own polar.
+    # The truth to find is that of the aircraft that flew, heavier or lighter and with its own polar.
     assert not np.allclose(flight.power_required["power_W"], plain.power_required["power_W"], rtol=1e-4)
 
 

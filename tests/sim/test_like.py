@@ -75,7 +75,7 @@ def test_lengths_and_inertias_scale_as_their_dimensions(text, model):
 
 
 def test_a_slender_wing_has_less_induced_drag_and_the_text_says_so(model):
-    """Twice the aspect ratio at the same area: half of K, e and all other coefficients as they were."""
+    """Twice the aspect ratio at the same area halves K; e and all other coefficients stay as they were."""
     slender = SMALL.replace("1.2 m", f"{1.2 * 2**0.5:.9f} m")
     own, other = (scaled_from(text, "own.toml", model) for text in (SMALL, slender))
     K, of_other = (aerodynamics_of(a).K for a in (own, other))

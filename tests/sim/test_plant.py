@@ -98,8 +98,8 @@ def test_energy_balance_over_a_whole_flight(flight):
 
 
 def test_rk4_is_of_order_four_and_euler_of_order_one(plant):
-    """Halving the step divides the error by 16 and by 2. On a propeller without corners in its table, since corners
-    have no fourth derivative."""
+    """Halving the step divides the error by 16 and by 2. The propeller's table has no corners, since corners have no
+    fourth derivative."""
     smooth = Propeller("smooth", 0.3, (Row(6000, (0.0, 2.0), (0.1, -0.15), (0.06, -0.04)),))
     calm = replace(plant, propeller=smooth)
     trim = Trimmer(calm, 100.0).solve(V=17.0, climb=0.0)
@@ -121,7 +121,7 @@ def test_rk4_is_of_order_four_and_euler_of_order_one(plant):
 
 
 def test_the_compiled_step_is_the_plain_one(plant, trimmer):
-    """CasADi's step and NumPy's are one definition: also in wind, in gusts and with everything moving."""
+    """CasADi's step and NumPy's have one definition: they agree also in wind, in gusts and with everything moving."""
     windy = replace(plant, air=Air(wind_mps=4.0, wind_from_rad=1.0, turbulence_mps=6.0, thermal_mps=1.0))
     x = tumbling(elevator=0.05, aileron=-0.02, rudder=0.1, gust_u=1.0, gust_w1=-0.5, gust_v2=0.3, gust_p=0.05)
     x = x._replace(p=0.2, down=-80.0)

@@ -55,7 +55,7 @@ def test_electrical_power_is_shaft_power_and_losses(propulsion, propeller):
 
 
 def test_an_unloaded_motor_turns_at_kv_times_volts(propulsion):
-    """What kv means, up to the no-load current's drop: the propeller taken off (air of no density)."""
+    """This is what kv means, up to the drop by the no-load current; the propeller is taken off (air of no density)."""
     propeller = load_propeller(propulsion.propeller)
     n = propulsion.motor_kv_rpm_per_volt * propulsion.battery_voltage_V / 60
     i = propulsion.motor_no_load_current_A
@@ -65,7 +65,8 @@ def test_an_unloaded_motor_turns_at_kv_times_volts(propulsion):
 
 
 def test_the_speed_controller_freewheels(propulsion, propeller):
-    """Throttle shut at speed: no current either way, thrust becomes drag, and the windmill finds its speed."""
+    """The throttle is shut at speed: no current flows either way, thrust becomes drag, and the windmill finds its
+    speed."""
     V = 25.0
     fast = power_train(propulsion, propeller, V=V, n=140.0, throttle=0.0, rho=RHO)
     assert fast.battery_current_A == 0 and fast.motor_acceleration_revps2 < 0
@@ -112,7 +113,8 @@ def test_a_propeller_that_stands_drags_as_its_blades_do(propulsion, propeller, b
 
 
 def test_an_aircraft_that_folds_its_propeller_glides_further(nexstar):
-    """Throttle closed at the same speed: the windmill brakes, the folded propeller hardly; the file says which."""
+    """The throttle is closed at the same speed: a windmill brakes, a folded propeller hardly; the file says which it
+    is."""
     text = nexstar.text.replace("[propulsion]", '[propulsion]\nbeyond_zero_thrust = "fold"')
     sinks = {}
     for craft in (nexstar, parse_aircraft(text, "folding.toml")):

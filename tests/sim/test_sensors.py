@@ -169,7 +169,7 @@ def test_air_data_contain_the_true_airspeed_and_angles(perfect, flight, flown):
     x, q_rate, V = flight.aircraft.probe.position_m[0], truth["q_radps"].to_numpy(), truth["V_mps"].to_numpy()
     at_probe = np.arcsin(dp_alpha / q_truth * 4 / 9) / 2
     alpha = at_probe - truth["upwash_rad"] + q_rate * x / V
-    # Lag of half a millisecond, speed at the probe and beta: hundredths of a degree.
+    # A lag of half a millisecond, the speed at the probe, and beta give hundredths of a degree.
     assert np.max(np.abs(alpha - truth["alpha_rad"])) < np.deg2rad(0.05)
     q_c = perfect.differential_pressure_Pa("airspeed", t)
     sine2 = np.sin(at_probe) ** 2 + np.sin(truth["beta_rad"]) ** 2
@@ -221,7 +221,7 @@ def test_gps_says_where_it_was_and_integrates_its_own_velocity(flight, perfect):
 
 
 def test_the_autopilots_attitude_is_wrong_when_speed_changes(perfect, flight):
-    """It uses the accelerometer as vertical, which is 8 to 11 deg off in such runs."""
+    """It takes the accelerometer's reading for vertical, which is wrong by 8 to 11 deg in such runs."""
     t = flight.truth["time_s"].to_numpy()
     error = np.rad2deg(perfect.autopilot_attitude_rad(t)[:, 1] - flight.truth["pitch_rad"].to_numpy())
     runs = (flight.truth["kind"] == "run").to_numpy()

@@ -26,7 +26,7 @@ def test_trim_leaves_no_residual_from_stall_to_top_speed(name):
         assert trim.residual < RESIDUAL_LIMIT
         x = trim.state()
         rate = trimmer.plant.derivative(x, trim.commands)
-        # Only the position and the battery change, and nothing in the motor.
+        # Only the position and the battery change, and nothing in the motor does.
         for field in set(AircraftState._fields) - {"north", "east", "energy"}:
             assert abs(getattr(rate, field)) < 1e-6, field
 
@@ -44,7 +44,7 @@ def test_climbing_and_turning_flight_stays_what_it_was(trimmer, climb, bank_deg)
     stepper.start(x, trim.commands)
     for _ in range(100):
         seen = stepper.step()
-    # The air thins by 1e-4 a meter of climb, and trim goes with it; the spiral mode takes half a minute to show.
+    # The density falls by 1e-4 per meter of climb, and trim follows; the spiral mode takes half a minute to show.
     assert seen.V == pytest.approx(18.0, abs=0.01)
     assert seen.phi == pytest.approx(np.deg2rad(bank_deg), abs=0.01)
 

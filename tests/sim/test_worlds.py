@@ -73,7 +73,7 @@ def test_every_world_differs_from_the_study(name):
 
 @pytest.mark.parametrize("name", [name for name in worlds() if load_world(name).uncertainty])
 def test_the_aircraft_file_states_what_the_world_does(name):
-    """All of its [uncertainty]; what the world does not state keeps its default."""
+    """It states all of [uncertainty]; what the world does not state keeps its default."""
     world = load_world(name)
     uncertainty = parse_aircraft(world.aircraft_text(load_aircraft("nexstar").text), "aircraft.toml").uncertainty
     assert astuple(uncertainty) == pytest.approx(astuple(world.uncertainty), rel=1e-9)
@@ -236,7 +236,7 @@ def test_the_wind_veers_with_height():
 
 
 def test_zeros_step_once_and_shift_in_the_airstream(everything):
-    """Against the same flight without these errors: nothing at rest-like start, a lag of a minute, then a step."""
+    """Subtracting the flight without these errors leaves nothing at its start, a lag of a minute, and then a step."""
     budget = load_budget("none")
     errors = draw(replace(budget, systematic=replace(budget.systematic, zero_step_Pa=5.0, zero_cooling_Pa=3.0)), 2)
     t = np.linspace(0, everything.duration_s, 2000)

@@ -47,7 +47,7 @@ def probe_of(log: Log) -> ProbeMaps:
 
 
 def monitored(log: Log, aircraft: Aircraft, probe: ProbeMaps | None, speed: float = 1.0) -> Contents:
-    """Motion, verdicts and the interval so far. speed: of a faster or slower aircraft, by the pressures."""
+    """Motion, verdicts and the interval so far; `speed` is a factor on airspeed, applied to the dynamic pressure."""
     monitor, means = RunMonitor(aircraft, probe), TickMeans()
     motion = RunMonitor(aircraft, probe).motion
     moved, verdicts = [], []
@@ -135,7 +135,7 @@ def thrust() -> Contents:
 
 
 def rest() -> Contents:
-    """Readings on the ground and in the air, as those of an aircraft at rest."""
+    """Readings on the ground and in the air, taken for those of an aircraft at rest."""
     log = log_of(commands.demo_log)
     contents: Contents = {"height": [rest_check.standard_height_m(p) for p in (70e3, 95e3, 104e3)]}
     for name, first in (("on the ground", 100), ("in the air", 1500)):

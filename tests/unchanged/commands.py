@@ -29,7 +29,7 @@ def run(*words: object) -> Contents:
 
 
 def printed_by(*words: object) -> Contents:
-    """Exit code, and numbers printed, of a command that does not write them to a file."""
+    """Exit code and printed numbers of a command that does not write them to a file."""
     code, lines = _run(*words)
     return {"exit code": code, "printed": numbers_printed(lines)}
 

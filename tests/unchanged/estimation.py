@@ -1,4 +1,4 @@
-"""What the estimators find in simulated records, good ones and such as must not be used."""
+"""What the estimators find in simulated records, in good ones and in those that must not be used."""
 
 import sys
 from collections.abc import Callable
@@ -58,12 +58,12 @@ def of_fit(fit: Fit) -> Contents:
 
 
 def hard() -> Contents:
-    """Without the unstable one, whose iterations rounding decides."""
+    """The hard cases without the unstable one, whose iterations depend on rounding."""
     return {name: of_fit(case.fit(1)) for name, case in hard_cases.CASES.items() if name != "an unstable aircraft"}
 
 
 def fits() -> Contents:
-    """Every method, on records of which two have turbulence."""
+    """Fits by every method, to records of which two have turbulence."""
     still, rough = disturbed.linear_record(1, 0.0), disturbed.linear_record(2)
     start = {name: value * 1.3 for name, value in disturbed.LINEAR_TRUTH.items()}
     unbiased = disturbed.LINEAR.changed(Z0={"free": False}, M0={"free": False})

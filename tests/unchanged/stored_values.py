@@ -27,11 +27,11 @@ import numpy as np
 import pandas as pd
 
 REFERENCES = Path(__file__).parents[1] / "data" / "unchanged"
-# Another computer's rounding; of a number, of the largest of its interval, or of the root mean square of its array.
+# Rounding of another computer, relative to a number, the largest of its interval, or the root mean square of its array.
 RELATIVE = 3e-5
-EXACT = 1e-9  # of the same computer
+EXACT = 1e-9  # on the same computer
 ESTIMATE = ("value", "lo", "hi")  # with its interval
-SHORT = 4  # an array of at most so many numbers stands as it is
+SHORT = 4  # an array of at most so many numbers is stored as it is
 NUMBER = r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?"
 QUANTITY = re.compile(rf"({NUMBER})(?:\s+([^\s\d]\S*))?")
 NAME = re.compile(r"[^\W\d]\S*(?: [^\W\d]\S*)?(?<![.,:;])|[%°]")
@@ -50,7 +50,7 @@ def condensed(value: object) -> dict[str, Leaf]:
 
 
 def in_full(value: object) -> dict[str, Leaf]:
-    """Leaves with every number of every array."""
+    """Leaves with all numbers of all arrays."""
     return {path: _full(leaf) for path, leaf in _leaves(value).items()}
 
 
@@ -66,7 +66,7 @@ def of_files(folder: Path) -> dict[str, object]:
 
 
 def numbers_printed(lines: Iterable[str]) -> list[float]:
-    """Those of a command that writes no file, in their order, without the version of the software."""
+    """Numbers that a command prints without writing a file, in their order, without the version of the software."""
     return [float(number) for number in re.findall(NUMBER, VERSION.sub("", "\n".join(lines)))]
 
 
@@ -122,7 +122,7 @@ def _scale(leaves: Mapping[str, Leaf], path: str) -> float:
 
 
 def same(a: Leaf, b: Leaf, relative: float = RELATIVE, scale: float = 0.0) -> bool:
-    """scale: of numbers that are in no array"""
+    """Whether two leaves are equal; `scale` is for numbers that are in no array."""
     if isinstance(a, list) and isinstance(b, list):
         moments = len(a) > SHORT and relative != EXACT
         of_array = abs(a[2] or 0.0) if moments else max((abs(x) for x in a if x is not None), default=0.0)
@@ -241,7 +241,7 @@ def _json(path: Path) -> Any:
 
 
 def _toml(path: Path) -> Any:
-    """Tables of an array as columns; a key that some of them lack is shorter."""
+    """Tables of an array as columns; a key that some of the tables lack has a shorter column."""
     return {name: _columns(value) for name, value in tomllib.loads(path.read_text("utf-8")).items()}
 
 
@@ -254,7 +254,7 @@ def _columns(value: Any) -> Any:
 
 
 def _csv(path: Path) -> Any:
-    """Columns of numbers where all of a column are; other columns as texts."""
+    """Columns of numbers where all values of a column are numbers; other columns as texts."""
     lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
     header, *rows = csv.reader(lines)
     return {name: _column([row[i] for row in rows]) for i, name in enumerate(header)}

@@ -15,7 +15,7 @@ from flightpower.sim.sensors import load_budget
 NEXSTAR = load_aircraft("nexstar")
 IMU = ["ax_mps2", "ay_mps2", "az_mps2", "p_radps", "q_radps", "r_radps"]
 CRUISE_S = (45.0, 75.0)
-# Noise of Table 4.1 at 12 m/s, the slowest, and ten times it: nothing here is about the last tenth of a degree.
+# Limits of the errors: about the noise of Table 4.1 at 12 m/s, the slowest speed.
 SPEED_MPS, ANGLE_RAD = 0.5, np.radians(1.0)
 
 
@@ -65,7 +65,7 @@ def test_speed_follows_a_single_sample_of_dynamic_pressure_by_its_root(flown, pr
 
 @pytest.mark.parametrize("how", ["silent", "stuck"])
 def test_a_dead_sideslip_transducer_costs_the_sideslip_only(flown, probe, how: str) -> None:
-    """Speed and angle of attack stay as good as they were: at a degree or two of sideslip the maps hardly care."""
+    """Speed and angle of attack stay as good as before: the maps hardly depend on a degree or two of sideslip."""
     truth, table = flown
     air = result(table.assign(dp_beta_Pa=np.nan if how == "silent" else 3.7), probe)
     complete = result(table, probe)
@@ -98,8 +98,8 @@ def test_a_gap_of_everything_stays_a_gap(flown, probe) -> None:
 
 
 def test_a_clipped_angle_is_not_taken_for_a_measurement(flown, probe) -> None:
-    """Clipped readings are left out by status, so the table has holes; speed needs alpha's pressure and has the same
-    holes."""
+    """Status removes clipped readings, so the table has gaps; speed also needs alpha's pressure and has the same
+    gaps."""
     _, table = flown
     clipped = table.assign(dp_alpha_Pa=table["dp_alpha_Pa"].where(table["dp_alpha_Pa"] < 60.0))
     air = result(clipped, probe)
@@ -113,7 +113,7 @@ def test_without_gps_and_without_rest_there_is_air_data_all_the_same(flown, prob
     deaf = table.assign(gps_north_mps=np.nan, gps_east_mps=np.nan, gps_down_mps=np.nan).loc[22.0:90.0]
     air = result(deaf, probe)
     speed, alpha = errors_of(air, truth)
-    assert speed < SPEED_MPS and alpha < 2 * ANGLE_RAD  # zeros of 3 Pa are not taken out
+    assert speed < SPEED_MPS and alpha < 2 * ANGLE_RAD  # zeros of 3 Pa are not subtracted
     assert any("never stood still" in note for note in air.notes)
 
 
@@ -135,11 +135,11 @@ def test_time_aloft_that_is_too_slow_to_be_flight_is_reported_in_per_cent_of_it(
     above = [float(text.split(" above ")[1].split(" m ")[0]) for text in (message, low)]
     assert above[1] == pytest.approx(above[0] / 2), "a small aircraft flies lower"
     assert _slow_flight(np.full(200, 11.0), slow, 40.0, 0.5) and not _slow_flight(np.full(200, 9.0), slow, 40.0, 0.5)
-    assert _slow_flight(height_m, np.where(np.arange(200) >= 197, 20.0, 100.0), 40.0, 1.0), "3 % are told"
+    assert _slow_flight(height_m, np.where(np.arange(200) >= 197, 20.0, 100.0), 40.0, 1.0), "3 % is reported"
 
 
 def test_a_log_that_begins_in_the_air_is_high_enough_for_runs(flown, probe) -> None:
-    """A segment cut out of a flight: by its airspeed, it does not begin on the ground. Density stays."""
+    """A segment cut out of a flight begins in the air, as its airspeed shows. The density stays the same."""
     _, table = flown
     segment = table.loc[slice(*CRUISE_S)]
     corrected, _ = without_zeros(table, zeros(table, rest_segments(table, 25.0)))
@@ -152,8 +152,8 @@ def test_a_log_that_begins_in_the_air_is_high_enough_for_runs(flown, probe) -> N
     assert cut.table["height_m"].min() == pytest.approx(40.0)
     both = complete.table.loc[segment.index]
     apart = np.diff(cut.table["height_m"] - both["height_m"])
-    assert np.abs(apart).max() < 0.01 * np.abs(np.diff(both["height_m"])).max()  # the scale, by the air's temperature
-    assert (cut.table["rho"] / both["rho"] - 1).abs().max() < 0.01  # the tray was 2 K warmer than when it began
+    assert np.abs(apart).max() < 0.01 * np.abs(np.diff(both["height_m"])).max()  # the air temperature scales the height
+    assert (cut.table["rho"] / both["rho"] - 1).abs().max() < 0.01  # the tray had warmed by 2 K since the log began
 
 
 def test_a_log_that_begins_in_the_air_and_lands_has_its_heights_above_the_last_point(flown, probe) -> None:

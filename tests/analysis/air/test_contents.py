@@ -32,7 +32,7 @@ def test_thrust_of_a_computed_table_is_as_uncertain_as_the_file_says_or_as_such_
 
 
 def test_a_damaged_propeller_table_in_a_log_is_said_to_be_the_log_s() -> None:
-    """The message does not name the shipped table of this name, which is fine."""
+    """The message does not name the shipped table of the same name, which is intact."""
     table = load_propeller("apc-12x8e").to_csv().replace("0.10", "0.x0", 1)
     log = Log(Path("flight.mcap"), attachments={
         "aircraft.toml": load_aircraft("nexstar").text.encode(),
@@ -44,7 +44,7 @@ def test_a_damaged_propeller_table_in_a_log_is_said_to_be_the_log_s() -> None:
 
 
 def test_a_scale_of_airspeed_belongs_to_an_aircraft_and_to_an_installation() -> None:
-    """That of the tray file counts where the aircraft file names none."""
+    """The installation in the tray file counts if the aircraft file names none."""
     log = Log(Path("flight.mcap"), attachments={
         "aircraft.toml": load_aircraft("nexstar").text.encode(),
         "propeller.csv": load_propeller("apc-12x8e").to_csv().encode(),

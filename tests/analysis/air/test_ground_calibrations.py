@@ -1,4 +1,4 @@
-"""Magnetometer and surfaces: what was put in is found again, within the uncertainty that the result states."""
+"""Magnetometer and surfaces: a calibration recovers the simulated values within the uncertainty that it states."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ FIELD_T, DIP_RAD, NOISE_T = 48.5e-6, np.radians(63.0), 0.5e-6
 
 
 def measured(seed: int, *, by_hand: bool):
-    """Field with hard and soft iron of one draw, hard iron, and the field without: (n, 3), (3,), (n, 3) [T]."""
+    """One draw of the field with iron (n, 3), its hard iron (3,), and the field without iron (n, 3) [T]."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0, 60, 1500)
     if by_hand:
@@ -37,7 +37,7 @@ def off_deg(field, true) -> float:
 
 @pytest.mark.parametrize("by_hand", [True, False], ids=["turned by hand", "two turns in flight"])
 def test_hard_iron_lies_within_its_errors_and_the_field_points_where_it_should(by_hand: bool) -> None:
-    """Over 10 draws; what noise of 0.5 uT leaves of direction is 0.5 sqrt(2)/48.5, 0.84 deg."""
+    """Over 10 draws; noise of 0.5 uT leaves a direction error of 0.5 sqrt(2)/48.5 rad, which is 0.84 deg."""
     for seed in range(10):
         field, hard, true = measured(seed, by_hand=by_hand)
         calibration = magnetometer.calibrate(field, "log")
@@ -54,7 +54,8 @@ def test_turns_alone_leave_the_vertical_part_open_and_say_so() -> None:
 
 
 def test_directions_are_those_of_the_field_without_iron() -> None:
-    """Standard deviation of the field's direction along the axis seen least; 1/sqrt(3) for all directions alike."""
+    """`directions` is the standard deviation of the field's direction along its least varied axis: 1/sqrt(3) if all
+    directions are equally frequent."""
     for by_hand in (True, False):
         field, _, true = measured(1, by_hand=by_hand)
         along = np.linalg.eigvalsh(np.cov((true / FIELD_T).T))
@@ -74,7 +75,7 @@ PULSES, ANGLES = (1500.0, 1000.0, 1250.0, 1750.0, 2000.0), (0.0, -22.0, -11.2, 1
 
 
 def session(pulses=PULSES, hold_s: float = 3.5, seed: int = 0):
-    """A stick that goes from hold to hold within half a second and trembles by a microsecond."""
+    """A stick that moves from hold to hold within half a second and jitters by a microsecond."""
     rng = np.random.default_rng(seed)
     t, values = [0.0], [pulses[0]]
     for k, pulse in enumerate(pulses):
@@ -108,7 +109,7 @@ def test_there_and_back_shows_the_play_of_the_linkage() -> None:
 
 @pytest.mark.parametrize(("neighbor_deg", "is_clear"), [(5.0, True), (2.0, False)])
 def test_the_smallest_step_has_to_stand_out_of_the_play(neighbor_deg: float, is_clear: bool) -> None:
-    """A play of 1.5 deg: two means of positions differ by chance by 1.96 times as much, however far others are."""
+    """With a play of 1.5 deg, two positions have to differ by 1.96 times that, however far away the others are."""
     holds = surfaces.held_pulses(*session((1500.0, 1000.0, 1500.0, 2000.0)))
     angles = (0.0, -22.0, 1.5, 0.75 + neighbor_deg)
     if is_clear:
@@ -140,7 +141,7 @@ def test_angles_that_do_not_fit_are_refused(angles, cause: str) -> None:
 
 
 def test_neighboring_samples_count_as_one() -> None:
-    """In a slow turn five samples each are equal: the stated errors are those of the 300 that differ."""
+    """In a slow turn each sample occurs five times: the stated errors are those of the 300 distinct samples."""
     over_stated = []
     for seed in range(10):
         field, hard, _ = measured(seed, by_hand=True)
@@ -162,7 +163,7 @@ def test_a_position_counts_if_it_is_held_for_two_seconds() -> None:
 
 
 def test_positions_apart_by_the_play_of_a_servo_are_one_and_others_are_not() -> None:
-    """8 us are the same position, read twice; 40 us, two degrees of a usual servo, are not."""
+    """8 us apart is one position read twice; 40 us apart, two degrees of a usual servo, is two positions."""
     held_pulses = surfaces.held_pulses(*pulses((3.0, 1100.0), (3.0, 1500.0), (3.0, 1540.0), (3.0, 1108.0)))
     table = surfaces.surface_table(held_pulses, (-20.0, 0.0, 2.0, -19.0))
     assert table.pulse_us == [1104, 1500, 1540]
@@ -171,7 +172,8 @@ def test_positions_apart_by_the_play_of_a_servo_are_one_and_others_are_not() -> 
 
 
 def test_the_axis_that_stays_unknown_is_named_with_its_error_and_the_field(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two turns leave the vertical axis open, by more than a limit that is a hundredth of the usual one."""
+    """Two turns leave the vertical axis uncertain; the limit is set to a hundredth of the usual one, so this is
+    refused."""
     field = measured(0, by_hand=False)[0]
     calibrated = magnetometer.calibrate(field, "log")
     monkeypatch.setattr(magnetometer, "MAGNETOMETER", replace(MAGNETOMETER, worst_rad=MAGNETOMETER.worst_rad / 100))

@@ -19,7 +19,8 @@ CALIBRATION = MagnetometerCalibration(
 
 
 def flight(left_T=(0.0, 0.0, 0.0), left_on_the_ground_T: float = 0.0) -> pd.DataFrame:
-    """A minute of standing, then four of flight round and round; iron left over in flight [T], and a car beside it."""
+    """A minute of standing, then four minutes of turns; field of leftover iron in flight, and of a car on the ground
+    [T]."""
     t = np.arange(0, 300, 0.04)
     flying = t > 60
     phi, theta, psi = (
@@ -42,13 +43,13 @@ def test_the_field_is_without_iron_and_that_of_the_ground_is_left_out() -> None:
     assert message == [] and np.isnan(field.field_T[~flying]).all()
     strength = np.linalg.norm(field.field_T[flying], axis=1)
     assert strength.mean() == pytest.approx(FIELD_T, rel=1e-3)
-    assert np.degrees(field.error_T / LEVEL_T) == pytest.approx(3.0, abs=1.0), "of heading: what motor currents may do"
+    assert np.degrees(field.error_T / LEVEL_T) == pytest.approx(3.0, abs=1.0), "deg of heading, from motor currents"
 
 
 @pytest.mark.parametrize("left_uT", [2.0, 3.5])
 def test_iron_that_was_left_over_is_seen_in_the_strength_and_the_error_grows_with_it(left_uT: float) -> None:
-    """A level field of left_uT turns the heading by left/22 about north and south, by nothing about east: rms that
-    over sqrt(2)."""
+    """A level field of left_uT along the x axis turns the heading by left_uT/22 rad on east and west and not at all on
+    north and south: the rms is that over sqrt(2)."""
     field, message = compass(flight(left_T=(1e-6 * left_uT, 0.0, 0.0)), CALIBRATION)
     assert message == []
     assert field.error_T > 1e-6 * left_uT / np.sqrt(2)
@@ -59,7 +60,7 @@ def test_a_calibration_of_another_aircraft_is_noticed_and_nothing_of_it_used() -
     across, along = flight(left_T=(15e-6, 0.0, 0.0)), flight(left_T=(0.0, 0.0, 15e-6))
     field, (message,) = compass(across, CALIBRATION)
     assert field is None and "not used" in message and "Calibrate it again" in message
-    along_field = 15 * LEVEL_T / FIELD_T / np.sqrt(2)  # uT, of iron that turns against the field; rms
+    along_field = 15 * LEVEL_T / FIELD_T / np.sqrt(2)  # uT rms, of iron that turns with the aircraft in the field
     assert float(message.partition("varies by ")[2].split(" uT")[0]) == pytest.approx(along_field, rel=0.1)
     field, (message,) = compass(along, CALIBRATION)
     assert field is None and "not used" in message and "in flight is 62 uT, but 48 uT in its calibration" in message

@@ -1,4 +1,4 @@
-"""Probe calibration against a physics it does not know: a hemisphere in potential flow, through a noisy tunnel."""
+"""Probe calibration tested on physics that it does not model: a hemisphere in potential flow, in a noisy tunnel."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -90,7 +90,8 @@ def forty() -> list[ProbeCalibration]:
 
 @pytest.mark.slow
 def test_so_it_is_everywhere_in_every_simulated_tunnel(forty: list[ProbeCalibration]) -> None:
-    """The simulator's, with its errors of angle and speed: in thirty of thirty, at the corners too."""
+    """The simulator's tunnel, with its errors of angle and speed: all thirty draws are within limits, also at the
+    corners."""
     worst = np.max([benchmark.probe_errors(calibration) for calibration in forty[:30]], axis=0)
     assert np.all(worst < (0.1, 0.1, 0.5))
 
@@ -108,7 +109,7 @@ def test_the_sensitivities_to_the_alpha_pressure_are_its_derivatives() -> None:
 
 
 def test_the_stated_error_of_the_pressure_map_is_a_fraction() -> None:
-    """The error is that of points left out, a little more than the residual of the fit."""
+    """The stated error is the error at points left out of the fit, slightly larger than the residual of the fit."""
     data = simulated_tunnel(2)
     calibration = calibrate(data)
     ratio = data.q_c_Pa / dynamic_pressure(data)
@@ -117,7 +118,8 @@ def test_the_stated_error_of_the_pressure_map_is_a_fraction() -> None:
 
 
 def at_speeds(speeds: int, points: int, residual) -> tuple[TunnelData, np.ndarray, np.ndarray]:
-    """Angles from -2 to 10 deg at speeds 6 % apart; residual: of (number of the speed, angle)."""
+    """Points at angles from -2 to 10 deg and speeds 6 % apart; `residual` is a function of (index of the speed,
+    angle)."""
     angle = np.tile(np.radians(np.linspace(-2, 10, points)), speeds)
     number = np.repeat(np.arange(speeds), points)
     full = np.ones(len(angle))
@@ -133,7 +135,8 @@ def test_offset_and_slope_at_each_speed() -> None:
 
 
 def test_the_spread_of_slopes_is_without_their_noise() -> None:
-    """Slopes scatter by 2 %, and noise adds as much: 60 of them show 2 %, not 2.8 %, to 10 or 15 %."""
+    """Slopes scatter by 2 %, and noise adds as much: 60 slopes show a spread of 2 %, not 2.8 %, to within 10 or 15
+    %."""
     rng = np.random.default_rng(0)
     slopes = rng.normal(0, 0.02, 60)
     noise_rad = 0.02 * np.sqrt(20) * np.std(np.radians(np.linspace(-2, 10, 20)))
@@ -145,7 +148,7 @@ def test_the_spread_of_slopes_is_without_their_noise() -> None:
 
 
 def test_noise_alone_is_no_dependence_on_speed() -> None:
-    """At the 1 % level: of 40 tunnels with ten speeds more than two come out significant in one case of 150."""
+    """At the 1 % level, more than two of 40 tunnels with ten speeds come out significant in one case of 150."""
     rng = np.random.default_rng(0)
     speed_dependences = [
         speed_dependence(*at_speeds(10, 20, lambda number, angle: rng.normal(0, 1e-3, len(angle)))) for _ in range(40)
@@ -154,7 +157,7 @@ def test_noise_alone_is_no_dependence_on_speed() -> None:
 
 
 def test_the_covariance_of_a_polynomial_covers_its_scatter() -> None:
-    """A plane through six points on a circle with noise 1: variances 1/6, 1/3, 1/3 by least squares."""
+    """A plane is fitted to six points on a circle with noise 1: least squares gives variances of 1/6, 1/3 and 1/3."""
     angle = np.arange(6) * np.pi / 3
     x, y, even = np.cos(angle), np.sin(angle), np.ones(6)
     rng = np.random.default_rng(0)
@@ -171,9 +174,9 @@ def test_beyond_the_tunnel_s_angles_the_flow_is_flagged() -> None:
 
 
 def simulated_tunnel(seed: int, slope_by_speed: float = 0.0) -> TunnelData:
-    """The simulator's: angles set to 0.03 deg, pressures to 0.6 Pa; its own probe and ring of static ports.
+    """The simulator's tunnel: angles set to 0.03 deg, pressures to 0.6 Pa; its own probe and ring of static ports.
 
-    slope_by_speed: by how much alpha's pressures differ from the slowest to the fastest speed, as a fraction.
+    slope_by_speed: relative change of alpha's pressures from the slowest to the fastest speed.
     """
     tunnel = benchmark.simulated_tunnel(seed)
     V = tunnel.speed_mps
@@ -182,7 +185,7 @@ def simulated_tunnel(seed: int, slope_by_speed: float = 0.0) -> TunnelData:
 
 @pytest.mark.slow
 def test_the_stated_error_of_alpha_s_slope_covers(forty: list[ProbeCalibration]) -> None:
-    """Over 40 simulated tunnels: two sigmas hold the truth in 34 at least (of 95 %, fewer come in one case of 250)."""
+    """Two sigmas contain the truth in at least 34 of 40 simulated tunnels (at 95 %, fewer do so in one case of 250)."""
     errors = np.array([benchmark.slope_error(c) for c in forty])
     estimated_sigma = np.array([c.alpha_scale_sigma for c in forty])
     assert np.sum(np.abs(errors) < 1.96 * estimated_sigma) >= 34
@@ -190,7 +193,7 @@ def test_the_stated_error_of_alpha_s_slope_covers(forty: list[ProbeCalibration])
 
 
 def test_a_slope_that_depends_on_speed_is_seen_and_counted() -> None:
-    """3 % from 12 to 32 m/s: at these four speeds a standard deviation of 1.3 %, found to a third of it."""
+    """3 % from 12 to 32 m/s is a standard deviation of 1.3 % at these four speeds, which is found to within a third."""
     steady, bent = (simulated_tunnel(3, slope_by_speed=s) for s in (0.0, 0.03))
 
     def dependence(tunnel: TunnelData):
@@ -214,13 +217,14 @@ def test_the_tunnel_s_own_angles_count_too_and_all_of_it_travels() -> None:
 
 
 def test_a_slope_that_the_tunnel_does_not_determine_is_refused_with_its_error() -> None:
-    """40 % from 12 to 32 m/s: 1.3 % of standard deviation for each 3 %, so 17 % here."""
+    """40 % from 12 to 32 m/s is a standard deviation of 17 %, since 3 % is one of 1.3 %."""
     with pytest.raises(InputError, match=r"slope of alpha is uncertain by 1[5-9] % \(1 sigma\)"):
         calibrate(simulated_tunnel(3, slope_by_speed=0.4))
 
 
 def test_a_file_of_the_first_format_means_what_it_meant() -> None:
-    """Polynomials in C_alpha and C_beta, all three: alpha = 0.5 C_alpha + C_alpha C_beta, q_c/qbar = 0.75."""
+    """The file's three polynomials in C_alpha and C_beta keep their meaning: alpha = 0.5 C_alpha + C_alpha C_beta,
+    q_c/qbar = 0.75."""
     surface = {"residual_rms": 0.0, "order": 1}
     old = {
         "format": "flightpower-probe-1",
@@ -298,7 +302,7 @@ def test_a_point_is_inside_a_polygon_or_not() -> None:
 
 
 def test_angles_from_means_follow_single_samples_to_first_order_and_have_no_bias() -> None:
-    """A light aircraft's samples: maps at the mean of 25, then along their tangent."""
+    """For a light aircraft the maps are evaluated at the mean of 25 samples, and single samples follow the tangent."""
     probe, t = calibrate(tunnel(0, crooked)), np.arange(400) * 0.04
     flow = np.full((3, 400), np.radians([[6.0], [-4.0], [0.0]]))
     dp_alpha, dp_beta, q_c = crooked(flow[0], flow[1], 60.0)

@@ -62,7 +62,7 @@ def at_probe(rates_radps, x_m: float) -> tuple[float, float]:
 def test_a_turning_boom_changes_no_angle_at_the_center_of_gravity(
     nexstar: Aircraft, propeller: Propeller, rates_radps
 ) -> None:
-    """At 0.5 rad/s a probe 0.6 m ahead sees 1.1 deg more or less; what is left is of second order, 0.05 deg."""
+    """At 0.5 rad/s a probe 0.6 m ahead sees 1.1 deg more or less; the remaining error is of second order, 0.05 deg."""
     aircraft = replace(nexstar, probe=ProbeInstallation(position_m=(0.6, 0.0, 0.0), upwash_per_CL_rad=0.0))
     table = log_of(rates_radps, *at_probe(rates_radps, 0.6))
     air = air_data(table, aircraft, LINEAR_PROBE, propeller, speed_scale(aircraft)).table
@@ -71,7 +71,7 @@ def test_a_turning_boom_changes_no_angle_at_the_center_of_gravity(
 
 
 def test_upwash_in_proportion_to_lift_is_taken_out(nexstar: Aircraft, propeller: Propeller) -> None:
-    """0.02 rad at the lift coefficient of level flight, weight over qbar S."""
+    """The upwash is 0.02 rad at the lift coefficient of level flight, weight over qbar S."""
     CL = nexstar.mass.weight_N / (QBAR_PA * nexstar.geometry.wing_area_m2)
     aircraft = replace(nexstar, probe=ProbeInstallation(position_m=(0.6, 0.0, 0.0), upwash_per_CL_rad=0.02 / CL))
     air = air_data(
@@ -105,7 +105,7 @@ def test_speed_and_density_are_those_of_the_pressures(nexstar: Aircraft, propell
 
 
 def test_a_tray_that_warms_itself_does_not_make_the_air_warmer(nexstar: Aircraft, propeller: Propeller) -> None:
-    """10 K within a minute, at the height where the log began: density stays that of the first reading."""
+    """The tray warms by 10 K in a minute at the height where the log began: density stays that of the first reading."""
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
     warming = table.assign(static_temperature_K=288.15 + np.linspace(0, 10, len(table)))
     air = air_data(warming, nexstar, LINEAR_PROBE, propeller, speed_scale(nexstar)).table
@@ -126,7 +126,7 @@ def test_flight_outside_the_probe_s_range_is_noted_if_it_is_more_than_a_moment(
 
 
 def test_the_specific_force_is_that_of_the_center_of_gravity(nexstar: Aircraft) -> None:
-    """An IMU at r feels omega x (omega x r) more: at 1 rad/s about z and 0.2 m ahead -0.2 m/s^2 along x."""
+    """An IMU at r also feels omega x (omega x r): at 1 rad/s about z and 0.2 m ahead, -0.2 m/s^2 along x."""
     rates, position = (0.0, 0.4, 1.0), (0.2, -0.1, 0.05)
     extra = np.cross(rates, np.cross(rates, position))
     table = log_of(rates, ALPHA_RAD, 0.0, force_mps2=np.array([0.3, -0.2, -G_MPS2]) + extra)
@@ -157,19 +157,20 @@ def flown(seconds: float = 60.0, **columns) -> pd.DataFrame:
 
 @pytest.mark.parametrize("bank_rad", [0.4, -0.4])
 def test_bank_of_a_coordinated_level_turn_at_a_large_angle_of_attack(bank_rad: float) -> None:
-    """Lift balances the weight and turns the path; pitch follows from level flight. cos(theta) = 1 costs 2 %."""
+    """Lift balances the weight and turns the path; pitch follows from level flight. Assuming cos(theta) = 1 costs 2
+    %."""
     alpha = 0.2
     pitch = np.arctan(np.tan(alpha) * np.cos(bank_rad))
     along = np.cos(pitch) * np.cos(bank_rad) * np.cos(alpha) + np.sin(pitch) * np.sin(alpha)
     turn = G_MPS2 * np.cos(pitch) * np.sin(bank_rad) / (V_MPS * along)
     p, r = -turn * np.sin(pitch), turn * np.cos(pitch) * np.cos(bank_rad)
     angle = bank_angle(flown(alpha_rad=alpha, p_radps=p, r_radps=r))
-    # The integral of p over the time constant adds p * 3 s forwards and takes it away backwards.
+    # The forward pass adds p * 3 s, the integral of p over the time constant; the backward pass subtracts it.
     assert angle[500:1000] == pytest.approx(bank_rad, rel=0.03)
 
 
 def test_an_aircraft_that_skids_to_and_fro_with_level_wings_has_no_bank() -> None:
-    """Its path is straight: the nose swings, vdot + r u = 0, and no side force is needed."""
+    """Its path is straight: the nose swings with vdot + r u = 0, which needs no side force."""
     t = np.arange(0, 60, 0.04)
     v = V_MPS * 0.1 * np.sin(2 * np.pi * t / 20)
     angle = bank_angle(flown(beta_rad=np.arcsin(v / V_MPS), r_radps=-np.gradient(v, 0.04) / V_MPS))
@@ -177,13 +178,13 @@ def test_an_aircraft_that_skids_to_and_fro_with_level_wings_has_no_bank() -> Non
 
 
 def test_bank_of_a_straight_sideslip() -> None:
-    """Wings hold against the side force: g sin(phi) = -ay."""
+    """The banked wings balance the side force: g sin(phi) = -ay."""
     angle = bank_angle(flown(beta_rad=0.1, ay_mps2=-1.0))
     assert angle[500:1000] == pytest.approx(np.arcsin(1.0 / G_MPS2), rel=1e-3)
 
 
 def test_bank_follows_a_quick_roll_by_the_roll_rate() -> None:
-    """20 deg to the right and back within a second: too short for the lateral balance, which is blind here."""
+    """20 deg to the right and back within a second, which is too quick for the lateral balance to show."""
     t = np.arange(0, 60, 0.04)
     rolled = np.radians(20) * np.where(np.abs(t - 30) < 0.5, (1 + np.cos(2 * np.pi * (t - 30))) / 2, 0.0)
     angle = bank_angle(flown(p_radps=np.gradient(rolled, 0.04)))
@@ -203,7 +204,8 @@ def test_bank_does_not_depend_on_when_the_clock_began() -> None:
 def test_quotients_are_over_a_mean_dynamic_pressure(
     nexstar: Aircraft, propeller: Propeller, scale: float, samples: int
 ) -> None:
-    """The mean is over 0.2 s, four times that at half the speed; dynamic pressure and speed follow each sample."""
+    """The mean is taken over 0.2 s, or four times that at half the speed; dynamic pressure and speed follow each
+    sample."""
     wing_loading = DENSITY_KGPM3 / 2 * (scale * 11.0) ** 2
     aircraft = nexstar.weighing(wing_loading * nexstar.geometry.wing_area_m2)
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
@@ -219,7 +221,7 @@ def test_quotients_are_over_a_mean_dynamic_pressure(
 
 
 def test_thrust_and_advance_ratio_are_those_of_a_turning_propeller(nexstar: Aircraft, propeller: Propeller) -> None:
-    """J = V/(n D); a motor below one revolution a second counts as stopped, and no table covers its propeller."""
+    """J = V/(n D). Below one revolution a second the motor counts as stopped; no table covers such a slow propeller."""
     table = log_of((0.0, 0.0, 0.0), ALPHA_RAD, 0.0)
     table["n_revps"] = np.select([np.arange(1500) < 500, np.arange(1500) < 1000], [0.9, 1.1], 90.0)
     air = air_data(table, nexstar, LINEAR_PROBE, propeller, speed_scale(nexstar)).table
@@ -234,7 +236,7 @@ def test_thrust_and_advance_ratio_are_those_of_a_turning_propeller(nexstar: Airc
 
 
 def test_the_air_on_the_ground_is_that_of_the_first_two_seconds() -> None:
-    """Electronics that warm by 1 K a second after power-on and a flight that begins later change nothing."""
+    """Neither electronics that warm by 1 K a second after power-on nor a flight that begins later changes anything."""
     t = np.arange(0, 20, 0.1)
     late = np.where(t > 2.01, 10.0, 0.0)
     table = pd.DataFrame({"static_Pa": 1e5 - 100 * late, "static_temperature_K": 288.0 + t + late}, index=t + 50)
@@ -247,14 +249,14 @@ def test_the_air_on_the_ground_is_that_of_the_first_two_seconds() -> None:
     ("samples", "spread_Pa", "stuck"), [(240, 0.0, False), (260, 0.0, True), (260, 0.018, True), (260, 0.022, False)]
 )
 def test_a_transducer_without_noise_for_ten_seconds_of_flight_is_stuck(samples, spread_Pa, stuck) -> None:
-    """Less than 0.02 Pa from least to largest; on the ground, below the dynamic pressure of flight, nothing counts."""
+    """The readings span less than 0.02 Pa. On the ground, below the dynamic pressure of flight, this does not count."""
     q_c = pd.Series(np.r_[np.full(100, 20.0), np.full(samples, 100.0)], name="q_c_Pa")
     pressure = pd.Series(np.r_[np.arange(100.0), np.linspace(7.0, 7.0 + spread_Pa, samples)], name="dp_beta_Pa")
     assert _stuck(pressure, q_c, 30.0) is stuck
 
 
 def test_air_data_do_not_depend_on_the_time_at_which_a_log_begins(nexstar: Aircraft, propeller: Propeller) -> None:
-    """Nor on where its time is counted from; the IMU is off the center of gravity and the rates swing."""
+    """The origin of the time scale does not matter either; the IMU is off the center of gravity and the rates swing."""
     aircraft = replace(nexstar, imu_position_m=(0.2, 0.0, 0.1))
 
     def readings_of(begin_s: float) -> pd.DataFrame:
@@ -272,8 +274,8 @@ def test_air_data_do_not_depend_on_the_time_at_which_a_log_begins(nexstar: Aircr
 def test_air_data_of_sensors_elsewhere_are_those_of_an_aircraft_file_with_these_places(
     nexstar: Aircraft, propeller: Propeller
 ) -> None:
-    """A probe 0.25 m further ahead with 0.02 rad more upwash, an IMU 0.1 m ahead and below; rates that swing. The
-    readings are the same."""
+    """The probe is 0.25 m further ahead with 0.02 rad more upwash, the IMU 0.1 m further ahead and below, and the rates
+    swing. The readings are the same."""
     table = log_of((0.2, 0.0, -0.3), ALPHA_RAD, BETA_RAD)
     table["q_radps"] = 0.5 * np.sin(2 * table.index.to_numpy())
     upwash = nexstar.probe.upwash_per_CL_rad + 0.02

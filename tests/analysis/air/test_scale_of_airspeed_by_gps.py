@@ -1,4 +1,4 @@
-"""The scale of airspeed by another flight: taken out of the pressure, and the prior of what is left."""
+"""The airspeed scale found by another flight is removed from the pressure; the prior is that of the remaining error."""
 
 import json
 from pathlib import Path
@@ -42,8 +42,8 @@ def test_a_reading_that_is_high_by_the_scale_gives_the_airspeed() -> None:
 
 
 def test_the_speeds_of_an_energy_balance_are_those_of_the_flight(tmp_path: Path) -> None:
-    """A pitot that reads 5 % high, without GPS: the slowest speed flown is 5 % high without the calibration, and right
-    with it. With GPS the flight shows that no scale error is left, and the prior is the calibration's."""
+    """A pitot reads 5 % high. Without GPS the slowest speed flown is 5 % high without the calibration, and right with
+    it. With GPS the flight shows that no scale error is left, and the prior is the calibration's."""
     high = flown_table().assign(tas_mps=lambda t: (1 + SCALE) * t["tas_mps"])
     calibration = scale_file(tmp_path)
 

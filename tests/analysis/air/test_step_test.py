@@ -58,7 +58,8 @@ def test_the_times_of_steps_and_lags_shift_and_scale_with_the_record() -> None:
 
 
 def test_a_lag_that_leaves_more_instants_possible_is_as_much_more_likely() -> None:
-    """Normal likelihoods of a step's instant: their integrals are as their widths, -2 ln of it the deviance."""
+    """Integrals of the normal likelihoods of a step's instant are proportional to their widths; the deviance is -2 ln
+    of the integral."""
     instants, variance = np.linspace(-1, 1, 2001)[None], 4.0
 
     def of_width(width_s: float, least: float) -> Misfit:
@@ -92,7 +93,7 @@ def test_residuals_are_those_of_a_regression_with_a_level() -> None:
 
 @pytest.mark.parametrize("shift", [-0.4, 0.0, 0.3])
 def test_the_minimum_of_a_parabola_is_found_between_the_lags(shift: float) -> None:
-    """Lags are evenly spaced in their logarithm, and so is the parabola."""
+    """The lags are evenly spaced in their logarithm, and the parabola is a function of that logarithm."""
     steps = np.arange(7.0)
     lags = 0.01 * 1.2**steps
     assert _minimum(lags, 5 + 2 * (steps - 3 - shift) ** 2, 3) == pytest.approx(0.01 * 1.2 ** (3 + shift))
@@ -101,7 +102,7 @@ def test_the_minimum_of_a_parabola_is_found_between_the_lags(shift: float) -> No
 
 
 def test_the_interval_ends_where_the_likelihood_ratio_is_that_of_95_per_cent() -> None:
-    """-2 log likelihood of a normal estimate: 1.96 standard deviations to each side; none where it is not reached."""
+    """-2 log likelihood of a normal estimate: 1.96 standard deviations to each side; no end where it is not reached."""
     lags = np.linspace(0.01, 0.03, 4001)
     lo, hi = _interval(lags, ((lags - 0.02) / 0.003) ** 2)
     assert (lo, hi) == pytest.approx((0.02 - 1.96 * 0.003, 0.02 + 1.96 * 0.003), abs=1e-6)

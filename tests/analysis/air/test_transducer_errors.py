@@ -26,7 +26,8 @@ def test_play_is_that_of_the_simulator() -> None:
 
 
 def test_airspeed_lags_half_the_width_of_the_loop() -> None:
-    """1 % of 259 Pa: 1.3 Pa, which is V 1.3 / (2 q): too slow while accelerating, too fast while decelerating."""
+    """Half of 1 % of 259 Pa is 1.3 Pa, an error of V 1.3 / (2 q): too slow while accelerating, too fast while
+    decelerating."""
     air = up_and_down()
     other = with_hysteresis(air, "q_c_Pa", 0.01)
     half_Pa = 0.005 * np.ptp(air["q_c_Pa"])
@@ -55,7 +56,8 @@ def test_angle_of_attack_lags_by_its_own_transducer() -> None:
 
 
 def test_zero_step_changes_sign_in_the_middle_of_the_flight() -> None:
-    """2 Pa: 1 Pa too low before and 1 Pa too high after; V by 1/(2 q), angle of attack by 1/q the other way."""
+    """A step of 2 Pa is 1 Pa too low before and 1 Pa too high after; V errs by 1/(2 q), angle of attack by 1/q the
+    other way."""
     air = up_and_down()
     still = air.assign(V_mps=air["V_mps"].where(air.index > 10))  # at rest for 10 s: flight is from 10 to 40 s
     for row, sign in ((260, -1), (620, -1), (630, 1), (990, 1)):  # the middle is at 25 s

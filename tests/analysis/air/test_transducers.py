@@ -1,4 +1,4 @@
-"""Slope and offset of the transducers are found again within what the calibration says of itself."""
+"""A calibration recovers slope and offset of the transducers within the errors that it states."""
 
 import json
 from pathlib import Path
@@ -28,7 +28,7 @@ SLOPES, OFFSETS_PA = np.array([0.97, 1.03, 1.02]), np.array([4.0, -6.0, 8.0])
 
 
 def column(pressures=PRESSURES_PA, *, seed: int = 0, hold_s: float = 8.0, noise_Pa: float = 6.0) -> pd.DataFrame:
-    """Readings at 25 Hz of pressures from an open tube to an open tube, two seconds from one to the next."""
+    """Readings at 25 Hz of these pressures, with an open tube before and after; each change takes two seconds."""
     times = np.cumsum([0.0, *[hold_s, 2.0] * (len(pressures) + 1), hold_s])
     t_s = np.arange(0.0, times[-1], 0.04)
     p = np.interp(t_s, times, np.repeat([0.0, *pressures, 0.0], 2))
@@ -48,7 +48,7 @@ def calibration_of(
 
 
 def test_slopes_lie_within_their_errors() -> None:
-    """Over 30 columns of water read to 0.3 mm on a ruler of 0.5 %: errors over stated ones, one sigma."""
+    """Over 30 water columns read to 0.3 mm on a ruler good to 0.5 %, errors over stated errors have an rms near 1."""
     over_stated, errors = [], []
     for seed in range(30):
         calibration, unsupported = calibration_of(seed, reading_Pa=3.0, scale=0.005)
@@ -62,7 +62,7 @@ def test_slopes_lie_within_their_errors() -> None:
 
 
 def test_a_reference_that_is_too_uncertain_is_named_with_its_error() -> None:
-    """Airspeed goes with the root of pressure: half of the 5 % of the reference."""
+    """Airspeed goes with the square root of pressure, so its error is half of the reference's 5 %."""
     _, unsupported = calibration_of(scale=0.05)
     assert unsupported.startswith(
         "the standard error of airspeed is 2.5 %, more than 1.0 %: the reference is known to 5.0 %"
@@ -159,7 +159,8 @@ def test_the_command_lists_plateaus_writes_a_file_and_refuses_what_is_not_suppor
 
 
 def held(*pieces: tuple[float, float], noise_Pa: float = 0.0, drift_Pa: float = 0.0) -> pd.DataFrame:
-    """Readings from 100 s on, 25 a second, of pressures [Pa] held for seconds; the last drifts linearly."""
+    """Readings at 25 Hz from 100 s on, of pressures [Pa] held for so many seconds each; the last one drifts
+    linearly."""
     values = np.concatenate([np.full(round(25 * seconds), pressure) for pressure, seconds in pieces])
     last = round(25 * pieces[-1][1])
     values[len(values) - last :] += np.linspace(0, drift_Pa, last)
@@ -169,7 +170,7 @@ def held(*pieces: tuple[float, float], noise_Pa: float = 0.0, drift_Pa: float = 
 
 @pytest.mark.parametrize(("seconds", "count"), [(4.8, 1), (5.6, 2)])
 def test_a_pressure_is_held_for_five_seconds(seconds: float, count: int) -> None:
-    """Smoothed over half a second, which takes a quarter at either end."""
+    """Smoothing over half a second removes a quarter of a second at either end."""
     seen = plateaus(held((0.0, 8.0), (200.0, seconds), (500.0, 2.0)), "log")
     assert len(seen) == count
     assert seen[0].open and seen[0].start_s == pytest.approx(100.0) and seen[0].end_s == pytest.approx(108.0, abs=0.3)
@@ -177,13 +178,13 @@ def test_a_pressure_is_held_for_five_seconds(seconds: float, count: int) -> None
 
 @pytest.mark.parametrize(("drift_Pa", "is_full_length"), [(2.6, True), (3.6, False)])
 def test_a_held_pressure_stays_within_3_pascals_of_its_first_second(drift_Pa: float, is_full_length: bool) -> None:
-    """A drift beyond that ends it: of 3.6 Pa in 20 s, the last three seconds are too short for another."""
+    """A larger drift ends the hold: with 3.6 Pa in 20 s, the last three seconds are too short for another hold."""
     seen = plateaus(held((0.0, 8.0), (200.0, 20.0), drift_Pa=drift_Pa), "log")
     assert len(seen) == 2 and (seen[1].end_s > 127.5) is is_full_length
 
 
 def test_noise_allows_more_by_five_of_its_standard_errors() -> None:
-    """40 Pa of noise over half a second: 11 Pa; a drift of 30 Pa is still held, one of 200 Pa is not."""
+    """40 Pa of noise averaged over half a second allow 11 Pa: a drift of 30 Pa is still held, one of 200 Pa is not."""
     quiet = plateaus(held((0.0, 8.0), (500.0, 10.0), noise_Pa=40.0, drift_Pa=30.0), "log")
     assert len(quiet) == 2 and quiet[1].end_s == pytest.approx(118.0, abs=0.5)
     moving = plateaus(held((0.0, 8.0), (500.0, 10.0), noise_Pa=40.0, drift_Pa=200.0), "log")

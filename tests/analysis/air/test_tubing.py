@@ -1,4 +1,4 @@
-"""Tubes: Bergh & Tijdeman's numbers and curves, the slow limit, and the lag found again from recorded steps."""
+"""Tubes: Bergh & Tijdeman's numbers and curves, the slow limit, and the lag recovered from recorded steps."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -56,7 +56,7 @@ def test_a_tube_cut_in_two_is_the_same_tube() -> None:
     ],
 )
 def test_slow_changes_come_late_by_the_limit(tubes: list[PneumaticLine]) -> None:
-    """The phase of a slow wave is its lag; what is left is of second order in the frequency."""
+    """The phase of a slow wave equals its lag; the remaining difference is of second order in the frequency."""
     lag_s = low_frequency_lag_s(tubes, SEA_LEVEL)
     f = 1e-5 / lag_s
     phase = np.angle(response(tubes, np.array([f]), SEA_LEVEL)[0])
@@ -115,9 +115,11 @@ def test_a_step_across_a_gap_of_the_record_is_not_used() -> None:
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
-    """Half a tick of lag. What eight bursts ask for is told from eight, so it scatters; what it comes to must hold.
+    """The lag is half a tick. The number of bursts that eight bursts ask for scatters; the lag from that number must
+    hold.
 
-    A log that asks for no more is within 5 % in 95 of 100 cases: of 12, fewer than 10 come in one case of fifty.
+    A log that asks for no more is within 5 % in 95 of 100 cases: of 12, fewer than 10 are within in one case of
+    fifty.
     """
     lag_s, shape = low_frequency_lag_s([NARROW], SEA_LEVEL), through(NARROW, SEA_LEVEL)
     lags = []
@@ -131,7 +133,7 @@ def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
         lags.append(lag)
     assert sum(abs(lag.lag_s / lag_s - 1) < 0.05 for lag in lags) >= 10
     assert sum(lag.lo_s < lag_s < lag.hi_s for lag in lags) >= 10
-    assert 20 < np.median([lag.steps for lag in lags]) < 45, "by the bound of Cramer and Rao 37"
+    assert 20 < np.median([lag.steps for lag in lags]) < 45, "37 by the bound of Cramer and Rao"
 
 
 def test_a_lag_much_shorter_than_a_tick_gets_an_upper_bound_only() -> None:
@@ -157,17 +159,18 @@ def test_the_diameter_is_the_one_that_has_the_lag() -> None:
 
 
 def test_a_line_is_undone_without_more_noise_than_stated() -> None:
-    """A line of 61 ms, delay taken out: waves up to 1.6 Hz come back; white noise grows by less than the bound."""
+    """A line with a lag of 61 ms is undone except for its delay: waves up to 1.6 Hz come back; white noise grows by
+    less than the bound."""
     line = PneumaticLine(length_m=0.9, diameter_m=0.5e-3, cavity_m3=500e-9)
     rate_Hz, gain = 25.0, 1.5
     t = np.arange(0, 60, 1 / rate_Hz)
     remainder = remainder_of(line, SEA_LEVEL)
     for f in (0.5, 1.0, 1.6):
         H = remainder(np.array([f]))[0]
-        assert abs(1 / H) < gain  # or the bound, not the line, would be tested
+        assert abs(1 / H) < gain  # otherwise this would test the bound and not the line
         blunt = np.abs(H) * np.sin(2 * np.pi * f * t + np.angle(H))
         result = inverted(blunt, rate_Hz, remainder, gain)
-        # Ends are continued by reflection, which a wave does not do: two seconds are left out.
+        # The ends are extended by reflection, which a wave does not follow: two seconds are left out.
         inside = slice(50, -50)
         assert result[inside] == pytest.approx(np.sin(2 * np.pi * f * t)[inside], abs=0.02)
     noise = np.random.default_rng(1).normal(size=len(t))

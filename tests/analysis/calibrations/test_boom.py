@@ -35,13 +35,13 @@ def stretches(flight, seed: int):
 
 
 def read_from_level(seed: int, bending_rad: float = BENDING_RAD) -> list[float]:
-    """As read: to a tenth of a degree, on a probe that sits some degrees nose up."""
+    """Tip angles rounded to a tenth of a degree, read on a probe that sits 0.07 rad nose up."""
     rng = np.random.default_rng(seed)
     return (0.07 + np.array(HUNG.tip_rad(bending_rad)) + READING_RAD * rng.uniform(-0.5, 0.5, len(MASSES))).tolist()
 
 
 def test_the_bending_per_g_is_found_within_its_error_though_the_aircraft_gives_on_its_gear(flight):
-    """The gear gives by a third of what the boom bends. Over 12 draws of sensors and readings."""
+    """The landing gear gives by a third of the boom's bending. Over 12 draws of sensors and readings."""
     carried, z = CarriedMass(HUNG.carried_kg, 0.0), []
     for seed in range(12):
         results = stretches(flight, seed)

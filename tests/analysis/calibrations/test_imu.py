@@ -47,7 +47,8 @@ def sides_of(lying, seed: int) -> list[RestingSide]:
 
 
 def test_the_scale_of_each_axis_is_found_to_a_thousandth_within_its_error(lying):
-    """A scale of 2 % on the axis down is found to 0.1 %, though nose and tail point 6 deg off the vertical."""
+    """A scale error of 2 % on the axis that points down is found to 0.1 %, though nose and tail point 6 deg off the
+    vertical."""
     z = []
     for seed in range(6):
         result = accelerometers(sides_of(lying, seed))
@@ -83,7 +84,7 @@ def test_without_noise_scale_and_offset_are_exact():
 
 
 def test_the_error_is_that_of_the_readings_of_both_sides():
-    """Half the difference of two readings over g."""
+    """The error is half the difference of two readings, divided by g."""
     result = accelerometers(exact(noise_mps2=0.02))
     assert result.scale_error == pytest.approx(0.02 / G / np.sqrt(2), rel=0.1)
     assert not not_supported(result)
@@ -98,7 +99,8 @@ def test_a_part_of_another_range_is_refused():
 
 
 def test_the_lines_for_the_aircraft_file_take_the_errors_out_of_a_flight(lying):
-    """What the tray read on its sides becomes g, and the prior of the scale is a fifth of that without calibration."""
+    """The tray's readings on its sides become g, and the prior of the scale is a fifth of the prior without
+    calibration."""
     result = accelerometers(sides_of(lying, 0))
     text = load_aircraft("nexstar").text.partition("[uncertainty]")[0] + to_toml(result)
     aircraft = parse_aircraft(text, "mine")

@@ -29,7 +29,7 @@ def flight():
 
 
 def table(flight, seed: int, offset_mps2=OFFSET_MPS2, poles_entered: int = 14):
-    """What the sensors of a run-up give, errors of the study's budget included."""
+    """The readings of a run-up, with the sensor errors of the study's budget."""
     errors = draw(load_budget("study"), seed)
     x, y, z = offset_mps2
     defects = replace(

@@ -25,7 +25,7 @@ RHO = 1.2
 
 
 def readings(ratio: float = 1.03, noise: float = 0.0, by_speed: float = 0.0, seed: int = 0) -> StandReadings:
-    """Thrust `ratio` times the table's, with relative noise, the ratio `by_speed` larger for each 1000 rpm."""
+    """Readings of `ratio` times the table's thrust, with relative noise; the ratio grows by `by_speed` per 1000 rpm."""
     n = RPM / 60
     table_N = TABLE.thrust_and_power(np.zeros(len(n)), n, RHO)[0]
     factor = ratio + by_speed * (RPM - RPM.mean()) / 1000 + noise * np.random.default_rng(seed).standard_normal(len(n))
@@ -46,7 +46,7 @@ AIR = ("--pressure", "1013.25 hPa", "--temperature", "15 degC")
 
 
 def test_errors_are_those_of_repeated_measurements() -> None:
-    """500 stands with noise of 1 % and a scale error of 1 %: scatter over stated error, of Student's size."""
+    """500 stands with 1 % of noise and 1 % of scale error: errors over stated errors scatter as Student's t."""
     rng = np.random.default_rng(1)
     off = []
     for seed in range(500):
@@ -72,7 +72,8 @@ def test_a_ratio_that_changes_with_motor_speed_is_less_certain() -> None:
 
 
 def test_the_command_writes_a_file_that_replaces_the_aircraft_files_ratio(tmp_path: Path) -> None:
-    """Density of the standard atmosphere is 1.225, so thrust at 1.2 is 2 % less; the printed lines do the same."""
+    """Density of the standard atmosphere is 1.225, so thrust at 1.2 is 2 % less; the printed lines have the same
+    effect."""
     table, output = write(tmp_path / "stand.csv", readings(1.03 * 1.225 / 1.2)), tmp_path / "stand.json"
     arguments = (table, "--propeller", "apc-12x8e", *AIR, "-o", output)
     outcome = run(*arguments)
@@ -154,7 +155,7 @@ def test_a_ratio_that_stays_uncertain_is_not_written(tmp_path: Path) -> None:
 
 
 def test_the_error_of_a_ratio_is_reported_relative_to_it(tmp_path: Path) -> None:
-    """Four fifths of all thrusts are four fifths of the ratio, with the same error in percent."""
+    """If all thrusts are scaled by four fifths, so is the ratio, with the same error in percent."""
     outcomes = [
         run(write(tmp_path / "s.csv", readings(ratio, noise)), "--propeller", "apc-12x8e", *AIR, "-o", tmp_path / "o")
         for ratio, noise in ((1.0, 0.4), (0.8, 0.32))
@@ -172,7 +173,8 @@ def test_a_table_with_one_speed_of_rotation_is_compared() -> None:
 
 
 def test_an_analysis_takes_the_file_in_place_of_the_aircraft_files_ratio_and_of_no_other_table() -> None:
-    """Keys of the aircraft file belong to its own propeller: with another table they are left out, as a note says."""
+    """Keys of the aircraft file belong to its own propeller: with another table they are ignored, and a note says
+    so."""
     text = (
         load_aircraft("nexstar")
         .text.partition("[uncertainty]")[0]

@@ -1,4 +1,4 @@
-"""Weight and center of gravity of scales: statics, and errors that contain the truth."""
+"""Weight and center of gravity from scales: statics, and error limits that contain the truth."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def test_moments_balance() -> None:
 
 
 def test_errors_are_those_of_repeated_weighings() -> None:
-    """300 weighings of one aircraft on three wheels: scatter over stated error."""
+    """300 weighings of one aircraft on three wheels: the ratio of scatter to stated error."""
     rng = np.random.default_rng(0)
     x, mass = np.array([0.02, 0.38, 0.38]), np.array([0.5, 1.8, 1.8])
     ratios = []
@@ -64,7 +64,7 @@ def test_repeated_readings_average_and_their_scatter_counts_where_it_is_larger()
     exactly = ScaleErrors(reading_kg=0.005, gain=0.0, position_m=0.0)
     four = weighed([Support(0.1, (2.0,) * 4), Support(0.5, (2.0,) * 4)], exactly)
     assert four.mass_error_kg == pytest.approx(0.005 / 2 * np.sqrt(2))
-    # Each moves the center of gravity, 0.2 m from either support, by its error over the mass.
+    # A reading's error moves the center of gravity, 0.2 m from either support, by 0.2 m times the error over the mass.
     assert four.position_error_m == pytest.approx(0.2 / 4.0 * 0.0025 * np.sqrt(2))
     scattered = weighed([Support(0.1, (1.98, 2.02, 1.98, 2.02))], exactly)
     assert scattered.mass_error_kg == pytest.approx(np.std([1.98, 2.02] * 2, ddof=1) / 2)

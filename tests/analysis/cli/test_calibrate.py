@@ -50,7 +50,7 @@ def run(*arguments: object):
 
 @pytest.fixture
 def pops(tmp_path: Path) -> Path:
-    """Bursts over a line of 0.4 mm, where the aircraft file says 0.5 mm."""
+    """Bursts through a line of 0.4 mm, where the aircraft file says 0.5 mm."""
     return popped(tmp_path / "pops.mcap")
 
 
@@ -66,7 +66,8 @@ def popped(path: Path, **options) -> Path:
 
 
 def test_tubing_finds_the_diameter_that_the_lag_belongs_to(pops: Path, tmp_path: Path) -> None:
-    """Lag within 5 %; the fourth root of that, and a little more for the tube's own volume, in the diameter."""
+    """The lag is found to 5 %, so the diameter to about a fourth of that, and a little more for the tube's own
+    volume."""
     outcome = run("tubing", pops, "-o", tmp_path / "lines.toml")
     assert outcome.exit_code == 0, outcome.output
     assert "from 8 steps" in outcome.output and "/probe/beta: no step found" in outcome.output
@@ -86,12 +87,12 @@ def test_too_few_bursts_for_five_per_cent_are_reported_how_many_more(tmp_path: P
     assert outcome.exit_code == 0, outcome.output
     match = re.search(r"for 5 %: about (\d+) more bursts like these", outcome.output)
     assert match is not None
-    # By the bound of Cramer and Rao 15.5 % for one burst: 1.96 x 15.5/5, squared, is 37 of them, 29 more than these 8.
+    # The bound of Cramer and Rao is 15.5 % for one burst: (1.96 x 15.5/5)^2 is 37 bursts, 29 more than these 8.
     assert 5 < int(match[1]) < 60
 
 
 def refused(cause: str, *arguments: object) -> None:
-    """One line that names the cause, and no file."""
+    """Assert that the command fails with one line that names the cause and writes no file."""
     outcome = run(*arguments)
     assert isinstance(outcome.exception, InputError), outcome.output
     assert cause in str(outcome.exception) and "\n" not in str(outcome.exception)
@@ -105,8 +106,8 @@ def test_a_log_without_bursts_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_lag_that_the_bursts_do_not_determine_is_not_written(tmp_path: Path) -> None:
-    """One burst of a line whose lag is half a tick: 5.5 % for eight of them is 15.5 % for one, +-31 %; this one is less
-    lucky."""
+    """One burst of a line whose lag is half a tick. Eight bursts determine it to 5.5 %, so one does to 15.5 %, or +-31
+    %; this burst turns out worse."""
     item = popped(tmp_path / "one.mcap", rate_Hz=25.0, steps=1, seed=4)
     outcome = run("tubing", item, "-o", tmp_path / "new")
     assert outcome.exit_code == ExitCode.FAILURE and not (tmp_path / "new").exists()
@@ -157,7 +158,7 @@ def test_a_stick_that_is_never_still_is_refused(tmp_path: Path) -> None:
     [("dp_alpha [Pa]", "do not determine alpha"), ("dp_beta [Pa]", "do not determine beta")],
 )
 def test_a_probe_whose_pressures_say_nothing_is_not_calibrated(tmp_path: Path, column: str, cause: str) -> None:
-    """The tube of one pair of ports is off: its transducer shows noise."""
+    """The tube of one pair of ports is off, so its transducer shows only noise."""
     table = simulated_measurements(seed=0)
     table[column] = np.random.default_rng(0).normal(scale=2.0, size=len(table))
     write_calibration(tmp_path / "tunnel.csv", table)

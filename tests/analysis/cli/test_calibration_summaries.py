@@ -122,7 +122,8 @@ def test_angles_of_a_surface_are_below_a_right_angle() -> None:
 
 
 def test_the_scale_s_error_under_an_autopilot_is_that_of_the_comparison_with_gps(monkeypatch, tmp_path) -> None:
-    """Flight is recognized by a wing loading of 60 N/m^2; headings are those through the air, in flight."""
+    """Flight is recognized by a wing loading of 60 N/m^2; headings are those of the motion through the air, in
+    flight."""
     heading = np.linspace(0, 2 * np.pi, 400, endpoint=False)
     velocity = {GPS[0]: 15 * np.cos(heading) - 4.0, GPS[1]: 15 * np.sin(heading), GPS[2]: 0.0}
     flown = SimpleNamespace(

@@ -1,4 +1,4 @@
-"""Where no maneuver of a log gives a curve, the candidates are written with their reasons, ready to be kept."""
+"""If no maneuver of a log gives a curve, the candidates are written with their reasons, ready to be kept."""
 
 from pathlib import Path
 

@@ -1,4 +1,5 @@
-"""`flightpower export`: where the data of one log and of several go, and what is refused before anything is read."""
+"""`flightpower export`: where it writes the data of one log and of several, and what it refuses before reading
+anything."""
 
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def run(*words: object):
     ],
 )
 def test_each_log_has_a_file_of_its_own(tmp_path: Path, monkeypatch, words, written: list[str]) -> None:
-    """The worst exit code is that of the command."""
+    """The command ends with the worst exit code of its logs."""
     monkeypatch.chdir(tmp_path)
     paths: list[Path] = []
 

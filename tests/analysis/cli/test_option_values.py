@@ -16,7 +16,7 @@ from flightpower.daq.__main__ import check, zero
 @pytest.mark.parametrize(
     ("command", "assumed"),
     [
-        # Twenty minutes and the last of the landing; a light breeze, 131 ft, porpoising from 0 to 2 g.
+        # Twenty minutes and the end of the landing; a light breeze, 131 ft, porpoising from 0 to 2 g.
         (plan, {"minutes": 21.0, "wind_kt": 5.0, "height_m": 40.0, "load_factor": 2.0, "heading_deg": None}),
         (probe, {"angle_scale": 0.5}),  # percent
         (transducers, {"reference_error": 0.5}),  # percent, of a column of water

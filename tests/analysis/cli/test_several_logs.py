@@ -101,7 +101,7 @@ def test_results_depend_on_the_files_that_are_read(tmp_path: Path) -> None:
 
 
 def test_mass_is_for_the_logs_of_autopilots_beside_logs_with_an_aircraft_file(tmp_path: Path) -> None:
-    """If all logs have their own aircraft file the option is refused, as for a single such log."""
+    """The option is refused if every log has its own aircraft file, as it is for a single such log."""
     tray, autopilot = log_of(tmp_path / "tray.mcap", aircraft_toml="x"), tmp_path / "log.ulg"
     autopilot.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(8))
     own_options = Options(mass_kg=4.1, span_m=2.0, propeller="APC 12x6")

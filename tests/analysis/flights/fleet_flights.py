@@ -32,9 +32,10 @@ def flights_of(
     every_days: float = 1.8,
     like: RowModel | None = None,
 ) -> list[dict[str, Any]]:
-    """The results of flights. drag, thrust: change of each flight (count,) as a share, from the airframe's own.
+    """The results of flights of one airframe. drag, thrust: relative change of each flight (count,) from the airframe's
+    values.
 
-    like : flights whose rows are used, instead of those of short flights with this noise
+    like : the model that the flights' rows come from, instead of short flights with this noise
     """
     rng = np.random.default_rng(seed)
     x = like.truth(rng, polar) if like else truth(rng, polar)

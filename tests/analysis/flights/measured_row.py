@@ -36,7 +36,7 @@ class MeasuredRow(NamedTuple):
 
 
 def mean_row(flights: Sequence[FlightStatistics]) -> MeasuredRow:
-    """Raises ValueError where the flights have two priors, which no mean describes."""
+    """Return the mean row of flights. Raises ValueError if the flights have two priors, which no mean describes."""
     first = flights[0]
     if any((statistics.prior_matrix != first.prior_matrix).any() for statistics in flights):
         raise ValueError("flights of two priors")
@@ -59,7 +59,7 @@ def mean_row(flights: Sequence[FlightStatistics]) -> MeasuredRow:
 
 
 def written(row: MeasuredRow, command: str) -> str:
-    """The text of measured_row.json. command: the one that gave it"""
+    """The text of measured_row.json; `command` is the command that produced it."""
 
     def numbers(values: Array) -> list[Any]:
         return [float(f"{x:.5g}") if np.isfinite(x) else None for x in values.tolist()]
@@ -79,7 +79,7 @@ def written(row: MeasuredRow, command: str) -> str:
 
 
 def measured_row() -> MeasuredRow:
-    """That of measured_row.json."""
+    """The row stored in measured_row.json."""
     content = json.loads(FILE.read_text("utf-8"))
     assert content["names"] == list(POOLED), "measured_row.json is of an earlier version; benchmarks/fleet.py generator"
     return MeasuredRow(
@@ -100,7 +100,7 @@ def _symmetric(lower_triangle: list[list[float]]) -> Array:
 
 
 class RowModel:
-    """Draws flights like a measured one. noise : factor on the standard deviations of what the data say."""
+    """Draws flights like a measured one; `noise` multiplies the standard deviations that come from the data."""
 
     def __init__(self, row: MeasuredRow, noise: float = 1.0):
         self.row = row
@@ -130,14 +130,15 @@ class RowModel:
         return np.concatenate([polar, nuisance])
 
     def shared_errors(self, rng: np.random.Generator) -> Array:
-        """(M,) common to all flights of an airframe, which no residual shows; it includes the floor of the polar."""
+        """Errors (M,) common to all flights of an airframe, which no residual shows, including the floor of the
+        polar."""
         changes = [change for name, change in self.row.changes.items() if name not in OWN_CHANGES]
         n = len(POLAR)
         tilted = np.concatenate([np.sqrt(np.diag(covariance.floor())) * rng.standard_normal(n), np.zeros(M - n)])
         return np.asarray(sum((rng.standard_normal() * change for change in changes), tilted))
 
     def pooling(self, x: Array, shared: Array, rng: np.random.Generator) -> dict[str, Any]:
-        """What replaces the fields of `pooling` of a flight's results. shared: of `shared_errors`"""
+        """New values for the fields of `pooling` in a flight's results; `shared` is the result of `shared_errors`."""
         s, r = slice(R, M), slice(R)
         vector = self.P @ self.row.prior_mean
         first_root = self.first @ x[s] + self.first_root @ rng.standard_normal(M - R)
@@ -164,7 +165,8 @@ class RowModel:
 
 
 def _positive(A: Array) -> Array:
-    """The nearest matrix without negative eigenvalues, in units of its diagonal: the row is rounded."""
+    """The nearest matrix without negative eigenvalues in units of its diagonal, since rounding of the row can cause
+    them."""
     scale = np.sqrt(np.abs(np.diag(A)))
     own, vectors = np.linalg.eigh((A + A.T) / 2 / np.outer(scale, scale))
     return np.asarray((vectors * np.maximum(own, 0.0)) @ vectors.T * np.outer(scale, scale))

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 POLAR = np.array([0.0465, -0.0195, 0.065])
 PRIOR_SIGMA = np.array([np.inf] * 3 + [0.018, 0.15, 1.0, 0.0175, 0.03, 0.0175, 0.0125, 0.012])
 PRIOR_MEAN = np.r_[np.zeros(M - 1), 0.006]  # a lag, as latency has one
-# Of one flight in turbulence, for given shared errors: polar, thrust, installation.
+# Standard deviations of one flight in turbulence, given the shared errors: polar, thrust, installation.
 NOISE = np.array([3e-4, 9e-4, 6e-4, 0.006, 0.04, 0.5, 0.005, 0.02, 0.01, 0.006, 0.004])
 # Change of the polar per unit of thrust scale, thrust slope and errors of the installation.
 BY_OTHERS = np.zeros((3, M))
@@ -59,7 +59,7 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
     data_information = np.diag((noise * NOISE) ** -2.0)
     C_first = np.linalg.inv(data_information[first, first] + P[first, first])
     errors = C_first @ (data_information[first, first] @ (x + error)[first] + vector[first])
-    # Drag shows A + BY_OTHERS times the errors of thrust and installation, thrust itself.
+    # Drag shows A plus BY_OTHERS times the errors of thrust and installation; thrust shows itself.
     J = np.eye(6)
     J[:3, 3:] = BY_OTHERS[:, 3:6]
     whitened = np.diag(1 / (noise * NOISE[second])) @ np.linalg.inv(J)

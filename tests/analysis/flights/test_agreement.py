@@ -1,4 +1,4 @@
-"""Whether flights agree: the test of homogeneity, outliers with their likely reason."""
+"""Whether flights agree: the test of homogeneity, and outliers with their likely cause."""
 
 from types import SimpleNamespace
 
@@ -47,7 +47,8 @@ def test_homogeneity_is_calibrated_on_flights_drawn_from_the_model() -> None:
 
 
 def test_differences_from_the_pool_have_the_covariance_stated() -> None:
-    """The flights alone and the pool share the error of the prior, the flights in the pool their own errors too."""
+    """The flights alone and the pool share the error of the prior; the flights in the pool share their own errors
+    too."""
     ratios = []
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -67,7 +68,7 @@ def test_errors_common_to_all_flights_do_not_widen_the_differences_between_them(
 
 
 def spoiled(name: str, change: float) -> JointPool:
-    """The pool of six calm flights, of which the third flew with another value of a parameter."""
+    """A pool of six calm flights, of which the third has another value of one parameter."""
     rng = np.random.default_rng(1)
     x = truth(rng)
     other = x.copy()
@@ -109,9 +110,9 @@ def test_flights_that_agree_have_no_outlier() -> None:
     ("pools", "expected"), [(25, 1), pytest.param(80, 4, marks=[pytest.mark.slow, pytest.mark.thorough])]
 )
 def test_what_is_said_of_a_pool_has_the_level_of_its_verdict(pools: int, expected: int) -> None:
-    """Some of 80 pools that differ by chance have p below 5 %: nothing says that flights differ.
+    """Some of 80 pools that differ by chance have p below 5 %, and still no result says that flights differ.
 
-    Two tests and the outliers, each at 0.3 %, make one of 80 doubtful at most.
+    The two tests and the outliers, each at 0.3 %, make at most one of 80 pools doubtful.
     """
     unlikely = doubtful = 0
     for seed in range(pools):
@@ -139,8 +140,8 @@ def test_at_most_half_of_the_flights_are_named() -> None:
 
 
 def test_the_largest_of_errors_has_the_probability_with_which_it_is_drawn() -> None:
-    """Errors of a curve of three parameters at seven speeds; one error at seven speeds; seven that have nothing in
-    common, of which the largest is known exactly."""
+    """The errors come from a curve of three parameters at seven speeds; from one error common to seven speeds; and from
+    seven independent errors, for which the largest is known exactly."""
     V = np.linspace(10.0, 25.0, 7)
     curve = np.stack([V**-2, np.ones(7), V**2 / 1e3])
     maxima = np.max(np.abs(np.random.default_rng(1).standard_normal((200_000, 3)) @ curve) / norms(curve.T), axis=1)
@@ -164,7 +165,7 @@ def test_a_quadratic_form_is_that_of_the_inverse() -> None:
 
 
 def test_the_likely_cause_is_the_installation_s_largest_difference_in_its_unit() -> None:
-    """Beyond two and a half standard deviations; that of the polar itself is no cause."""
+    """The limit is two and a half standard deviations; a difference of the polar itself is not a cause."""
     value, standardized = np.zeros(len(POOLED)), np.zeros(len(POOLED))
     i = POOLED.index("thrust_scale")
     value[i], standardized[i], standardized[0] = 0.05, 2.6, 9.0
@@ -181,7 +182,7 @@ def own_errors(variance: float, flights: int) -> ErrorParts:
 
 @pytest.mark.parametrize("part", [POLAR_PART, INSTALLATION_PART])
 def test_homogeneity_is_that_of_the_covariance_of_all_flights_together(part: slice) -> None:
-    """To 1e-8 at 200 flights, with errors that all share, an installation without a name and unlike flights."""
+    """They agree to 1e-8 for 200 unlike flights with errors shared by all and an installation without a name."""
     rng = np.random.default_rng(5)
     x = truth(rng)
     pooled = joint_pool([flight(x, rng, f"{i}", 0.3 + 0.01 * i) for i in range(200)])
@@ -208,7 +209,7 @@ def test_a_flight_that_adds_nothing_to_the_prior_agrees_with_all() -> None:
 
 
 def test_a_trend_is_the_slope_of_generalized_least_squares() -> None:
-    """0.5 % a day; of flights known equally well the slope's error is that of one over the root of sum (x - mean)^2."""
+    """0.5 % a day; for flights known equally well, the slope's error is theirs over the root of sum (x - mean)^2."""
     days = np.array([0.0, 1.0, 2.0, 5.0])
     flights = [
         SimpleNamespace(
@@ -241,7 +242,8 @@ def test_a_trend_is_reported_over_the_range_flown_alone() -> None:
 
 
 def test_thrust_is_known_where_a_flight_that_was_there_had_it_within_the_table() -> None:
-    """At its own lift coefficients, whatever its weight; a flight without a curve covers all that it flew."""
+    """Flights count at their own lift coefficients, whatever their weight; one without a curve covers all that it
+    flew."""
     condition = Condition(weight_N=37.0, rho=1.2, wing_area_m2=0.46)
     CL = np.array([0.25, 0.35, 0.55, 0.75, 0.95])
 

@@ -18,7 +18,7 @@ from flightpower.analysis.records.flight import Trust
 
 
 def test_the_scatter_among_airframes_is_distinguished_from_the_errors_of_each() -> None:
-    """400 airframes are drawn, each with errors of its own as large as the scatter."""
+    """Over 400 draws; a flight's own errors are as large as the scatter among airframes."""
     rng = np.random.default_rng(4)
     among = np.array([[1.0, 0.5], [0.5, 2.0]])
     own = np.stack([np.diag(rng.uniform(0.5, 2.0, 2)) for _ in range(400)])
@@ -136,7 +136,7 @@ def test_flights_of_one_name_that_cannot_be_of_one_airframe_are_reported(
 
 
 def test_one_flight_under_the_names_of_two_airframes_is_reported(tmp_path: Path) -> None:
-    """A log that was analyzed with another airframe's file."""
+    """A log was also analyzed with another airframe's file."""
     dataset = Dataset(str(tmp_path / "fleet"))
     flights = flights_of("one", 3, 4, noise=0.3)
     dataset.add(flights)

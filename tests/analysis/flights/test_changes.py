@@ -24,7 +24,7 @@ def after(flight: int, count: int = 100) -> np.ndarray:
 
 @pytest.mark.parametrize("flights", [50, 200])
 def test_an_airframe_that_does_not_change_raises_one_alarm_in_as_many_flights_as_allowed(flights: int) -> None:
-    """Seeds on which nothing was chosen; the number of alarms in 4,000 flights is one of Poisson's."""
+    """Nothing was tuned on these seeds; the number of alarms in 4,000 flights is a Poisson number."""
     own = np.tile(np.diag([0.02, 0.006]) ** 2, (flights, 1, 1))
     shared = np.tile(np.diag([0.01, 0.01])[:, :1], (flights, 1, 1))
     times, sequences, message = np.arange(flights, dtype=float), 4000 // flights, 0
@@ -54,7 +54,7 @@ def test_a_dented_wing_is_reported_as_drag() -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("times", [np.zeros(12), np.r_[np.arange(11.0), 10.0]], ids=["all", "the last two"])
 def test_flights_of_one_time_show_steps_and_no_drift(times: np.ndarray) -> None:
-    """A clock that stood still, or a log that was split."""
+    """The clock stood still, or one log was split."""
     of_flights = series(joint_pool(flights_of("one", 5, 12, drag=0.3 * after(6, 12))))
     (change,) = find_changes(of_flights, times, A_YEAR)
     assert (change.shape, change.since) == (Shape.STEP, 6) and change.drag == pytest.approx(0.3, abs=0.1)
@@ -92,7 +92,7 @@ def test_dirt_that_grows_is_reported_as_a_drift_until_the_last_flight() -> None:
 
 
 def test_the_change_has_the_error_stated() -> None:
-    """Thrust over 12 airframes, whose alarms all come at once."""
+    """The thrust of 12 airframes changes; errors of the change over stated errors have an rms near 1."""
     ratios = []
     for seed in range(1100, 1112):
         changes = changes_of(60, seed, thrust=0.05 * after(30, 60))
@@ -108,7 +108,7 @@ def test_few_flights_show_no_change(count: int) -> None:
 
 @pytest.mark.parametrize("odd", [2, 10])
 def test_one_odd_flight_is_no_change(odd: int) -> None:
-    """With a fifth less drag than the flights before and after it."""
+    """It has a fifth less drag than the flights before and after it."""
     assert changes_of(20, drag=-0.2 * (np.arange(20) == odd), noise=0.3) == []
     later = changes_of(40, drag=-0.2 * (np.arange(40) == odd), thrust=-0.05 * after(30, 40), noise=0.3)
     assert [(change.what, change.since) for change in later] == [(What.PROPULSION, 30)]
@@ -116,8 +116,8 @@ def test_one_odd_flight_is_no_change(odd: int) -> None:
 
 @pytest.mark.parametrize("slowly", [False, True])
 def test_without_noise_a_change_is_reported_where_theory_has_it(slowly: bool) -> None:
-    """The detector's own statistic, of flights without scatter, against the closed form of the benchmark; of such
-    flights it lacks the two that noise adds in the mean, so that it comes no sooner and only a little later."""
+    """The detector's own statistic of flights without scatter is compared with the closed form of the benchmark. It
+    lacks the 2 that noise adds in the mean, so the alarm comes no sooner and only a little later."""
     n, change = benchmark.BEFORE + benchmark.A_YEAR, np.array([0.02, -0.003])
     own = np.tile([[0.03**2, 1e-5], [1e-5, 0.01**2]], (n, 1, 1))
     shared = np.tile(np.array([[0.02], [0.01]]), (n, 1, 1))

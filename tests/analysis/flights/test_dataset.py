@@ -1,4 +1,4 @@
-"""Rows of flights in a dataset: the pool of the rows is the pool of the results, whatever the order and the place."""
+"""Rows of flights in a dataset: a pool of rows equals a pool of results, whatever the order and the location."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from tests.s3_server import running
 
 @pytest.fixture(params=["folder", "memory"])
 def dataset(request: pytest.FixtureRequest, tmp_path: Path) -> Dataset:
-    """In a folder, and in an object store in memory that fsspec keeps."""
+    """The location of a dataset: a folder, and an object store in memory that fsspec keeps."""
     return Dataset(str(tmp_path / "fleet") if request.param == "folder" else f"memory://{tmp_path.name}/fleet")
 
 
@@ -60,7 +60,7 @@ def test_a_damaged_file_costs_its_flights_only(tmp_path: Path) -> None:
 
 
 def test_a_dataset_in_a_bucket_is_read_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Over S3, by a server of its own; another addition adds files and changes none."""
+    """The bucket is on an S3 server of the test; a second addition adds files and changes none."""
     pytest.importorskip("s3fs")
     first, later = flights_of("one/a", 1, 3), flights_of("one/a", 2, 2)
     with running() as store:

@@ -1,4 +1,4 @@
-"""Pools of electrical curves: own errors average out, shared ones stay, and cancel between pools of one aircraft."""
+"""Pools of electrical curves: own errors average out; shared errors stay, but cancel between pools of one aircraft."""
 
 import json
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ def power_of(V: np.ndarray, weight_N: float = WEIGHT_N, rho: float = RHO, drag: 
 
 
 def flight(log: str = "a", error: np.ndarray | float = 0.0, **of) -> Results:
-    """Own errors: a share OWN of power, correlated over 3 m/s; shared: a share of power at all speeds."""
+    """Own errors are a share OWN of power, correlated over 3 m/s; `shared` is a share of power at all speeds."""
     name, drag = of.pop("name", "A"), of.pop("drag", 1.0)
     weight_N, rho, speeds = of.pop("weight_N", WEIGHT_N), of.pop("rho", RHO), of.pop("speeds", V)
     truth = power_of(speeds, weight_N, rho, drag)
@@ -103,7 +103,7 @@ def test_one_flight_is_its_own_pool() -> None:
 
 
 def test_a_flight_with_runs_is_pooled_by_its_electrical_power_with_an_autopilot_s() -> None:
-    """Both are power in the air of one aircraft; its drag, that of one flight, is kept as the other kind of power."""
+    """Both powers are of one aircraft in flight; the drag of its one flight is kept as the other kind of power."""
     autopilot, other = flight("a", 0.02), flight("b", -0.02)
     mixed, alike = electrical_pool([autopilot, with_drag(other)]), electrical_pool([autopilot, other])
     np.testing.assert_array_equal(mixed.curve.power_W.value, alike.curve.power_W.value)
@@ -189,7 +189,7 @@ def test_drag_that_cannot_be_pooled_leaves_electrical_power_with_the_reason() ->
 
 
 def test_pools_are_compared_by_the_kinds_of_power_that_both_have() -> None:
-    """Power of the autopilot's flight is 10 % above that of the others."""
+    """The power of the autopilot's flight is 10 % above that of the others."""
     (*tray, f, g), autopilot = of_tray(*"bcdfg"), flight("a", 0.1)
     electrical = compared(tray, [autopilot]).results()
     assert electrical.kind is Kind.ELECTRICAL and electrical.other_kind is None and electrical.a.logs == [*"bcd"]
@@ -295,8 +295,8 @@ def test_a_pool_of_drag_without_a_battery_says_what_other_weights_require() -> N
 
 
 def test_one_more_flight_and_a_difference_to_see_follow_from_own_errors() -> None:
-    """Three flights of 3 % each: one more like them has 3 %/sqrt(4), and a change of 2 % takes so many that its test
-    at three speeds has the power asked; shared errors do not count."""
+    """Three flights have errors of 3 % each: a fourth gives 3 %/sqrt(4), and a change of 2 % takes so many flights that
+    its test at three speeds has the required power; shared errors do not count."""
     pool = electrical_pool([flight(str(i), 1e-6 * i) for i in range(3)])
     V = pool.speeds_mps
     own = [NORMAL_95 * 100 * np.hypot(OWN / np.sqrt(n), SHARED) for n in (3, 4)]
@@ -362,7 +362,8 @@ def test_curves_meet_at_one_weight_and_density() -> None:
 
 @pytest.mark.thorough
 def test_a_change_of_drag_is_seen_because_shared_errors_cancel() -> None:
-    """8 %, by five flights each; equal configurations are found different in about 5 % of comparisons."""
+    """The change is 8 %, with five flights each; equal configurations are found different in about 5 % of
+    comparisons."""
     rng = np.random.default_rng(7)
     seen, false, inside = [], [], []
     for _ in range(100):
@@ -393,11 +394,11 @@ def test_a_flight_that_differs_is_an_outlier() -> None:
     assert compared(flights, [flight("b", 1e-5)]).results().trust is Trust.DOUBTFUL
     assert result.left_out == [] and result.failures == ["y: torn"]
     pair = electrical_pool(flights[-2:]).results()
-    assert not any(flight.outlier for flight in pair.flights), "of two it is not known which"
+    assert not any(flight.outlier for flight in pair.flights), "with two flights it is unknown which is wrong"
 
 
 def test_the_commands_pool_and_compare_as_those_of_drag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`analyze LOG LOG` and `analyze compare`, from the flights' folders on."""
+    """`analyze LOG LOG` and `analyze compare` start from the flights' folders."""
     rng = np.random.default_rng(3)
     folders = {name: [] for name in ("old", "new")}
     for name, drag in (("old", 1.0), ("new", 1.3)):

@@ -1,4 +1,4 @@
-"""Numbers of electrical pools and comparisons by their size: interval, probability, limit by the number of tests."""
+"""Sizes in electrical pools and comparisons: intervals, probabilities, and limits by the number of tests."""
 
 import msgspec
 import numpy as np
@@ -12,7 +12,7 @@ from flightpower.analysis.results.settings import TRUST
 
 
 def less_certain(results: Results, factor: float) -> Results:
-    """The flight with own errors larger by a factor."""
+    """The flight, with its own errors multiplied by a factor."""
     statistics = results.curves[Kind.ELECTRICAL].statistics
     assert isinstance(statistics, PowerStatistics)
     own = (factor**2 * np.array(statistics.own_covariance)).tolist()
@@ -48,7 +48,8 @@ def test_a_difference_has_the_probability_and_the_width_of_two_flights(share: fl
 
 
 def test_flights_weigh_by_the_inverse_of_their_variance() -> None:
-    """One with twice the errors counts a quarter: of a difference of 10 % the pool has a fifth."""
+    """A flight with twice the errors has a quarter of the weight: a difference of 10 % moves the pool by a fifth of
+    it."""
     pool = electrical_pool([flight("a"), less_certain(flight("b", 0.1), 2.0)])
     assert pool.curve.power_W.value / power_of(pool.curve.V_mps) - 1 == pytest.approx(0.1 / 5, rel=1e-3)
     own = np.sqrt(np.diag(pool.curve.power_W.own)) / power_of(pool.curve.V_mps)
@@ -63,11 +64,11 @@ def test_an_outlier_is_one_among_as_many_tests_as_flights() -> None:
         odd = result.flights[-1]
         assert odd.p is not None and odd.outlier is bool(odd.p < TRUST.false_alarm_rate / 5)
         between += TRUST.false_alarm_rate / 5 < odd.p < TRUST.false_alarm_rate
-    assert between > 1, "the difference of both limits was tried"
+    assert between > 1, "a value between both limits was tested"
 
 
 def test_a_flight_differs_from_the_pool_by_its_share_and_their_errors() -> None:
-    """One of five that is 10 % higher raises the pool by 2 %, and is above it by 8 of 102; what all share cancels."""
+    """One of five flights is 10 % higher: it raises the pool by 2 %, and is 8 of 102 above it; shared errors cancel."""
     result = electrical_pool([flight(str(i), 1e-6 * i) for i in range(4)] + [flight("odd", 0.1)]).results()
     for row in result.flights[-1].against_pool:
         assert row.difference_percent == pytest.approx(100 * 0.08 / 1.02, rel=0.01)

@@ -1,4 +1,4 @@
-"""`flightpower fleet` as it is called: flights added twice are one, and wrong input is one line."""
+"""`flightpower fleet` as it is called: a flight added twice counts once, and wrong input is reported in one line."""
 
 import csv
 import json
@@ -30,7 +30,7 @@ def called(*words: object) -> str:
 
 @pytest.fixture
 def flights(tmp_path: Path) -> Path:
-    """The folder of three airframes' flights, of which one lost thrust."""
+    """A folder with the flights of three airframes, of which one lost thrust."""
     worn = -0.06 * (np.arange(30) >= 20)
     for airframe in (flights_of("hawk-1", 1, 4), flights_of("hawk-2", 2, 4), flights_of("worn", 9, 30, thrust=worn)):
         _write(tmp_path / "flights", airframe)

@@ -15,7 +15,7 @@ from flightpower.analysis.flights.flight_statistics import read_statistics
 
 @pytest.mark.parametrize("count", [3, 5, 12])
 def test_the_scatter_of_a_few_airframes_known_exactly_is_that_of_their_sample(count: int) -> None:
-    """Restricted likelihood: over n - 1, not n, which would make three airframes a third more alike."""
+    """Restricted likelihood divides by n - 1; division by n would make three airframes look a third more alike."""
     values = np.random.default_rng(count).normal(2.0, 3.0, (count, 1))
     effects = random_effects(values, np.full((count, 1, 1), 1e-6))
     assert effects[0, 0] == pytest.approx(np.var(values, ddof=1), rel=1e-3)
@@ -55,7 +55,8 @@ def test_flights_with_another_propeller_installation_or_calibration_are_another_
 
 
 def test_who_accepts_more_false_alarms_is_reported_of_smaller_changes() -> None:
-    """Steps of drag of 0 to 6 %: with ten a year whatever is told with one in a thousand years, and more."""
+    """Steps of drag are 0 to 6 %: at ten false alarms a year all is reported that is at one in a thousand years, and
+    more."""
     message: dict[float, int] = {0.001: 0, 10.0: 0}
     for step in np.linspace(0.0, 0.06, 13):
         flights = [read_statistics(flight) for flight in flights_of("mine", 3, 10, drag=step * (np.arange(10) >= 5))]

@@ -1,4 +1,4 @@
-"""Limits by the number of tests: of so many, the least probable is found as seldom as a single one would be."""
+"""Limits by the number of tests: among many tests, a false alarm is as rare as in a single test."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from flightpower.analysis.settings import EVIDENCE
 
 @pytest.mark.parametrize("tests", [1, 2, 5, 20])
 def test_noise_exceeds_the_limit_of_evidence_as_seldom_as_stated(tests: int) -> None:
-    """In any of so many values, on either side."""
+    """This holds for any one of many values, on either side."""
     within = 1 - 2 * norm.sf(noise_limit(tests))
     assert 1 - within**tests == pytest.approx(TRUST.false_alarm_rate, rel=0.01)
 
@@ -38,7 +38,7 @@ def campaign(drag: float, alpha: float = 0.0, count: int = 5) -> Pool:
 
 
 def test_a_flight_is_an_outlier_by_the_limit_of_two_tests_of_each_flight() -> None:
-    """Polar and installation are tested alike, and evidence states their limit."""
+    """Each flight has two tests, of polar and of installation, and the evidence states their limit."""
     limit, between = TRUST.false_alarm_rate / (2 * 5), 0
     for drag in np.linspace(0.0, 0.02, 41):
         pooled = campaign(drag)
@@ -48,11 +48,11 @@ def test_a_flight_is_an_outlier_by_the_limit_of_two_tests_of_each_flight() -> No
         between += limit < min(p) < TRUST.false_alarm_rate
         for evidence in pooled.evidence:
             assert evidence.limit == pytest.approx(limit if evidence.log else TRUST.false_alarm_rate)
-    assert between > 1, "the difference of both limits was tried"
+    assert between > 1, "a value between both limits was tested"
 
 
 def test_a_flight_whose_probe_moved_is_named_by_the_same_rule() -> None:
-    """Its polar agrees, so it is an outlier, but not because of its curve. It alone is treated as remounted."""
+    """Its polar agrees, so it is an outlier, but not because of its curve. Only that flight is treated as remounted."""
     pooled = campaign(0.0, alpha=0.03)
     assert list(pooled.outliers) == [4] and pooled.outliers[4].p_installation < TRUST.false_alarm_rate / 10
     assert remounted_flights(pooled.as_stated, pooled.prior) == {4} == pooled.remounted
@@ -72,7 +72,7 @@ def test_drag_and_thrust_have_both_changed_beyond_the_limit_of_both_sides(drag: 
 
 
 def test_a_trend_is_the_change_over_the_range_with_the_error_of_a_straight_line() -> None:
-    """0.2 % a kelvin over 20 K, each flight known to 1 %: 4 % with 1 % over the root of the sum of squares."""
+    """0.2 % a kelvin is 4 % over 20 K; flights known to 1 % each give 1 % over the root of the sum of squares."""
     rng = np.random.default_rng(2)
     x = truth(rng)
     temperatures = np.array([280.0, 284.0, 290.0, 291.0, 296.0, 300.0])

@@ -30,7 +30,7 @@ def campaign(seed: int, flights: int, **facts: Any) -> list[dict[str, Any]]:
 
 
 def slowest_error_percent(pooled: JointPool, A: np.ndarray) -> tuple[float, float]:
-    """Error of power by the polar A at the slowest speed, and half the 95 % interval of `pooled`."""
+    """Error of the power from the polar A at the slowest speed, and half the 95 % interval of `pooled`."""
     V = pooled.speeds_mps[:1]
     power, error = pooled.power(V)
     other, _ = replace(pooled, polar=Polar(A, np.zeros((3, 3)))).power(V)
@@ -54,8 +54,8 @@ STAND = {
 
 @pytest.mark.parametrize("number", [1, 3])
 def test_a_stand_counts_once_in_a_pool(number: int) -> None:
-    """The pool is that of the same flights without a stand, and then the stand's measurement: a Kalman update of drag
-    and thrust for given errors of the installation, which thrust does not change."""
+    """The pool equals that of the same flights without a stand, updated by the stand's measurement: a Kalman update of
+    drag and thrust for given errors of the installation, which thrust does not change."""
     with_stand, without = (joint_pool(campaign(5, number, **facts)).estimate for facts in ({"stand": STAND}, {}))
     h = np.array([STAND["coefficients"].get(name, 0.0) for name in POOLED])  # type: ignore[attr-defined]
     Ch = without.prior_part @ (np.where(h, PRIOR_SIGMA, 0.0) ** 2 * h)
@@ -83,8 +83,9 @@ def test_an_estimate_less_certain_than_its_prior_keeps_its_covariance() -> None:
 
 
 def test_flights_that_say_nothing_of_a_parameter_do_not_make_a_pool_worse() -> None:
-    """Colored residuals: thrust beyond the table is less certain than its prior. Such a flight alone is as analyzed;
-    over 40 campaigns the errors of pools of 1, 5 and 20 flights are those stated, and both shrink with the number."""
+    """With colored residuals, thrust beyond the table is less certain than its prior. Such a flight alone gives what
+    its analysis gave; over 40 campaigns the errors of pools of 1, 5 and 20 flights match those stated, and both shrink
+    with the number."""
     item = campaign(3, 1, color=3.0)[0]
     beyond = POOLED.index("thrust_beyond")
     assert item["pooling"]["covariance"][beyond][beyond] > PRIOR_SIGMA[beyond] ** 2
@@ -124,7 +125,7 @@ def test_flights_with_two_stands_are_not_one_pool() -> None:
 
 
 def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> None:
-    """One flight analyzed with a narrower prior: its own prior is subtracted, so the pool is equal."""
+    """One flight was analyzed with a narrower prior, which is subtracted, so the pool is the same."""
     x, narrower = truth(np.random.default_rng(0)), PRIOR_SIGMA / np.where(np.arange(len(PRIOR_SIGMA)) > 2, 2.0, 1.0)
 
     def pooled(first: np.ndarray) -> JointPool:
@@ -163,7 +164,8 @@ def test_one_flight_without_a_named_installation_equals_its_own_analysis_too() -
 
 
 def test_the_mean_of_curves_keeps_the_error_by_the_prior_that_all_flights_used() -> None:
-    """Twenty flights: the joint estimate covers the truth; the mean of the flights' polars claims less than it errs."""
+    """With twenty flights the joint estimate covers the truth; the mean of the flights' polars states less than its
+    error."""
     mean, joint = [], []
     for seed in range(40):
         results = campaign(seed, 20)

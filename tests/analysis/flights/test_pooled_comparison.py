@@ -46,7 +46,8 @@ def test_alarms_without_a_difference_are_rare_and_the_interval_covers() -> None:
 
 
 def test_each_flight_has_its_own_error_of_the_density() -> None:
-    """It acts on polar, thrust and airspeed of that flight alone: without it most comparisons would alarm here."""
+    """It acts only on that flight's polar, thrust and airspeed: without it most comparisons would raise an alarm
+    here."""
     density = 0.016
     change = density * np.r_[-POLAR[0], 0.0, POLAR[2], -1.0, np.zeros(5), -0.5, 0.0]
 
@@ -91,9 +92,9 @@ def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
 
 
 def days(seed: int, thrust: float, flights: int = 2) -> Comparison:
-    """Compares an aircraft on two days, with a share more of thrust on the second than on the first.
+    """Compare an aircraft on two days, with `share` more thrust on the second day than on the first.
 
-    So do pulses that are not counted, a nick, or a stated weight that is wrong.
+    Uncounted pulses, a nick, or a wrong stated weight have the same effect.
     """
     rng = np.random.default_rng(seed)
     x = truth(rng)
@@ -103,7 +104,7 @@ def days(seed: int, thrust: float, flights: int = 2) -> Comparison:
 
 
 def test_thrust_that_differs_between_the_days_is_reported_and_does_not_cancel() -> None:
-    """Believed to be one, thrust of 6 % less on one day would be a difference of drag."""
+    """If thrust were believed to be equal, 6 % less of it on one day would appear as a difference of drag."""
     comparison = [days(seed, -0.06) for seed in range(20)]
     messages = [comparison.relation.thrust_contradicted is not None for comparison in comparison]
     assert np.mean(messages) > 0.9
@@ -129,7 +130,8 @@ def test_thrust_that_is_the_same_is_seldom_denied() -> None:
 
 
 def test_from_one_day_to_another_a_part_of_thrust_is_not_shared() -> None:
-    """A fifth of the variance that two propellers of the table would have, less the part that the flights determine."""
+    """A fifth of the variance between two propellers of the table, less the part that the flights determine, is not
+    shared."""
     a, b = pools(2, 1.0, flights=1, noise=3.0)
     half = {}
     for name, same_propeller, same_day in (("day", True, True), ("days", True, False), ("propellers", False, False)):
@@ -203,8 +205,8 @@ def test_which_is_a_does_not_matter_where_only_b_has_a_wide_prior_of_thrust() ->
 
 
 def test_b_differs_only_where_an_interval_says_so() -> None:
-    """Drag that falls by the parasitic part and grows by the induced one changes power by 2 % at the ends, to either
-    side: as curves the two differ by far, and at no speed."""
+    """Parasitic drag falls and induced drag grows, so power changes by 2 % at either end with opposite signs: as curves
+    the two differ widely, but at no single speed."""
     rng = np.random.default_rng(0)
     x = truth(rng)
     message, apart = [], []
@@ -257,7 +259,8 @@ def test_flights_to_see_are_those_by_which_nine_of_ten_campaigns_see_it() -> Non
 def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_the_truth(
     flights: int, seeds: int
 ) -> None:
-    """Flights of two installations that name the same. If it were believed, 22 to 35 % of the truths were covered."""
+    """Flights of two installations carry one name. If it were believed, only 22 to 35 % of the truths would be
+    covered."""
     believed, comparisons, of_one = [], [], []
     for seed in range(seeds):
         rng = np.random.default_rng(seed)

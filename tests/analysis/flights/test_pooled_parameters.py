@@ -1,4 +1,4 @@
-"""A pool gives an autopilot's values and tables, as one flight does."""
+"""A pool gives an autopilot's values and tables, as a single flight does."""
 
 import csv
 from pathlib import Path
@@ -30,7 +30,7 @@ WING_AREA_M2, CD0, B = 0.46, 0.04, 0.05
 
 
 def sink_mps(true_mps: float, weight_N: float, rho: float) -> float:
-    """D V / W of C_D = CD0 + B C_L^2."""
+    """The sink rate D V / W with C_D = CD0 + B C_L^2."""
     qS = rho / 2 * true_mps**2 * WING_AREA_M2
     return qS * (CD0 + B * (weight_N / qS) ** 2) * true_mps / weight_N
 
@@ -72,7 +72,7 @@ def test_sink_is_that_of_the_polar_at_the_cruise_weight_and_density_of_the_pool(
 
 
 def test_intervals_of_means_are_as_wide_as_the_flights_own() -> None:
-    """Errors may be shared, so that four flights are no surer than one of what their curves do not pool."""
+    """Errors may be shared, so for values that their curves do not pool, four flights are no more certain than one."""
     single, four = (pooled([flight(name, 14.0, 38.0, 1.2) for name in names]) for names in ("a", "bcde"))
     for name in ("FW_T_SINK_MIN", "SOAR_POLAR_B", "idle_power", "ASPD_SCALE_1", "AIRSPEED_MAX"):
         assert four[name].hi - four[name].lo == pytest.approx(single[name].hi - single[name].lo, rel=1e-6)

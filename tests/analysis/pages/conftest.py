@@ -91,7 +91,7 @@ def interval(value: float) -> Interval:
 
 @pytest.fixture
 def with_battery(results: Results) -> Results:
-    """These results with a battery: 50 min at 14 m/s, 40 km at 16 m/s, 25 m/s and a climb of 4 m/s at full throttle."""
+    """The results with a battery: 50 min at 14 m/s, 40 km at 16 m/s; 25 m/s and a climb of 4 m/s at full throttle."""
     flown = PerformanceCase(
         title="as flown", weight_N=37.0, air_density_kgpm3=1.2, density_altitude_m=200.0, endurance_s=interval(3000.0),
         endurance_speed_mps=interval(14.0), endurance_power_W=70.0, endurance_at_slowest=False,

@@ -1,4 +1,4 @@
-"""Every speed that results and report name, against the slowest one flown: what benchmarks and tests share."""
+"""Compares every speed that results and report name with the slowest one flown; benchmarks and tests share this."""
 
 import re
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ def below_slowest(results: Results, *, figures: bool = True) -> list[str]:
 
 
 def _speeds(results: Results) -> Iterator[tuple[str, float, float]]:
-    """Where a speed is named, the speed, and the slowest one allowed there [m/s]."""
+    """Yield where a speed is named, the speed, and the slowest speed allowed there [m/s]."""
     flown = results.slowest_flown
     assert flown is not None
     S = results.aircraft.wing_area_m2
@@ -69,7 +69,7 @@ def _drawn_speeds(results: Results) -> Iterator[tuple[str, float, float]]:
 
 
 def _slowest(results: Results) -> float:
-    """A method on steady points has a curve from its own slowest point on: a speed that was flown."""
+    """The slowest speed of any curve: a method on steady points begins at its own slowest point, which was flown."""
     assert results.slowest_flown is not None
     points = [point.speed_mps for method in results.methods for point in method.points]
     return min([results.slowest_flown.speed_mps, *points]) * (1 - 1e-9)

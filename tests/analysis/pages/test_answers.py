@@ -42,7 +42,7 @@ def use(with_battery: Results) -> PerformanceResult:
 
 
 def test_with_a_battery_the_answers_are_those_on_the_battery(with_battery: Results) -> None:
-    """3000 s are 50 min and 40 000 m are 40 km; an interval is lower end to upper end."""
+    """3000 s are 50 min and 40 000 m are 40 km; an interval reads from its lower to its upper end."""
     battery = "with 74 Wh, 80 % used (motor assumed, not measured)"
     assert [
         (headline_answer.question, headline_answer.answer, headline_answer.note)
@@ -59,7 +59,8 @@ def test_with_a_battery_the_answers_are_those_on_the_battery(with_battery: Resul
 
 
 def test_an_answer_that_is_not_sure_says_so(with_battery: Results, use: PerformanceResult) -> None:
-    """At an end of the speeds flown, outside the propeller table, at a speed not flown, or at full throttle unknown."""
+    """It is unsure at an end of the speeds flown, outside the propeller table, at a speed not flown, or without full
+    throttle."""
     at_end = replace(use.loadings[0], endurance_at_slowest=True, range_at_fastest=True, extrapolated=True)
     slow = replace(with_battery.best_range_speed, speed_mps=10.2)
     results = replace(
@@ -84,7 +85,7 @@ def test_an_answer_that_is_not_sure_says_so(with_battery: Results, use: Performa
 
 
 def test_the_end_of_a_curve_is_named_the_same_in_card_and_table() -> None:
-    """At an end the best speed may lie beyond it: no interval, and no word of an extrapolation, which it is not."""
+    """At an end, the best speed may lie beyond it: no interval is given, and the text does not call it extrapolated."""
     points = [
         PowerPoint(speed_mps=v, power_W=p, power_lo_W=0.9 * p, power_hi_W=1.1 * p) for v, p in ((14.4, 31), (28, 354))
     ]
@@ -138,7 +139,7 @@ def test_the_curve_in_numbers(with_battery: Results) -> None:
 
 
 def test_electrical_power_is_tabulated_at_whole_speeds() -> None:
-    """Between points 0.5 m/s apart it is linear; 10.3 to 12.8 m/s have two whole speeds, a wide curve every few."""
+    """Power is linear between points 0.5 m/s apart; 10.3 to 12.8 m/s has two whole speeds, a wide curve skips some."""
     speeds = [10.3 + 0.5 * i for i in range(6)]
     points = [PowerPoint(speed_mps=v, power_W=2 * v, power_lo_W=v, power_hi_W=3 * v) for v in speeds]
     results = [(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in at_whole_speeds(points)]
@@ -185,8 +186,8 @@ def test_the_terminal_shows_curve_answers_and_every_warning(with_battery: Result
 
 
 def test_a_speed_near_the_stall_is_not_one_to_hold(with_battery: Results, use: PerformanceResult) -> None:
-    """The wing carried 1.0816 times the lift coefficient of 12 m/s: it stalls at 11.54 m/s or slower, and a plan holds
-    nothing below 1.08 times 1.04 of that, 12.96 m/s."""
+    """The wing carried 1.0816 times the lift coefficient of 12 m/s, so it stalls at 11.54 m/s or slower; a plan holds
+    no speed below 1.08 times 1.04 of that, 12.96 m/s."""
     slowest = SlowestFlown(speed_mps=12.0, lift_coefficient=1.0, largest_lift_coefficient=1.04**2)
     results = replace(with_battery, slowest_flown=slowest)
     assert near_stall(results, 12.95) == " Hold no speed below 13.0 m/s."

@@ -35,7 +35,7 @@ def part(noise_W: float, systematic_W: float) -> IntervalPart:
 
 
 def drag(results: Results, **of: object) -> Results:
-    """The results with other fields of the curve of power required."""
+    """The results with fields of the curve of power required replaced."""
     return results.with_curve(Kind.POWER_REQUIRED, **of)
 
 
@@ -44,7 +44,8 @@ def test_noise_alone_is_halved_by_four_times_the_runs() -> None:
 
 
 def test_a_part_that_all_runs_share_takes_more_runs_or_forbids_it() -> None:
-    """noise 2, shared 0.9: (4 + 0.81)/4 - 0.81 = 0.3925 W² are left to the noise, 4/0.3925 = 10.2 times the runs."""
+    """noise 2, shared 0.9: (4 + 0.81)/4 - 0.81 = 0.3925 W² remain for the noise, which takes 4/0.3925 = 10.2 times the
+    runs."""
     assert more_runs_to_halve(part(2.0, 0.9), 10) == 92
     assert more_runs_to_halve(part(1.0, 0.6), 10) is None
 
@@ -83,7 +84,7 @@ def test_the_next_flight_of_the_results_is_reported_first_and_nothing_twice(resu
 
 
 def by_source(**watts2: float) -> Sources:
-    """Each variance [W^2] is the same at each speed, by the name of its source."""
+    """Sources with these variances [W^2] by name, each of them equal at all speeds."""
     return lambda V: {Share[name]: np.full(len(V), variance) for name, variance in watts2.items()}
 
 

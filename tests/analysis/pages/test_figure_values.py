@@ -22,7 +22,7 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 
 def named(figure: Figure, name: str) -> list[Mark]:
-    """Marks of an entry of the legend, without its band."""
+    """Marks of a legend entry, without its band."""
     return [mark for mark in figure.named(name) if not isinstance(mark, Band)]
 
 
@@ -32,7 +32,8 @@ def labeled(figure: Figure, label: str) -> Mark:
 
 
 def tunnel(speeds: list[float]) -> SimpleNamespace:
-    """A probe whose pressure coefficients are 4 of alpha and 3 of beta [1/rad], at angles 5 deg apart."""
+    """A probe whose pressure coefficients have slopes of 4 over alpha and 3 over beta [1/rad], at angles 5 deg
+    apart."""
     V, alpha, beta = (
         x.ravel() for x in np.meshgrid(speeds, np.radians([-10, -5, 0, 5, 10]), np.radians([-5, 0, 5]), indexing="ij")
     )
@@ -234,7 +235,7 @@ def test_the_page_of_a_calibration_tells_residuals_in_degrees_and_the_parts_of_t
 
 
 def test_the_page_draws_residuals_in_degrees_and_per_cent(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The calibration reads 0.01 rad too much, and a ratio of pressures 2 % too large."""
+    """The calibration reads 0.01 rad too high, and its ratio of pressures is 2 % too large."""
     measured = tunnel([10.0, 20.0])
     measured.q_c_Pa = 1.02 * measured.q_c_Pa
 

@@ -22,7 +22,7 @@ from flightpower.analysis.records.flight import Correlation, Results, SpeedInter
 
 
 def named(figure: Figure, name: str) -> list[Mark]:
-    """Marks of an entry of the legend, without its band."""
+    """Marks of a legend entry, without its band."""
     return [mark for mark in figure.named(name) if not isinstance(mark, Band)]
 
 
@@ -38,7 +38,7 @@ def test_the_autocorrelation_has_the_bounds_of_white_noise() -> None:
 
 
 def test_the_convergence_shows_cost_above_the_last_and_step_by_iteration() -> None:
-    """Costs from the start on, steps from the first iteration on; a cost below the last has no logarithm."""
+    """Costs are drawn from the start, steps from the first iteration; a cost below the last one has no logarithm."""
     convergence, other = (
         Convergence((-1.0, -3.99, -4.0), (2.0, 0.12345678)),
         Convergence((0.0, -1.1, -1.0), (1.0, 1e-5)),
@@ -67,8 +67,8 @@ def test_each_correlation_stands_in_its_row_and_column_with_the_color_of_its_sig
 
 
 def test_the_path_s_airspeed_and_angle_of_attack_are_relative_to_the_wind() -> None:
-    """To the north at 15 m/s through the air, down by 10 deg with the nose 5 deg below the horizon, in 4 m/s of wind
-    from the south and 2 m/s from the west."""
+    """The aircraft flies north at 15 m/s through the air, descending at 10 deg with the nose 5 deg below the horizon,
+    in wind of 4 m/s from the south and 2 m/s from the west."""
     item, descent = np.ones(50), np.radians(10)
     states = {"v_north": (15 * np.cos(descent) + 4) * item, "v_east": 2 * item, "v_down": 15 * np.sin(descent) * item}
     states |= {"wind_north": 4 * item, "wind_east": 2 * item}
@@ -88,7 +88,8 @@ def test_the_path_s_airspeed_and_angle_of_attack_are_relative_to_the_wind() -> N
 
 
 def test_the_wind_s_arrow_points_where_the_wind_blows() -> None:
-    """From 300 deg: to the east and the south; 15 % of the track's size long, from its upper left corner."""
+    """Wind from 300 deg blows to the east and south; the arrow has 15 % of the track's size and starts at its upper
+    left corner."""
     track = SimpleNamespace(t_s=[0.0, 1.0, 2.0], north_m=[0.0, 100.0, 200.0], east_m=[10.0, 20.0, 30.0])
     run = SimpleNamespace(kind=ACCELERATION, start_s=0.5, end_s=2.0, name="acceleration 1")
     air = SimpleNamespace(wind_from_deg=300.0, wind_mps=5.0)

@@ -55,7 +55,8 @@ HOSTILE = "<script>alert('x')</script>&\"</style>"
 
 
 def test_text_of_a_user_is_text_wherever_it_stands(with_battery: Results) -> None:
-    """In titles, tables, sentences, warnings and figures; a script could change every number of the page."""
+    """A user's text stays text in titles, tables, sentences, warnings and figures; a script could change every number
+    of the page."""
     r = with_battery
     assert r.use is not None
     results = replace(
@@ -100,7 +101,8 @@ def test_the_caption_names_the_circles_where_there_are_some(results: Results) ->
 
 
 def test_the_caption_names_why_a_curve_is_dashed(results: Results, with_battery: Results) -> None:
-    """Power required of these results is dashed above 20 m/s, their highest level speed is 25, and 24 was flown."""
+    """Power required is dashed above 20 m/s in these results; their highest level speed is 25 m/s, and 24 m/s was
+    flown."""
 
     def caption(of: Results, *limits: TableLimit) -> str:
         return (
@@ -153,7 +155,7 @@ def test_a_flight_of_steady_points_alone_shows_their_methods_alone(results: Resu
 
 
 def test_a_speed_whose_interval_has_no_lower_end_says_so() -> None:
-    """A curve may have its minimum anywhere below: no speed of 0 m/s is claimed."""
+    """A curve may have its minimum anywhere below, so no speed of 0 m/s is claimed."""
     polar = Polar(np.array([0.03, 0.0, 0.004]), np.diag([0.004, 0.01, 0.004]) ** 2)
     condition = Condition(37.7, 1.2, 0.46)
     lowest = polar_curve(polar, condition, (0.2, 10.0)).best(Cost.POWER)

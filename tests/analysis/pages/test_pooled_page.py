@@ -145,7 +145,7 @@ def test_card_and_verdict_say_the_same_of_one_flight_that_differs() -> None:
 def test_a_comparison_does_not_say_that_its_interval_would_shrink_without_what_cancels(
     independent: float, is_reported: bool
 ) -> None:
-    """Flights that disagree widen the interval that is given, and may do so beyond the other."""
+    """Flights that disagree widen the stated interval, possibly beyond the interval in which nothing cancels."""
     quoted = msgspec.structs.replace(comparison().quoted, independent_half_width_percent=independent)
     note = comparison_answers(msgspec.structs.replace(comparison(), quoted=quoted))[1].note
     assert ("did not cancel" in note) is is_reported and "m/s" in note

@@ -141,7 +141,7 @@ def test_the_power_of_a_parabola_is_that_of_the_measured_polar(tmp_path: Path, r
 
 def test_no_report_is_written_with_the_polar_of_an_airfoil(tmp_path: Path, results: Results) -> None:
     thin = read_predicted_polar(written(tmp_path, "CL CD\n0.2 0.008\n0.6 0.009\n1.0 0.015\n"))
-    analysis = object.__new__(Analysis)  # of which only the results are looked at
+    analysis = object.__new__(Analysis)  # only its results are used
     object.__setattr__(analysis, "results", results)
     with pytest.raises(InputError, match="induced drag of this span alone"):
         write_report(analysis, tmp_path / "report", thin)

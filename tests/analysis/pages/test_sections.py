@@ -1,4 +1,4 @@
-"""Sentences and tables of the page tell the numbers of the results, in the units that they name."""
+"""Sentences and tables of the page give the numbers of the results in the units that they name."""
 
 from types import SimpleNamespace
 

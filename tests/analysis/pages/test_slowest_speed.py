@@ -31,7 +31,7 @@ REST = exact(thrust_scale=0.0, thrust_slope=0.0, alpha_0=0.0, alpha_CL=0.0)
 
 
 def results_of(seed: int, template: Results, nexstar, propeller, performs: bool = True) -> Results:
-    """The results of a polar, its covariance, weight, density and range of lift coefficients, all drawn."""
+    """Results with a random polar, covariance, weight, density and range of lift coefficients."""
     rng = np.random.default_rng(seed)
     A = np.array([rng.uniform(0.02, 0.06), rng.uniform(-0.03, 0.01), rng.uniform(0.03, 0.09)])
     root = rng.uniform(0.02, 0.2) * np.diag(np.abs(A)) @ rng.standard_normal((3, 3))
@@ -68,7 +68,7 @@ def results_of(seed: int, template: Results, nexstar, propeller, performs: bool 
 
 
 def test_nothing_names_a_speed_below_the_slowest_flown(results: Results, nexstar, propeller) -> None:
-    """Performance, and the figures, which take longest, for some of them."""
+    """Some of them have performance, and some the figures, which take longest."""
     reports = [results_of(seed, results, nexstar, propeller, performs=seed % 5 == 0) for seed in SEEDS]
     assert [result for i, report in enumerate(reports) for result in below_slowest(report, figures=i % 10 == 0)] == []
     assert sum(report.minimum_power_speed.reason is SpeedReason.BELOW_SLOWEST for report in reports) > 10
@@ -79,7 +79,8 @@ def test_nothing_names_a_speed_below_the_slowest_flown(results: Results, nexstar
 def test_a_best_speed_that_was_not_flown_is_replaced_by_the_slowest_with_its_margin(
     results: Results, nexstar, propeller
 ) -> None:
-    """The largest lift coefficient is 10 % above that of the slowest speed, which are 4.9 % of speed: at least 4 %."""
+    """The largest lift coefficient is 10 % above that of the slowest speed, or 4.9 % of speed: the margin is at least 4
+    %."""
     drawings = (results_of(seed, results, nexstar, propeller) for seed in SEEDS)
     results = next(
         drawing

@@ -17,8 +17,8 @@ SEEN = {
     "tritanopia": np.array([[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
                             [0.004733, 0.691367, 0.303900]]),
 }  # fmt: skip
-LEAST_DIFFERENCE = 20.0  # CIE 1976; 2 is seen side by side, 10 at a glance
-LEAST_CONTRAST = 3.0  # of graphics (WCAG 2.1, 1.4.11)
+LEAST_DIFFERENCE = 20.0  # CIE 1976; 2 is visible side by side, 10 at a glance
+LEAST_CONTRAST = 3.0  # for graphics (WCAG 2.1, 1.4.11)
 
 
 def linear(color: str) -> np.ndarray:

@@ -1,5 +1,5 @@
-"""The drawing of a figure: every mark lies where the axes put it, and a text says what it shows to readers who cannot
-see it."""
+"""The drawing of a figure: every mark lies where the axes put it, and a text describes it to readers who cannot see
+it."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -29,7 +29,7 @@ def parts(figure: Figure) -> ET.Element:
 
 
 def corners(d: str) -> list[list[tuple[int, int]]]:
-    """Pieces of a path, each of its points."""
+    """The points of each piece of a path."""
     pieces = []
     for piece in d.split("M")[1:]:
         numbers = [int(number) for number in re.findall(r"-?\d+", piece)]
@@ -55,7 +55,7 @@ def test_a_line_lies_where_the_axes_say_with_its_gaps() -> None:
 
 
 def test_the_points_of_a_path_are_its_values() -> None:
-    """Differences in a path add up again, with gaps and without."""
+    """The differences in a path add up to its values, with gaps and without."""
     rng = np.random.default_rng(3)
     x, y = np.sort(rng.uniform(0, UNITS, 60)).round(), rng.uniform(-UNITS, 2 * UNITS, 60).round()
     y[[0, 20, 21, 59]] = np.nan

@@ -1,4 +1,4 @@
-"""Evidence against a result makes it doubtful or not to be trusted; `analyze` says so, and ends with exit code 1."""
+"""Evidence against a result makes it doubtful or not to be trusted; `analyze` reports it and ends with exit code 1."""
 
 import json
 from pathlib import Path
@@ -80,7 +80,8 @@ DOUBTFUL = {
 
 
 def doubted(results: Results, compared: Comparison, after_s: float = 0.0) -> Results:
-    """With two seconds of readings that cannot be true together, begun so long after the begin of its run."""
+    """The results with two seconds of readings that contradict each other, starting `after_s` after the start of the
+    run."""
     (run,) = results.runs
     period = ImplausibleReadings(compared=compared, start_s=run.start_s + after_s, end_s=run.start_s + after_s + 2.0)
     origin = provenance_of_file(Path(__file__), "", None, "")
@@ -88,7 +89,7 @@ def doubted(results: Results, compared: Comparison, after_s: float = 0.0) -> Res
 
 
 def statistics(stand: float = 0.0, **sigmas: float) -> PoolingStatistics:
-    """Statistics of a flight whose thrust corrections are that many prior deviations of 0.1, without others."""
+    """Statistics of a flight whose only thrust corrections are these multiples of the prior deviation, 0.1."""
     names = ["A0", "A1", "A2", "thrust_scale", "thrust_slope"]
     values = [0.05, 0.0, 0.06, *(0.1 * sigmas.get(name, 0.0) for name in names[3:])]
     return PoolingStatistics(
@@ -128,7 +129,7 @@ def path(**conflicts: float) -> PathResult:
 
 
 def together(results: Results, probability: float, **conflicts: float) -> Results:
-    """Results of a flight with two sensor errors of this probability, and single ones beyond their priors."""
+    """Results of a flight with two sensor errors of this joint probability, and single ones beyond their priors."""
     pair = JointConflict(errors={"alpha_bias": -3.4, "alpha_scale": -3.5}, probability=probability)
     return drag(replace(results, path=replace(path(**conflicts), joint_conflict=pair)), statistics=statistics())
 
@@ -178,7 +179,7 @@ def efficiency(results: Results, propeller: Interval, motor: Interval) -> Result
 
 @pytest.mark.parametrize("name", SENSOR_ERRORS)
 def test_a_sensor_error_is_named_in_words(results: Results, name: str) -> None:
-    """Also the zeros, which are not listed among the sensor errors of the path."""
+    """This includes the zeros, which are not listed among the sensor errors of the path."""
     assert all(name not in cell for row in curve_section(results).parameters.rows for cell in row)
     (evidence,) = with_trust(drag(replace(results, path=path(**{name: -9.5})), statistics=statistics())).evidence
     assert (evidence.subject, evidence.figure) == (name, -9.5)
@@ -195,7 +196,8 @@ def test_a_sensor_error_is_named_in_words(results: Results, name: str) -> None:
 def test_an_interval_that_did_not_grow_to_the_size_of_a_conflict_is_not_to_be_trusted(
     results: Results, sigmas: float, half_widths: float, trust: Trust
 ) -> None:
-    """Another defect may look like a sensor's error, and the curve be the one without its correction. Limit 3.5."""
+    """Another defect may look like a sensor error; then the right curve is the one without its correction. The limit is
+    3.5."""
     changed = with_trust(
         drag(replace(results, path=path(V_scale=sigmas)), statistics=with_error("V_scale", half_widths))
     )
@@ -236,7 +238,7 @@ def test_a_doubtful_result_says_so_first_and_ends_with_exit_code_0(
 def test_accelerations_against_decelerations_doubt_the_thrust_of_a_curve_by_energy(
     results: Results, z: float, trust: Trust
 ) -> None:
-    """One test at 0.3 %: 2.97 standard errors, beyond doubt at twice as many."""
+    """One test at 0.3 % has its limit at 2.97 standard errors; from twice that on, the curve is not to be trusted."""
     changed = with_trust(replace(results, accelerations_against_decelerations=compared(z)))
     assert changed.trust is trust
     assert [evidence.kind for evidence in changed.evidence] == [EvidenceKind.THRUST_TABLE] * (
@@ -271,7 +273,7 @@ def test_the_evidence_of_a_sound_result_is_none(with_battery: Results) -> None:
 
 
 def test_thrust_within_what_noise_and_prior_allow_is_no_evidence(results: Results) -> None:
-    """Three corrections of a sound flight: one in 300 flights beyond 3.3 standard deviations."""
+    """In a sound flight with three corrections, one lies beyond 3.3 standard deviations in one flight of 300."""
     assert 3.2 < noise_limit(3) < 3.4
     assert evidence_against(drag(results, statistics=statistics(thrust_scale=3.0))) == []
 
@@ -344,7 +346,7 @@ def test_a_mass_that_no_wing_carries_at_the_slowest_speed_is_doubted(
 def test_a_method_that_the_runs_allow_and_that_fails_is_reported_first(
     results: Results, reasons: list[MethodRejection], is_reported: bool
 ) -> None:
-    """A method without flown runs is not named, nor is any if another of them gives the curve."""
+    """A method without flown runs is not named; no method is named if another one gives the curve."""
     tried = [
         MethodTried(name=f"m{i}", title=f"Method {i}", reason=reason, text=reason) for i, reason in enumerate(reasons)
     ]
@@ -366,14 +368,14 @@ def test_a_shaft_that_takes_what_no_motor_gives_is_reported(results: Results, sh
 
 
 def balanced(results: Results, **more: Any) -> Results:
-    """A curve of electrical power alone."""
+    """Results with only a curve of electrical power."""
     energy_balance_result = EnergyBalanceResult(residual_W=3.0, flown_s=600.0, airspeed_scale=None, **more)
     curves = {Kind.ELECTRICAL: results.main}
     return replace(results, drag_polar=None, kind=Kind.ELECTRICAL, curves=curves, balance=energy_balance_result)
 
 
 def drag(results: Results, **of: Any) -> Results:
-    """The results with other fields of the curve of power required."""
+    """The results with fields of the curve of power required replaced."""
     return results.with_curve(Kind.POWER_REQUIRED, **of)
 
 
@@ -400,7 +402,7 @@ def test_a_result_without_curve_of_drag_can_be_trusted(results: Results) -> None
 def test_an_export_of_such_a_result_is_written_and_ends_with_exit_code_1(
     results: Results, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """As `analyze` does; the program that called it is not to go on with the tables unaware."""
+    """`analyze` does the same; a program that calls it must not go on with the tables unaware."""
     written: list[Path] = []
     analyzed = SimpleNamespace(results=with_trust(NOT_TRUSTED[EvidenceKind.POLAR_CURVES_DOWNWARD](results)))
     monkeypatch.setattr("flightpower.analysis.cli.export.open_source", lambda path, columns: None)

@@ -83,7 +83,7 @@ def flown_table(seed: int = 1) -> pd.DataFrame:
 
 
 def map_text(entries: dict[str, tuple[str, str]] | None = None, **extra: str) -> str:
-    """The text of a map. extra: by quantity, more lines of its entry."""
+    """The text of a map; `extra` adds lines to the entry of a quantity."""
     lines = []
     for quantity, (column, unit) in (MAP if entries is None else entries).items():
         lines += [f"[{quantity}]", f'column = "{column}"', f'unit = "{unit}"', extra.get(quantity, "")]
@@ -91,7 +91,7 @@ def map_text(entries: dict[str, tuple[str, str]] | None = None, **extra: str) ->
 
 
 def written(folder: Path, table: pd.DataFrame, text: str | None = None) -> Path:
-    """A CSV file with its map beside it."""
+    """Write a CSV file with its map beside it."""
     path = folder / "flight.csv"
     write_csv(path, table)
     (folder / "flight.csv.columns.toml").write_text(map_text() if text is None else text)
@@ -99,7 +99,7 @@ def written(folder: Path, table: pd.DataFrame, text: str | None = None) -> Path:
 
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
-    """What `table.to_csv` writes of columns of numbers, in an eighth of the time."""
+    """Write what `table.to_csv` writes for columns of numbers, in an eighth of the time."""
     with path.open("wb") as file:
         file.write(table.head(0).to_csv(index=False).encode())
         csv.write_csv(pa.Table.from_pandas(table, preserve_index=False), file, csv.WriteOptions(include_header=False))

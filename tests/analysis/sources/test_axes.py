@@ -58,7 +58,7 @@ def test_means_are_of_stretches_that_count_as_a_whole() -> None:
 
 
 def swinging(**change: float) -> pd.DataFrame:
-    """Two minutes that dive and climb: each sensor reads what mechanics says, times a factor of `change`."""
+    """Two minutes of dives and climbs: each sensor reads what mechanics demands, times its factor in `change`."""
     t_s = np.arange(0, 120, 0.04)
     V = 18 + 4 * np.sin(0.5 * t_s)
     Vdot = 2 * np.cos(0.5 * t_s)
@@ -114,7 +114,8 @@ def test_a_sensor_that_contradicts_mechanics_is_refused(change: dict[str, float]
 
 @pytest.mark.parametrize("name", ["gps_down_mps", "q_radps", "ax_mps2", "ay_mps2", "beta_rad", "dp_beta_Pa"])
 def test_a_sensor_that_shows_nothing_of_the_motion_is_not_called_reversed(name: str) -> None:
-    """Only one that contradicts it: noise, gusts and calm flights leave small correlations of either sign."""
+    """Only a sensor that contradicts the motion is: noise, gusts and calm flights give small correlations of either
+    sign."""
     table = swinging()
     noise = np.random.default_rng(1).normal(0, float(table[name].std()), len(table))
     check_axes(table.assign(**{name: noise}), "flight.mcap")
@@ -148,7 +149,7 @@ def with_correlation(name: str, correlation: float) -> pd.DataFrame:
         "ax_mps2": table["V_mps"].diff().fillna(0.0) / 0.04 + 9.8 * -table["gps_down_mps"] / table["V_mps"],
     }[name]
     az_mps2 = blended(demanded, correlation)
-    if name == "ax_mps2":  # along the path, as the check has it
+    if name == "ax_mps2":  # along the path, as the check computes it
         az_mps2 = (az_mps2 - table["az_mps2"] * np.sin(table["alpha_rad"])) / np.cos(table["alpha_rad"])
     if name == "dp_beta_Pa":
         az_mps2 = az_mps2 / demanded.mean() * table["q_c_Pa"].mean() * table["q_c_Pa"] / table["q_c_Pa"].mean()
@@ -182,7 +183,8 @@ def test_alpha_and_beta_are_exchanged_if_beta_follows_the_lift_and_much_better_t
 
 
 def test_only_motion_that_is_there_is_judged() -> None:
-    """Standard deviations of 0.5 m/s of climb, 0.3 m/s^2 of gain and 0.1 rad/s of turn, 5 % of lift."""
+    """The limits are standard deviations of 0.5 m/s of climb, 0.3 m/s^2 along the path, 0.1 rad/s of turn and 5 % of
+    lift."""
     for climb, refused in ((0.45, False), (0.55, True)):
         t_s = swinging().index.to_numpy()
         rate = np.sqrt(2) * climb * np.sin(0.3 * t_s)
@@ -231,7 +233,7 @@ def test_the_ground_speed_is_that_of_the_air_and_a_wind(ratio: float, refused: b
     [(5.2, "like km/h"), (5.6, "write m/s"), (45.0, "write m/s"), (55.0, "like cm/s"), (145.0, "like cm/s")],
 )
 def test_a_unit_is_named_if_it_gives_a_ground_speed_near_the_airspeed(ratio: float, remedy: str) -> None:
-    """The wind may be half the airspeed at most."""
+    """The wind may be at most half the airspeed."""
     table = swinging()
     counted = table["V_mps"][table["qbar_Pa"] > table["qbar_Pa"].quantile(0.15)].median()
     assert remedy in judged(table.assign(gps_north_mps=ratio * counted, gps_east_mps=0.0))
@@ -245,7 +247,8 @@ def test_a_log_may_begin_at_any_time() -> None:
 
 
 def test_rates_need_a_force_of_less_than_the_specific_force_and_gravity_for_all_but_a_twentieth_of_the_flight() -> None:
-    """A slack of 5 m/s^2. The slowest 15 % of the flight do not count: wheels may carry some of the weight there."""
+    """The slack is 5 m/s^2. The slowest 15 % of the flight do not count, since wheels may carry some of the weight
+    there."""
     table = swinging()
     most = np.sqrt(table["ax_mps2"] ** 2 + table["ay_mps2"] ** 2 + table["az_mps2"] ** 2) + 9.80665
     turning = {
@@ -263,8 +266,8 @@ def test_rates_need_a_force_of_less_than_the_specific_force_and_gravity_for_all_
 
 
 def test_the_force_along_the_path_has_the_share_of_the_angle_of_attack() -> None:
-    """While the aircraft slows down at a growing angle of attack, the accelerometer's x axis still reads more, from
-    the lift."""
+    """While the aircraft slows down at a growing angle of attack, lift still makes the accelerometer's x axis read
+    more."""
     t_s = swinging().index.to_numpy()
     V, Vdot = 18 + np.sin(0.5 * t_s), 0.5 * np.cos(0.5 * t_s)
     alpha = 0.15 - 0.1 * np.cos(0.5 * t_s)

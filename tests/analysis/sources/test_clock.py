@@ -1,4 +1,4 @@
-"""What is said of messages that come too often, too seldom, or in other units."""
+"""Reports of messages that come too often, too seldom, or in other units."""
 
 import pytest
 

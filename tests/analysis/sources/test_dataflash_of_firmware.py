@@ -36,7 +36,7 @@ def speed_of(path: Path, *kinds: DataflashMessages) -> np.ndarray:
 
 
 def test_airspeed_is_that_of_the_sensor_in_use_and_follows_a_switch(tmp_path: Path) -> None:
-    wild = 15.0 + 4.0 * np.sin(1e-6 * T_US)  # varies most, and is not used
+    wild = 15.0 + 4.0 * np.sin(1e-6 * T_US)  # varies most, but is not in use
     primary = 15.0 + 0.5 * np.sin(1e-6 * T_US)
     assert speed_of(tmp_path / "a", airspeed(0, primary), airspeed(1, wild, U=0.0)) == pytest.approx(primary, rel=1e-5)
     second = 16.0 + 0 * primary

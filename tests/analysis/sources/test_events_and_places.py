@@ -1,4 +1,4 @@
-"""Modes and messages of an autopilot stand at their times, and a receiver's position becomes a distance in meters."""
+"""Modes and messages of an autopilot keep their times, and a receiver's position becomes a distance in meters."""
 
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -89,7 +89,7 @@ def test_modes_and_messages_stand_at_their_times(tmp_path: Path, suffix: str, na
 
 @pytest.mark.parametrize("suffix", [".BIN", ".log", ".ulg"])
 def test_positions_are_distances_from_the_first(tmp_path: Path, suffix: str) -> None:
-    """Also across the date line, and by a text log's degrees as by the packed integers of the others."""
+    """This holds across the date line, and for degrees in a text log as for the packed integers of other logs."""
     result = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}")
     north, east = (result.place[name] for name in recording.PLACE)
     assert north.value == pytest.approx(NORTH_MPS * (north.t_s - T_S[0]), abs=0.05)
@@ -98,7 +98,7 @@ def test_positions_are_distances_from_the_first(tmp_path: Path, suffix: str) -> 
 
 @pytest.mark.parametrize("suffix", [".BIN", ".log", ".ulg"])
 def test_date_and_place_are_the_receiver_s(tmp_path: Path, suffix: str) -> None:
-    """Week and seconds of GPS less the leap seconds, or UTC, give it; some damaged dates move nothing."""
+    """GPS week and seconds less the leap seconds, or UTC, give them; some damaged dates change nothing."""
     fix = (ulog if suffix == ".ulg" else dataflash)(tmp_path / f"flight{suffix}").fix
     assert fix.by_satellites and fix.unix_at_zero_s == pytest.approx(BOOTED_S, abs=0.002)
     assert (fix.latitude_deg, fix.longitude_deg) == pytest.approx((LAT[0], LNG[0]), abs=1e-6)
@@ -192,7 +192,7 @@ def test_a_mode_is_one_event_until_it_changes_and_an_unknown_one_keeps_its_numbe
 
 @pytest.mark.parametrize("suffix", [".BIN", ".log", ".ulg"])
 def test_every_number_of_a_log_can_be_drawn(tmp_path: Path, suffix: str) -> None:
-    """Also of messages that no reader of the analysis uses, on the clock of the recording."""
+    """This includes messages that no reader of the analysis uses; they are on the clock of the recording."""
     path = tmp_path / f"flight{suffix}"
     (ulog if suffix == ".ulg" else dataflash)(path)
     autopilot = autopilot_of(path)

@@ -44,7 +44,7 @@ def test_a_px4_log_is_read_at_its_ends(tmp_path: Path) -> None:
 
 
 def test_a_px4_log_has_the_date_that_its_receiver_told(tmp_path: Path) -> None:
-    """Also compressed. The first 20 s have no fix; without one the log says no date."""
+    """This includes compressed logs. The first 20 s have no fix; a log without any fix gives no date."""
     t_us = (1e6 * np.arange(50.0, 110.0, 0.2)).astype(np.uint64)
     began_s = 1_795_358_400.0  # 2026-11-22 14:40
     for fixed in (True, False):

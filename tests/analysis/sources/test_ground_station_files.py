@@ -127,7 +127,7 @@ def test_a_damaged_frame_costs_one_message(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("cells_V", [None, 3.7])
 def test_a_voltage_that_only_the_system_s_status_tells_is_taken_from_it(cells_V: float | None) -> None:
-    """Every second, a second battery that has no voltage, and the first, with four cells or none."""
+    """Each second there are messages of a second battery without voltage and of the first, with four cells or none."""
     encoder = mavlink.MAVLink(None)
     encoder.srcComponent = mavlink.MAV_COMP_ID_AUTOPILOT1
     frames = []
@@ -177,7 +177,7 @@ def test_what_unpacks_to_more_than_a_log_has_is_refused(tmp_path: Path, monkeypa
 
 
 def test_a_damaged_multiplier_is_left_out(tmp_path: Path) -> None:
-    """A factor of 1e300 on the voltage, a whole number, overflowed with a warning of NumPy."""
+    """A factor of 1e300 on the voltage, a whole number, overflowed with a warning from NumPy."""
     kinds = [item for item in flight() if item.name != "BAT"]
     time_us = kinds[2].columns["TimeUS"]
     complete = {"Volt": np.full(600, 1200.0), "Curr": np.full(600, 500.0)}
@@ -185,7 +185,7 @@ def test_a_damaged_multiplier_is_left_out(tmp_path: Path) -> None:
     write_dataflash(
         path, [*kinds, DataflashMessages("BAT", "QBHH", {"TimeUS": time_us, "Inst": 0 * time_us, **complete})]
     )
-    log = path.read_bytes().replace(b"F---\0", b"F-BB\0")  # in FMTU: both are hundredths
+    log = path.read_bytes().replace(b"F---\0", b"F-BB\0")  # FMTU then makes both hundredths
     path.write_bytes(log)
     assert np.median(read_ardupilot(path).channels[recording.VOLTAGE].value) == pytest.approx(12.0)
     hundredth, huge = (np.float64(x).tobytes() for x in (0.01, 1e300))
@@ -195,7 +195,7 @@ def test_a_damaged_multiplier_is_left_out(tmp_path: Path) -> None:
 
 
 def test_a_term_named_like_an_instance_is_none(tmp_path: Path) -> None:
-    """The integral of a controller is logged as I, as the number of a sensor is; places are shown in degrees."""
+    """The integral of a controller is logged as I, as is the number of a sensor; places are shown in degrees."""
     t_us = (1e6 * (10.0 + np.arange(0.0, 60.0, 0.1))).astype(np.uint64)
     integral = np.linspace(0.0, 2.0, 600)
     controller = DataflashMessages("PIDR", "Qff", {"TimeUS": t_us, "Tar": 2 * integral, "I": integral})
@@ -211,7 +211,7 @@ def test_a_term_named_like_an_instance_is_none(tmp_path: Path) -> None:
 
 
 def test_px4_s_message_of_all_sensors_stands_in_for_pressure_and_acceleration() -> None:
-    """Celsius becomes hundredths, m/s^2 thousandths of g, as the messages have them that it replaces."""
+    """Celsius becomes hundredths and m/s^2 thousandths of g, as in the messages that it replaces."""
     item = np.ones(2)
     names = ("abs_pressure", "diff_pressure", "temperature", "xacc", "yacc", "zacc")
     tables = {"HIGHRES_IMU": {"TimeUS": item} | {name: (i + 1) * item for i, name in enumerate(names)}}

@@ -1,4 +1,4 @@
-"""Times in which a VTOL's lifting motors run say nothing of level flight on the wing: they are left out."""
+"""Periods in which a VTOL's lifting motors run say nothing about level flight on the wing and are left out."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def messages(name: str, codes: str, t_s: np.ndarray, **columns: np.ndarray) -> D
 
 
 def log(path: Path, lift: np.ndarray | None) -> Path:
-    """A flight with lift motors at a throttle (n,) over T_S; None is an aircraft without."""
+    """Write a log of a flight with lift motors at a throttle (n,) over T_S, or without lift motors (None)."""
     wave = np.sin(0.3 * T_S)
     kinds = [
         firmware(),

@@ -1,4 +1,4 @@
-"""Which of several batteries, motors and airspeed sensors is taken, and which values of a channel are possible."""
+"""Which of several batteries, motors and airspeed sensors is used, and which values of a channel are possible."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_two_packs_that_feed_the_motor_are_added_and_one_measured_twice_is_count
 
 
 def flown(name: str, share: float, sum_of: frozenset[str] = frozenset(), late_s: float = 0.0) -> Battery:
-    """A share of a motor's current between 5 and 15 A, at the monitor's own times."""
+    """A monitor that shows a share of a motor's current, 5 to 15 A, at its own times."""
     t_s = T + late_s
     return Battery(name, constant(12.0), Channel(t_s, share * (10 + 5 * np.sin(t_s / 9))), sum_of)
 
@@ -88,7 +88,7 @@ def test_two_packs_that_make_up_an_eighth_less_or_more_than_a_third_are_no_parts
 
 
 def test_a_sum_by_the_autopilots_parameter_is_never_added_to_its_parts() -> None:
-    """Though its value may differ from theirs; where it shows less than a part of it, the parts are counted."""
+    """Its value may differ from the sum of the parts; if it shows less than one part, the parts are counted."""
     parts, names = [flown("a", 0.6), flown("b", 0.5)], frozenset({"a", "b"})
     for share, counted in ((1.0, 1.0), (0.1, 1.1)):
         taken, _ = measuring_battery([flown("total", share, names), *parts])
@@ -144,7 +144,7 @@ def test_static_pressure_of_old_firmware_is_in_hectopascal(in_unit: float) -> No
 
 
 def left_of(name: str, value: np.ndarray, t_s: np.ndarray = T) -> np.ndarray:
-    """The values of a channel that are kept, none where it is left out."""
+    """The values of a channel that are kept; empty if the channel is left out."""
     regular, _ = without_clock_jumps(Channel(t_s, value), {name: Channel(t_s, value)})
     return regular[name].value if name in regular else np.array([])
 
@@ -198,7 +198,7 @@ def test_the_longest_part_without_a_jump_of_the_clock_is_used() -> None:
     assert note == "The log's clock jumped; the longest part without a jump, 68 s, is used."
     regular, _ = without_clock_jumps(Channel(back, value), {CURRENT: Channel(back, value)})
     assert regular[CURRENT].value.tolist() == value[:61].tolist()
-    # Less than a second back, the times that come again are left out.
+    # If the clock steps back by less than a second, the times that come again are left out.
     assert left_of(CURRENT, value, late).tolist() == value[(T < 61) | (T > 62)].tolist()
 
 

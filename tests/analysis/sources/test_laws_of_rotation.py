@@ -26,7 +26,7 @@ def turning_rates() -> np.ndarray:
 
 
 def laws_of(*rates: Quantity) -> dict[Quantity, tuple[np.ndarray, np.ndarray]]:
-    """Both sides of the laws of a table with attitude and these rates, away from its ends."""
+    """Both sides of the attitude laws for a table with attitude and these rates, without its ends."""
     all_rates = dict(zip(RATES, turning_rates(), strict=True))
     columns = ATTITUDE | {rate: all_rates[rate] for rate in rates}
     grid = Grid({quantity: Channel(T_S, values) for quantity, values in columns.items()})
@@ -36,7 +36,8 @@ def laws_of(*rates: Quantity) -> dict[Quantity, tuple[np.ndarray, np.ndarray]]:
 
 @pytest.mark.parametrize("rates", [*((rate,) for rate in RATES), RATES], ids=" ".join)
 def test_each_rate_is_that_of_the_rotation(rates: tuple[Quantity, ...]) -> None:
-    """Within three hundredths of its spread: the smoothing of a second, and differences of 0.2 s, leave that much."""
+    """They agree within three hundredths of the spread: smoothing over a second and differences over 0.2 s leave that
+    much."""
     laws = laws_of(*rates)
     assert set(laws) == set(rates)
     for rate, (first, second) in laws.items():

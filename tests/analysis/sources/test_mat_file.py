@@ -1,4 +1,4 @@
-"""Variables of .mat files are those of scipy's reader, and damage ends in an error that is caught."""
+"""Variables of .mat files are those of scipy's reader, and a damaged file ends in an error that is caught."""
 
 import io
 import random
@@ -69,7 +69,7 @@ def test_damage_ends_in_an_error_or_in_other_values(compressed: bool) -> None:
 
 
 def test_more_rows_than_characters_are_damage() -> None:
-    """A matrix of characters of a billion rows took a minute, a row at a time."""
+    """A character matrix of a billion rows took a minute, when it was read a row at a time."""
     stream = io.BytesIO()
     savemat(stream, {"rows": np.array(["ab", "cde"])}, do_compression=False)
     data = bytearray(stream.getvalue())
@@ -80,7 +80,8 @@ def test_more_rows_than_characters_are_damage() -> None:
 
 
 def test_a_log_with_other_labels_than_columns_is_none(tmp_path: Path) -> None:
-    """Labels that are no texts, or more than columns: one damaged file had 18 million, and took half a minute."""
+    """Labels are not texts, or there are more than columns: one damaged file had 18 million, which took half a
+    minute."""
     columns = np.column_stack([1e6 + 2e5 * np.arange(60), np.full(60, 15.0)])
     labels = np.array(["TimeUS", "Airspeed"], dtype=object)
     for label, expected in (

@@ -60,7 +60,7 @@ def test_fields_have_their_units(tmp_path: Path) -> None:
     assert read.fix.unix_at_zero_s == pytest.approx(1_593_937_564.6, abs=100) and read.fix.latitude_deg is None
     assert (north, east, down) == pytest.approx((0.0, 12.0, 1.5), abs=1e-9)
     assert median[recording.FORCE_Z] == -9.8
-    # The barometer is not connected: the height by GPS stands for it, 250 m in the standard atmosphere.
+    # The barometer is not connected; the GPS height stands in for it, 250 m in the standard atmosphere.
     assert median[recording.STATIC] == pytest.approx(98_358, abs=30)
     assert float(read.thermometers["AIR_DATA"].value[0]) == pytest.approx(293.15)
 
@@ -84,7 +84,7 @@ def test_two_messages_of_one_sensor_are_used_together(tmp_path: Path) -> None:
     both = read_paparazzi(written(tmp_path / "log.data", lines())).channels[recording.AIRSPEED_PRESSURE]
     alone = read_paparazzi(written(tmp_path / "alone.data", [line for line in lines() if "AIRSPEED" not in line]))
     assert len(both.t_s) == 2 * len(alone.channels[recording.AIRSPEED_PRESSURE].t_s)
-    assert np.ptp(both.value) < 0.01  # one zero, that of the raw pressure
+    assert np.ptp(both.value) < 0.01  # both have one zero, found from the raw pressure
 
 
 def test_compressed_file_is_recognized_by_its_content(tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_log_of_gaps_is_refused_for_its_gaps(tmp_path: Path) -> None:
     "without", [None, *(pytest.param(item, marks=pytest.mark.thorough) for item in (AIR_DATA, AIRSPEED))]
 )
 def test_either_airspeed_message_gives_the_curve_of_level_windows(tmp_path: Path, without: bytes | None) -> None:
-    """Mean battery power in level windows of 8 s of the same flight, by measured airspeed."""
+    """The reference is the mean battery power in level windows of 8 s of the same flight, by measured airspeed."""
     path = tmp_path / "flight.data"
     with gzip.open(FLOWN) as stream:
         path.write_bytes(b"".join(line for line in stream if without is None or without not in line))
@@ -132,7 +132,7 @@ def test_either_airspeed_message_gives_the_curve_of_level_windows(tmp_path: Path
 @pytest.mark.thorough
 @needs(FLOWN)
 def test_a_sensor_that_is_added_makes_no_curve_of_a_real_flight_worse(tmp_path: Path) -> None:
-    """Against the mean power of its level windows, by measured airspeed (docs/evidence/real-flights.md)."""
+    """The reference is the mean power of its level windows, by measured airspeed (docs/evidence/real-flights.md)."""
     unpacked = tmp_path / "flight.data"
     unpacked.write_bytes(gzip.decompress(FLOWN.read_bytes()))
     read = read_paparazzi(unpacked)
@@ -140,4 +140,4 @@ def test_a_sensor_that_is_added_makes_no_curve_of_a_real_flight_worse(tmp_path: 
     aircraft = Flown(WEIGHT_N, WING_AREA_M2, SPAN_M, np.array([12.4, 12.7, 13.1, 13.4]), lambda _: level_W)
     sensors = curves_by_sensors(SENSORS, lambda sensors: with_sensors(read, sensors), aircraft)
     assert_more_is_never_less(sensors)
-    assert sum(curve is not None for curve in sensors.values()) == 4  # with pitot: its turns show no wind
+    assert sum(curve is not None for curve in sensors.values()) == 4  # those with a pitot: turns do not show the wind

@@ -1,4 +1,4 @@
-"""A reader that another package brings is found by its entry point; a bad one costs a line that names it."""
+"""A reader from another package is found by its entry point; a faulty one costs one line that names it."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ Install = Callable[[str], None]
 
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
-    """Installs a package with this module, as pip leaves it."""
+    """Install a package with this module, as pip leaves it."""
 
     def made(source: str) -> None:
         site = tmp_path / "site"

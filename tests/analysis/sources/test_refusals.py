@@ -75,7 +75,7 @@ def test_nobody_is_asked_to_measure_an_aircraft_for_a_log_without_a_curve(tmp_pa
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """A log of PX4 with all that is read, and without a flight."""
+    """A PX4 log with everything that is read, but without a flight."""
     path = tmp_path / "log.ulg"
     pressure = topic("differential_pressure", {"differential_pressure_pa": floats(0.0), "temperature": floats(12.0)})
     force = topic("vehicle_acceleration", {f"xyz[{i}]": floats(value) for i, value in enumerate((0.0, 0.0, -9.8))})

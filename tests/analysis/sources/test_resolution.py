@@ -1,4 +1,4 @@
-"""The step that all values of a channel are multiples of is found, and no other channel has one."""
+"""The step of which all values of a channel are multiples is found, and no other channel has such a step."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ TICK_S = 0.04
 
 
 def whole_pulses(seed: int, minutes: float = 2.0) -> np.ndarray:
-    """Motor speed of a flight [rev/s] by the pulses of seven pole pairs that a tick of 0.04 s completes."""
+    """Motor speed of a flight [rev/s] from the whole pulses of seven pole pairs in each tick of 0.04 s."""
     t_s = np.arange(0.0, 60 * minutes, TICK_S)
     true_revps = 95 + 25 * np.sin(0.2 * t_s + seed)
     return np.floor(true_revps * 7 * TICK_S) / (7 * TICK_S)

@@ -1,4 +1,4 @@
-"""Zeros come from standing still or from an earlier measurement; their drift is reported and removed."""
+"""Zeros come from rest or from an earlier measurement; their drift is reported and removed."""
 
 import json
 
@@ -22,7 +22,7 @@ NOISE = {"p_radps": 0.005, "q_radps": 0.005, "r_radps": 0.005, "dp_alpha_Pa": 1.
 def log_table(seed: int = 0, drift: dict[str, float] | None = None) -> pd.DataFrame:
     """20 s standing, 60 s flying, 10 s standing; zeros as in BIAS, noise as in NOISE.
 
-    drift: by how much a zero moves, evenly, from the log's beginning to its end.
+    drift: how far a zero moves, at a constant rate, from the start to the end of the log.
     """
     rng = np.random.default_rng(seed)
     n = round(90 * RATE_HZ)
@@ -63,9 +63,9 @@ def test_noise_of_the_transducer_is_no_wind() -> None:
 
 @pytest.mark.parametrize("landing", [False, True])
 def test_a_gentle_take_off_or_landing_is_no_rest(landing: bool) -> None:
-    """A force along the path that grows evenly by 0.3 m/s² a second has no spread over a second, only another mean.
+    """A force along the path that grows steadily by 0.3 m/s² a second has no spread over a second, only another mean.
 
-    Where the mean over WINDOW_S has changed by FORCE_CHANGE_MPS2, the aircraft has moved at 0.1²/(2·0.3) = 0.02 m/s.
+    When the mean over WINDOW_S has changed by FORCE_CHANGE_MPS2, the aircraft moves at 0.1²/(2·0.3) = 0.02 m/s.
     """
     table = log_table()
     t = table.index.to_numpy()
@@ -79,7 +79,7 @@ def test_a_gentle_take_off_or_landing_is_no_rest(landing: bool) -> None:
 
 
 def test_a_smooth_roll_out_is_no_rest() -> None:
-    """Even braking by 1.2 m/s² has no spread of force and rotation; GPS shows the motion."""
+    """Steady braking by 1.2 m/s² gives no spread of force and rotation; GPS shows the motion."""
     table, calm = log_table(), log_table(seed=1)
     t = table.index.to_numpy()
     rolling = (t >= 73) & (t < 80)
@@ -103,7 +103,7 @@ def test_a_steady_glide_with_the_motor_off_is_no_rest() -> None:
 
 
 def test_zeros_lie_within_four_of_their_own_standard_errors() -> None:
-    """The errors come from 25 or so means over a second: each is good to 4 / sqrt(2 * 24) in four of its own sigmas."""
+    """Each error comes from about 25 means over a second, so at four sigmas it is good to 4 / sqrt(2 * 24)."""
     for seed in range(20):
         table = log_table(seed)
         rest = zeros(table, rest_segments(table, RATE_HZ))
@@ -118,7 +118,7 @@ def test_zeros_lie_within_four_of_their_own_standard_errors() -> None:
 
 
 def test_a_drift_is_reported_and_taken_out_along_a_line() -> None:
-    """3 Pa over the log, 0.4 deg/s of the gyro: found within four standard errors, and gone at every instant."""
+    """3 Pa over the log, 0.4 deg/s of the gyro: found within four standard errors, and removed at every instant."""
     drift = {"q_c_Pa": 3.0, "q_radps": np.radians(0.4)}
     table = log_table(drift=drift)
     t = table.index.to_numpy()
@@ -231,7 +231,7 @@ def test_an_aircraft_that_is_disturbed_is_not_at_rest(channel: str, disturbed) -
 
 
 def test_rests_are_before_and_after_the_flight_by_the_pressure_above_that_at_rest() -> None:
-    """With a zero of the transducer of 100 Pa, more than the dynamic pressure of flight."""
+    """The transducer has a zero of 100 Pa, more than the dynamic pressure of flight."""
     table = log_table()
     table["q_c_Pa"] += 100.0
     rests = rest_segments(table, RATE_HZ)

@@ -1,4 +1,4 @@
-"""Never less from more: a flight's table with columns added gives a curve wherever it did, no worse and no wider."""
+"""More data never give less: where a flight's table gives a curve, added columns make it no worse and no wider."""
 
 from pathlib import Path
 
@@ -62,7 +62,7 @@ def test_a_sensor_that_is_added_makes_no_curve_worse(sensors: tuple[str, ...], c
 
 
 def test_the_sensors_of_drag_take_no_electrical_curve_away(tmp_path: Path) -> None:
-    """The command gets a vane and a motor speed besides, without aircraft file and propeller table."""
+    """The command also gets a vane and a motor speed, but neither an aircraft file nor a propeller table."""
     own = ["--mass", f"{MASS_KG} kg", "--wing-area", f"{AREA_M2} m^2", "--span", f"{SPAN_M} m"]
     done = CliRunner().invoke(app, [str(written(tmp_path, flown_table())), *own, "-o", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output

@@ -1,4 +1,4 @@
-"""Synchronization: what was measured is found again at its instant; clipping and gaps are left out and said."""
+"""Synchronization: measured values are recovered at their instants; clipping and gaps are left out and reported."""
 
 from pathlib import Path
 
@@ -56,7 +56,7 @@ def test_a_sound_log_has_nothing_to_say() -> None:
 
 
 def test_clipping_is_reported_and_left_out() -> None:
-    """Five seconds of twenty at the end of the range: a bound is no measurement."""
+    """The sensor is at the end of its range for five of twenty seconds: such a limit is not a measurement."""
     clipped = synchronize(
         log_of(lambda topic, t: Status.SATURATED if topic == "/probe/alpha" and 5 <= t < 10 else Status.OK)
     )
@@ -79,9 +79,9 @@ def test_a_topic_that_may_be_missing_is_missing_without_ado() -> None:
 
 
 def test_a_motor_that_speeds_up_is_not_found_to_lag() -> None:
-    """4 rev/s in a second, as in an acceleration. Ten electrical periods of seven pole pairs are timed, 11 to 18 ms,
-    and ticks find the newest: dated to the tick, speed was 16 ms late, 0.06 rev/s. What a tick finds is between
-    nothing and 18 ms old: 0.02 rev/s rms, and a tenth of that on average."""
+    """Speed rises by 4 rev/s in a second, as in an acceleration. Ten electrical periods of seven pole pairs are timed,
+    which takes 11 to 18 ms, and each tick finds the newest. If it were dated to the tick, speed would be 16 ms late,
+    0.06 rev/s. What a tick finds is at most 18 ms old: 0.02 rev/s rms, and a tenth of that on average."""
     log = log_of(lambda topic, t: None if topic == "/rpm" else Status.OK)
     pulses = np.arange(1.0, 1300.0) * 10 / 7  # revolutions turned
     speed, more = 80.0, 4.0
@@ -126,7 +126,7 @@ def test_a_fast_motor_s_speed_is_the_mean_over_all_pulses_since_the_last_frame(c
 
 
 def test_each_delay_is_subtracted_once() -> None:
-    """A pressure that rises by 10 Pa/s behind a line of 0.2 s, and a rate by 1 rad/s^2 behind a filter of 10 ms."""
+    """The pressure rises by 10 Pa/s behind a line of 0.2 s, and the rate by 1 rad/s^2 behind a filter of 10 ms."""
     log = log_of()
     for topic, fields_at in (
         ("/static", lambda t_s: {"pressure_Pa": 1e5 + 10 * (t_s - 0.2)}),
@@ -145,7 +145,7 @@ def test_each_delay_is_subtracted_once() -> None:
 
 @pytest.mark.parametrize("own_s", [None, 0.030])
 def test_specific_force_and_angular_rate_have_their_own_delays(own_s) -> None:
-    """Both rise by 1 a second; each is found again at the instant at which it was measured."""
+    """Both rise by 1 a second; each is recovered at the instant at which it was measured."""
     log = log_of()
     log.entries["/imu"] = entries_of([
         LogEntry(10**18 + tick * 40_000_000, tick, msgspec.structs.replace(

@@ -36,7 +36,7 @@ def text_of(table: pd.DataFrame, **options: object) -> str:
 
 
 def european(table: pd.DataFrame) -> str:
-    """Semicolons and decimal commas, and a date, whose points are no decimal points."""
+    """Semicolons, decimal commas, and a date whose points are not decimal points."""
     return text_of(table.assign(Datum="01.05.2024"), sep=";", decimal=",")
 
 
@@ -287,7 +287,7 @@ def test_telemetry_that_mission_planner_wrote_as_a_mat_file_is_reported(tmp_path
 
 
 def test_pandas_reads_the_same(tmp_path: Path) -> None:
-    """A second reader, of a plain table."""
+    """pandas is a second reader of a plain table."""
     path = tmp_path / "flight.csv"
     path.write_text(text_of(TRUE))
     other = pd.read_csv(io.StringIO(path.read_text()))
@@ -301,7 +301,8 @@ def test_a_table_with_nothing_but_times_is_drafted_with_them_alone(tmp_path: Pat
 
 
 def test_marks_below_the_names_are_no_names(tmp_path: Path) -> None:
-    """A speed controller's log has a line of True below its names; it has no time, which is said with its names."""
+    """A speed controller's log has a line of True below its names. It has no time, which the message says with its
+    names."""
     head = "# Sample Time: 0.200\nThrottle , Voltage , Current \nTrue , True , True \n"
     path = tmp_path / "controller.csv"
     path.write_text(head + "".join(f"{1 + k % 3}.0 , {40 + k % 2}.5 , {k % 7}.1 \n" for k in range(60)))
@@ -323,7 +324,7 @@ def test_single_impossible_heights_are_left_out(tmp_path: Path) -> None:
 
 
 def jeti_log(table: pd.DataFrame) -> str:
-    """A log of a Jeti radio: each sensor at its own moments, whole numbers with decimals, packed positions."""
+    """A log of a Jeti radio: each sensor at its own times, whole numbers with a count of decimals, packed positions."""
     sensors = {  # device, number: names, unit, type, decimals, values, and how often they are sent
         ("4290001", "1"): ("MSPEED", "Velocity", "km/h", 1, 1, 3.6 * INDICATED_MPS, 2),
         ("4290002", "2"): ("MVario2", "Altitude", "m", 4, 1, table["height_m"], 3),
@@ -367,7 +368,7 @@ def test_a_log_of_a_jeti_radio_needs_no_map(tmp_path: Path) -> None:
 
 
 def test_a_radio_that_logs_no_motion_needs_a_map(tmp_path: Path) -> None:
-    """Its column names are known and include neither airspeed nor position; other columns may."""
+    """Its known column names include neither airspeed nor position; other columns may exist."""
     table = pd.DataFrame({"Time": TRUE["t_s"], "RSSI(dB)": 80, "VFAS(V)": TRUE["voltage_V"], "v": TRUE["tas_mps"]})
     table.to_csv(tmp_path / "flight.csv", index=False)
     with pytest.raises(InputError, match="a table, whose columns need a map"):

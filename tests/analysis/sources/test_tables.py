@@ -60,7 +60,7 @@ BY_POSITION = {name: item for name, item in MAP.items() if name not in VELOCITIE
 
 
 def with_position(digits: int = 7, every: int = 1) -> pd.DataFrame:
-    """TRUE with its position, repeated by the table until the receiver gives the next one; across 180 degrees east."""
+    """TRUE with positions that the table repeats until the receiver gives the next one; they cross 180 degrees east."""
     degrees = np.degrees(0.1 / EARTH_RADIUS_M)
     latitude = 52 + degrees * np.cumsum(TRUE["vn_mps"])
     longitude = (180.01 + degrees * np.cumsum(TRUE["ve_mps"]) / np.cos(np.radians(52)) + 180) % 360 - 180
@@ -94,7 +94,7 @@ def with_position(digits: int = 7, every: int = 1) -> pd.DataFrame:
     ids=["all", "without IMU and GPS", "height by GPS", "speed and course", "without airspeed", "position alone"],
 )
 def test_inputs_are_interchangeable(entries: dict[str, tuple[str, str]], within: float, tmp_path: Path) -> None:
-    """The electrical curve of the same flight from whatever its table has."""
+    """One flight gives its electrical curve from whatever quantities its table has."""
     north, east = TRUE["vn_mps"], TRUE["ve_mps"]
     more = with_position().assign(gs=np.hypot(north, east), track=np.degrees(np.arctan2(east, north)))
     assert np.abs(curve_errors(written(tmp_path, more, map_text(entries)))).max() < within
@@ -102,7 +102,7 @@ def test_inputs_are_interchangeable(entries: dict[str, tuple[str, str]], within:
 
 @pytest.mark.parametrize(("digits", "every", "within_mps"), [(7, 1, 0.2), (5, 1, 0.5), (7, 10, 0.9)])
 def test_velocity_by_position(digits: int, every: int, within_mps: float) -> None:
-    """1 cm and 1 m in the last digit ten times a second; once a second, when turns of 0.5 rad/s are cut short."""
+    """The last digit is 1 cm or 1 m at 10 Hz; at 1 Hz, turns of 0.5 rad/s are cut short."""
     table = with_position(digits, every)
     t_s = TRUE["t_s"].to_numpy()
     position = (Channel(t_s, np.radians(table[name].to_numpy())) for name in ("lat_deg", "lon_deg"))
@@ -113,7 +113,7 @@ def test_velocity_by_position(digits: int, every: int, within_mps: float) -> Non
 
 @pytest.mark.parametrize("wrong", [{"lat_deg": "lon_deg", "lon_deg": "lat_deg"}, {"lat_deg": "lat_deg"}])
 def test_a_wrong_position_is_reported(wrong: dict[str, str], tmp_path: Path) -> None:
-    """Swapped columns, and a column of another flight."""
+    """The columns are swapped, or one is from another flight."""
     table = with_position()
     taken = {name: table[of].to_numpy()[:: -1 if name == of else 1] for name, of in wrong.items()}
     with pytest.raises(InputError) as raised:
@@ -122,7 +122,7 @@ def test_a_wrong_position_is_reported(wrong: dict[str, str], tmp_path: Path) -> 
 
 
 def test_a_delay_in_the_map_is_taken_out(tmp_path: Path) -> None:
-    """The GPS shows what was 1.5 s ago; the map says so."""
+    """The GPS shows the motion of 1.5 s ago, and the map says so."""
     names = ["vn_mps", "ve_mps", "vd_mps"]
     late = TRUE.assign(**{name: TRUE[name].shift(15) for name in names})
     delays = dict.fromkeys(VELOCITIES, 'delay = "1.5 s"')
@@ -217,7 +217,8 @@ def test_a_draft_takes_position_for_velocity(tmp_path: Path) -> None:
 
 
 def test_a_draft_reads_short_names_units_in_names_and_a_clock_by_its_course(tmp_path: Path) -> None:
-    """Names of a flight-test engineer: gx to gz show 1 g and are no gyros; AoA is one word; the clock has no name."""
+    """A flight-test engineer's names: gx to gz show 1 g, so they are not gyros; AoA is one word; the clock has no
+    name."""
     fahrenheit = (TRUE["oat_K"] - 273.15) * 1.8 + 32
     table = pd.DataFrame(
         {
@@ -244,8 +245,8 @@ def test_a_draft_reads_short_names_units_in_names_and_a_clock_by_its_course(tmp_
 
 @pytest.mark.parametrize("unit", ["deg", "rad"])
 def test_small_angles_have_the_unit_of_the_others(tmp_path: Path, unit: str) -> None:
-    """A heading of 15 to 25 degrees may be one in radians that was counted on; a pitch of 2 degrees may not. In radians
-    a heading beyond two pi has come there without a jump."""
+    """A heading of 15 to 25 degrees may be one in radians that has no wraps; a pitch of 2 degrees may not be in
+    radians. In radians a heading beyond two pi has come there without a jump."""
     t_s = TRUE["t_s"]
     angles = {"pitch": 2 + np.sin(t_s), "psi": 20 + 5 * np.sin(t_s / 9), "phi": 0.5 * np.sin(t_s / 5)}
     if unit == "rad":
@@ -298,7 +299,7 @@ def test_the_command_needs_a_map_and_says_how_to_draft_it(tmp_path: Path) -> Non
 
 @needs(CYCLONE)
 def test_a_tailsitter_from_its_file_as_it_is(tmp_path: Path) -> None:
-    """One of two motors is measured: half the power; published: 0.87 of it are shaft power."""
+    """One of two motors is measured, half the power; by the publication, 0.87 of the power is shaft power."""
     (tmp_path / "map.toml").write_text(draft(CYCLONE).replace('"A"', '"A"\nfactor = 2'))
     flight = flight_table(recording_of(log_of_table(CYCLONE, tmp_path / "map.toml")), 1.0 * g, 0.18)
     electrical = estimate(flight, 1.0 * g, 0.18, 0.9)
@@ -373,9 +374,9 @@ def test_a_heading_without_its_sign_costs_the_heading_alone(tmp_path: Path) -> N
 
 
 def large_slow_aircraft() -> pd.DataFrame:
-    """A straight flight at 90 m/s and 5 km whose static pressure moves by steps of 26 Pa; columns of MAP.
+    """A straight flight at 90 m/s and 5 km whose static pressure changes in steps of 26 Pa; columns of MAP.
 
-    Its lift follows the pitch rate within V C_L / (g C_La) = 1.5 s.
+    Its path follows the pitch with a time constant of V C_L / (g C_La) = 1.5 s.
     """
     t = np.arange(0, 200, 0.1)
     V, heave_s = 90 + 6 * np.sin(0.07 * t), 1.5
@@ -395,8 +396,8 @@ def large_slow_aircraft() -> pd.DataFrame:
 
 
 def test_steps_of_pressure_and_a_slow_heave_contradict_nothing(tmp_path: Path) -> None:
-    """Without the straight lines between steps the angle of attack has a correlation of 0.8 with pitch less path, and
-    the load factor is late by more than a second against the pitch rate."""
+    """Without straight lines between the steps, the angle of attack has a correlation of 0.8 with pitch less path, and
+    the load factor lags the pitch rate by more than a second."""
     table = large_slow_aircraft()
     entries = {name: item for name, item in MAP.items() if item[0] in table}
     path = written(tmp_path, table, map_text(entries))
@@ -411,6 +412,6 @@ def test_straight_lines_through_steps_are_nearer_to_the_truth() -> None:
     steps = Channel(t_s, 26 * np.round(true / 26))
     error, left = (item.value - true for item in (steps, without_steps(steps)))
     assert np.std(error) == pytest.approx(26 / np.sqrt(12), rel=0.1) and np.std(left) < 0.6 * np.std(error)
-    assert np.std(left[10:] - left[:-10]) < np.std(error[10:] - error[:-10]) / 4  # of the slope, over 0.4 s
+    assert np.std(left[10:] - left[:-10]) < np.std(error[10:] - error[:-10]) / 4  # errors of the slope over 0.4 s
     noisy = Channel(t_s, true + np.random.default_rng(0).normal(size=len(t_s)))
     assert without_steps(noisy) is noisy

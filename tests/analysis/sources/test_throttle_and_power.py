@@ -1,4 +1,4 @@
-"""Throttle, mode, and power of the propulsion, by whichever message of a firmware has them."""
+"""Throttle, mode and propulsion power, from whichever message of a firmware has them."""
 
 from pathlib import Path
 
@@ -68,7 +68,7 @@ def test_px4_throttle_is_that_of_the_wing() -> None:
 
 
 def test_modes_on_lifting_motors_are_left_out(tmp_path: Path) -> None:
-    """QLOITER from 50 to 90 s, and LOITER_ALT_QLAND, which flies on the wing, after 150 s; no QTUN is logged."""
+    """The log has QLOITER from 50 to 90 s, LOITER_ALT_QLAND, which flies on the wing, after 150 s, and no QTUN."""
     changes_us = np.array([1, 50, 90, 150]) * 1_000_000
     modes = DataflashMessages("MODE", "QMB", {"TimeUS": changes_us, "Mode": np.array([10, 19, 10, 25]),
                                               "ModeNum": np.array([10, 19, 10, 25])})  # fmt: skip
@@ -89,7 +89,7 @@ def test_power_of_the_speed_controllers_counts_where_no_battery_measures_current
 
 @pytest.mark.parametrize("suffix", [".BIN", ".log"])
 def test_whole_numbers_are_in_the_units_that_the_log_gives(tmp_path: Path, suffix: str) -> None:
-    """Voltage in mV and current in cA, of a log whose FMTU says so; without one they would be taken as hundredths."""
+    """Voltage is in mV and current in cA, as the log's FMTU says; without it they would be read as hundredths."""
     start = np.array([100_000])
     texts = {
         "FMTU": ("QBNN", {"FmtType": np.array([133]), "UnitIds": np.array([b"svA"]), "MultIds": np.array([b"FCB"])}),

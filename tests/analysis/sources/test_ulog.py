@@ -1,4 +1,4 @@
-"""The reader of PX4's logs gives what pyulog gives, of sound logs and of damaged ones, whatever its blocks."""
+"""The reader of PX4 logs gives what pyulog gives, for sound logs and damaged ones, whatever its blocks."""
 
 import contextlib
 import io
@@ -66,7 +66,7 @@ def test_a_sound_log_is_read_from_block_to_block(log: bytes, monkeypatch: pytest
 
 
 def test_a_damaged_log_gives_what_pyulog_gives(log: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bytes altered, cut out, and the end cut off."""
+    """Bytes are altered or cut out, or the end is cut off."""
     monkeypatch.setattr(BlockwiseULog, "BLOCK_BYTES", 6000)
     rng = np.random.default_rng(2)
     corrupt = 0
@@ -103,7 +103,7 @@ def columns_of(log: DataflashLog) -> dict[str, dict[str, bytes]]:
 def test_a_dataflash_log_holds_what_was_written(dataflash_log: Path) -> None:
     log = DataflashLog(dataflash_log)
     assert log.columns("IMU")["AccX"] == pytest.approx(np.arange(2000.0))
-    # An integer of hundredths in the file.
+    # The file stores it as an integer of hundredths.
     assert log.columns("IMU")["AccY"] == pytest.approx(-0.1 * np.arange(2000.0), abs=1e-9)
     assert list(log.columns("IMU", {"AccY"})) == ["AccY"]
 
@@ -113,7 +113,7 @@ def test_a_dataflash_log_holds_what_was_written(dataflash_log: Path) -> None:
 def test_a_dataflash_log_is_read_from_block_to_block(
     monkeypatch: pytest.MonkeyPatch, dataflash_log: Path, block_bytes: int, damaged: bool
 ) -> None:
-    """Blocks end within messages, within heads of messages and between; a damaged file has false heads, too."""
+    """Blocks end within messages, within heads of messages and between them; a damaged file also has false heads."""
     data = bytearray(dataflash_log.read_bytes())
     if damaged:
         rng = np.random.default_rng(3)

@@ -1,4 +1,4 @@
-"""Units that a wrong log is said to be in, and intervals of its clock."""
+"""Units that a wrong log is reported to use, and intervals of its clock."""
 
 import math
 from pathlib import Path
@@ -25,7 +25,7 @@ def _quantity_text(unit: str) -> str:
 
 
 def test_a_unit_s_factor_is_that_of_the_unit() -> None:
-    """Throttle is a share; as a pulse its range is 1000 to 2000 microseconds."""
+    """Throttle is a share; as a pulse it ranges from 1000 to 2000 microseconds."""
     checked = 0
     for limits in LIMITS:
         si = OF_FIELD.get(limits.field.rpartition("_")[2], "")
@@ -39,7 +39,7 @@ def test_a_unit_s_factor_is_that_of_the_unit() -> None:
 @pytest.mark.parametrize("interval_s", [0.005, 0.04, 1.0])
 @pytest.mark.parametrize(("unit", "per_second"), [("microseconds", 1e6), ("milliseconds", 1e3), ("seconds", 1.0)])
 def test_a_clock_s_unit_is_reported_for_any_rate_of_a_daemon(interval_s: float, unit: str, per_second: float) -> None:
-    """The number that should be nanoseconds: 200, 25 and 1 messages a second."""
+    """Numbers that should be nanoseconds, at 200, 25 and 1 messages a second."""
     message = _wrong_interval(interval_s * per_second / 1e9)
     assert message.startswith(f"log_time is in {unit} ({interval_s * per_second:.0f} between messages)")
 
@@ -58,9 +58,10 @@ REVPS_OF_SOUND = 340.0 / (np.pi * DIAMETER_M)
 
 
 def log_of(seconds: float = 24.0, begin_s: float = 0.0, **changed: dict[str, Any]) -> Any:
-    """A log of level flight at 1 g, 25 messages a second. changed: fields of a topic, numbers or one for each message.
+    """A log of level flight at 1 g, 25 messages a second; `changed` replaces fields of a topic by a number, or by one
+    for each message.
 
-    The first half of the flight is at rest, without dynamic pressure.
+    In the first half the aircraft is at rest, without dynamic pressure.
     """
     n = round(25 * seconds)
     flown = (np.arange(n) >= n // 2).astype(float)
@@ -110,11 +111,11 @@ USUAL: tuple[dict[str, Any], ...] = (
     {"imu": {"specific_force_z_mps2": -0.35 * 9.80665}},
     {"imu": {"specific_force_z_mps2": -2.9 * 9.80665}},
     {"imu": {"specific_force_x_mps2": 8.4, "specific_force_z_mps2": -5.0}},  # a climb at 59 deg
-    # Only flight counts: carried upside down to the runway for half the log, it flew upright.
+    # Only flight counts: carried upside down to the runway for half the log, the aircraft flew upright.
     {"imu": {"specific_force_z_mps2": np.where(HALF > 0, -9.8, 9.8)}},
     {AIRSPEED: {DIFFERENCE: 12.0 * HALF}, ALPHA: {DIFFERENCE: 9.0 * HALF}, "probe_of_beta": {DIFFERENCE: 0.0}},
     {ALPHA: {DIFFERENCE: 1.25 * 150.0 * HALF}},  # 1.3 times q_c are reached at 20 deg
-    # A gust of the first second after power-on, or a hand on the tube, is no flight backwards.
+    # A gust in the first second after power-on, or a hand on the tube, is not a flight backwards.
     {AIRSPEED: {DIFFERENCE: np.where(HALF > 0, 150.0, -70.0)}},
 )  # fmt: skip
 
@@ -143,7 +144,7 @@ IMPOSSIBLE: tuple[tuple[dict[str, Any], str], ...] = (
     ({"rpm": {SPEED: 1.02 * REVPS_OF_SOUND}}, "in rad/s, or electrical revolutions"),
     ({"rpm": {SPEED: 60 * 22.0 / (np.pi * DIAMETER_M)}}, "it looks like rev/min; divide by 60"),
     ({"rpm": {SPEED: 60 * 19.0 / (np.pi * DIAMETER_M)}}, "in rad/s, or electrical revolutions"),
-    # Two thirds of the log without power: those are left out of the median.
+    # Two thirds of the log have no power and are left out of the median.
     ({"rpm": {SPEED: np.where(np.arange(600) < 400, 0.9, 2 * REVPS_OF_SOUND)}}, "move faster than sound"),
     ({"imu": {"specific_force_x_mps2": 0.0, "specific_force_z_mps2": -0.25 * 9.80665}}, "a magnitude of 2.45"),
     ({"imu": {"specific_force_x_mps2": 0.0, "specific_force_z_mps2": -3.2 * 9.80665}}, "a magnitude of 31.4"),

@@ -20,7 +20,7 @@ from flightpower.flight.undecodable import Undecodable
 
 
 def file_of(path: Path, messages: dict[str, bytes], *, encoding: str = "json", profile: str = "flightpower") -> Path:
-    """A log of thirty times the same message on each topic."""
+    """A log with the same message thirty times on each topic."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start(profile=profile)

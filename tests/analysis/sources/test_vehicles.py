@@ -1,4 +1,4 @@
-"""Only a log that says it is a plane's gives a curve, and PX4's telemetry and converted logs are read as others are."""
+"""Only a log that identifies a plane gives a curve; PX4's telemetry and converted logs are read like others."""
 
 from pathlib import Path
 
@@ -73,7 +73,7 @@ PRESSURE_PA, SPEED_MPS = 96_000.0, 15.0
 
 
 def px4_telemetry(kind: int, seconds: int = 40, lifted_s: int = 0) -> bytes:
-    """Heartbeats of a station before those of the autopilot, a gimbal beside it, fourteen cells in two fields."""
+    """Heartbeats of a station before the autopilot's, a gimbal beside it, and fourteen cells in two fields."""
     encoders = {sender: mavlink.MAVLink(None, *sender) for sender in ((255, 190), (1, 154), (1, 1))}
     lifted, flown = mavlink.MAV_VTOL_STATE_MC, mavlink.MAV_VTOL_STATE_FW
     frames = []
@@ -127,7 +127,7 @@ def test_hover_of_a_vtol_of_px4_is_left_out(tmp_path: Path) -> None:
 
 
 def by_pymavlink(path: Path) -> dict[str, dict[str, list[object]]]:
-    """The messages of a log by field, by a second reader."""
+    """The messages of a log by field, as pymavlink reads them."""
     reader, result = DFReader.DFReader_binary(str(path)), dict[str, dict[str, list[object]]]()
     while (message := reader.recv_match()) is not None:
         columns = result.setdefault(message.get_type(), {})

@@ -119,7 +119,7 @@ def written(flown: Written) -> Log:
 
 
 def judged(log: Log) -> None:
-    """The checks in the order of the pipeline."""
+    """Run the checks in the order of the pipeline."""
     log_contents = contents(log)
     check_log(log, log_contents.propeller.diameter_m)
     check_axes(
@@ -138,7 +138,7 @@ Change = Callable[[Log], Log]
 
 
 def entries(change: Callable[[str, list[LogEntry]], list[LogEntry]], *topics: str) -> Change:
-    """Changes the messages of some topics, or of all."""
+    """A change of the messages of some topics, or of all topics."""
     return lambda log: replace(
         log,
         entries={
@@ -187,7 +187,7 @@ def without(topic: str, *, unknown: str = "") -> Change:
 
 
 def misnamed(topic: str, field: str, name: str) -> Change:
-    """As read from messages that have `name` in place of `field`."""
+    """A change to what is read from messages that have `name` in place of `field`."""
     nothing = entries(
         lambda _, result: [e._replace(message=msgspec.structs.replace(e.message, **{field: None})) for e in result],
         topic,
@@ -196,7 +196,7 @@ def misnamed(topic: str, field: str, name: str) -> Change:
 
 
 def test_the_example_of_the_page_is_analyzed(flown: Written) -> None:
-    """Time from 0, and neither status nor schema nor metadata: the intervals contain the truth."""
+    """Time starts at 0, and there is no status, schema or metadata: the intervals contain the truth."""
     curve = analyze_runs(flown.log).results.power_required
     true_W = np.interp([point.speed_mps for point in curve], flown.truth["speed_mps"], flown.truth["power_W"])
     assert all(point.power_lo_W < power < point.power_hi_W for point, power in zip(curve, true_W, strict=True))

@@ -23,7 +23,7 @@ def times(quantity: str, factor: float, offset: float = 0.0) -> Callable[[Table]
 
 
 def late(*quantities: str, seconds: float) -> Callable[[Table], Table]:
-    """The columns lag by this time."""
+    """The columns, delayed by this time."""
 
     def shifted(t: Table) -> Table:
         n = round(seconds / 0.1)
@@ -39,7 +39,7 @@ def exchanged(item: str, other: str) -> Callable[[Table], Table]:
 
 
 def of_another_flight(*quantities: str) -> Callable[[Table], Table]:
-    """Columns of a flight with the same statistics: the same one, backward."""
+    """The columns of another flight with the same statistics: this flight played backward."""
     return lambda t: t.assign(**{COLUMN[quantity]: t[COLUMN[quantity]].to_numpy()[::-1] for quantity in quantities})
 
 
@@ -150,7 +150,7 @@ BARE = {name: MAP[name] for name in ("time", "true_airspeed", "height", "battery
 def test_energy_tells_a_unit_where_the_table_has_no_climb(
     wrong: dict[str, float], message: str, tmp_path: Path
 ) -> None:
-    """g dh/dt against V dV/dt at equal power: feet are 3.28 times as many, knots squared 3.8 times."""
+    """g dh/dt is compared with V dV/dt at equal power: feet are 3.28 times as many, knots squared 3.8 times."""
     table = TRUE.assign(**{name: TRUE[name] * factor for name, factor in wrong.items()})
     with pytest.raises(InputError, match=message):
         log_of_table(written(tmp_path, table, map_text(BARE)))
@@ -162,7 +162,7 @@ def test_energy_rejects_no_sound_flight_and_leaves_no_note(tmp_path: Path) -> No
 
 
 def test_units_that_nothing_checks_are_named(tmp_path: Path) -> None:
-    """Steady circles exchange no height for speed; no law has the temperature of the air."""
+    """Steady circles do not exchange height for speed, and no law contains the air temperature."""
     level = TRUE.assign(tas_mps=15.0 + 0.2 * np.sin(TRUE["t_s"]), height_m=100 + 0.5 * np.sin(0.7 * TRUE["t_s"]))
     text = map_text({**BARE, "air_temperature": ("oat_K", "K")})
     notes = log_of_table(written(tmp_path, level, text)).metadata[TABLE]

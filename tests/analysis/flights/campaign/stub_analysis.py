@@ -9,12 +9,13 @@ from pathlib import Path
 from flightpower.analysis.flights.campaign.processes import below
 from flightpower.flight.errors import InputError, StorageError
 
-SLOW_S = 300.0  # of a log that says so: longer than a busy machine needs for all that a test waits for
+SLOW_S = 300.0  # for a log with the word `slow`: longer than a busy machine needs for all that a test waits for
 
 
 @dataclass(frozen=True)
 class Stub:
-    """Writes the log's words into results.json; each word may do something. calls: where each call leaves a line."""
+    """Writes the log's words into results.json; some words cause a failure or a wait. Each call adds a line to
+    `calls`."""
 
     calls: Path
     aircraft: Path | None = None

@@ -1,4 +1,5 @@
-"""Logs in object storage and on servers: listed once, read once, and each failure costs its own log and is one line."""
+"""Logs in object storage and on servers are listed once and read once; a failure costs only its own log and one
+line."""
 
 import multiprocessing.forkserver
 import threading
@@ -35,7 +36,7 @@ def server() -> Iterator[Store]:
 
 @pytest.fixture
 def store(server: Store, monkeypatch: pytest.MonkeyPatch) -> Store:
-    """Empty, and asked again without pauses by this process."""
+    """An empty store, whose requests this process repeats without pauses."""
     for contents in (server.objects, server.failing, server.torn, server.requests):
         contents.clear()
     monkeypatch.setattr(addresses.time, "sleep", lambda _: None)
@@ -75,7 +76,7 @@ def test_a_bucket_is_listed_once_and_each_log_is_read_once(tmp_path: Path, store
 
 
 def test_an_object_is_known_by_its_content_wherever_it_is(tmp_path: Path, store: Store, work: Work) -> None:
-    """Moved, copied, or on this computer."""
+    """This holds if it is moved, copied, or on this computer."""
     out = tmp_path / "out"
     store.objects |= {"fleet/a.mcap": b"1", "fleet/b.mcap": b"22"}
     run_in(out, work, "s3://fleet/")
@@ -89,7 +90,7 @@ def test_an_object_is_known_by_its_content_wherever_it_is(tmp_path: Path, store:
 
 
 def test_a_store_that_fails_costs_its_own_logs(tmp_path: Path, store: Store, work: Work) -> None:
-    """Too many requests now and then cost time only."""
+    """If it refuses some requests because there are too many, this costs only time."""
     store.objects |= {f"fleet/{name}.mcap": name.encode() * size for size, name in enumerate("abcd", start=1)}
     store.failing |= {"fleet": 2, "fleet/a.mcap": 2}
     store.torn.add("fleet/c.mcap")
@@ -132,7 +133,7 @@ def test_a_listing_of_several_pages_is_whole(store: Store) -> None:
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_a_cluster_is_sent_files_and_reads_addresses_itself(tmp_path: Path, store: Store, work: Work) -> None:
-    """A job that fails there costs its own flight."""
+    """A job that fails there costs only its own flight."""
     distributed = pytest.importorskip("distributed")
     store.objects |= {"fleet/b.mcap": b"killed", "fleet/c.mcap": b"333"}
     local = tmp_path / "a.mcap"
@@ -206,7 +207,7 @@ def test_the_same_content_at_another_address_is_another_place() -> None:
 
 @pytest.mark.parametrize(("failures", "requested", "answered"), [(3, 4, True), (9, 4, False)])
 def test_what_fails_for_a_while_is_asked_again(monkeypatch, failures: int, requested: int, answered: bool) -> None:
-    """Also by libraries that do not do so themselves; within ten seconds."""
+    """This also holds for libraries that do not retry by themselves; it takes at most ten seconds."""
     pauses: list[float] = []
     monkeypatch.setattr(addresses.time, "sleep", pauses.append)
     calls = 0

@@ -39,7 +39,7 @@ def work(tmp_path: Path) -> Work:
 
 @pytest.fixture
 def analyzed(tmp_path: Path, work: Work) -> Callable[[], list[str]]:
-    """The logs analyzed since the last call."""
+    """A function that returns the logs analyzed since it was last called."""
 
     def calls() -> list[str]:
         path = tmp_path / "calls"
@@ -74,13 +74,13 @@ def test_a_log_that_fails_costs_its_own_flight_and_is_one_line(tmp_path: Path, w
 
 
 def test_a_full_disk_ends_all_at_once_by_the_name_that_was_asked_for(tmp_path: Path, work: Work, analyzed) -> None:
-    """The other logs would fail as well, each after minutes."""
+    """The other logs would fail too, each after minutes."""
     paths = logs(tmp_path / "in", a="slow", b="full", **{f"later{i}": "x" for i in range(20)})
     report = tmp_path / "out" / "b" / "report.html"
     with pytest.raises(StorageError, match=rf"^{report}: cannot be written"):
         run_in(tmp_path / "out", paths, work)
     begun = analyzed()
-    assert "b.mcap" in begun and len(begun) < 10, "no more than were begun at once"
+    assert "b.mcap" in begun and len(begun) < 10, "only those that began at once"
     assert [path.name for path in (tmp_path / "out").iterdir()] == [".lock"]
 
 
@@ -116,7 +116,8 @@ def test_a_log_that_moved_or_got_a_namesake_keeps_its_results(tmp_path: Path, wo
 def test_a_folder_follows_its_log_to_another_name_and_keeps_the_users_files(
     tmp_path: Path, work: Work, analyzed
 ) -> None:
-    """Below the folder of results, whatever the working folder is; two logs may also exchange their names."""
+    """This holds below the folder of results, whatever the working folder is; two logs may also exchange their
+    names."""
     out = tmp_path / "out"
     item, two = logs(tmp_path / "in", a="1", b="2")
     run_in(out, [item, two], work)
@@ -146,7 +147,7 @@ def test_ctrl_c_ends_the_analyses_that_run_at_once(tmp_path: Path, work: Work) -
 
 
 def test_an_edited_list_of_runs_stays_with_its_log(tmp_path: Path, work: Work, analyzed) -> None:
-    """A log that gets a namesake keeps it; another log of the same name does not inherit it."""
+    """A log keeps it when another log gets the same name, and the other log does not inherit it."""
     out = tmp_path / "out"
     (monday,) = logs(tmp_path / "monday", log="1")
     run_in(out, [monday], work)

@@ -18,12 +18,12 @@ from flightpower.flight.errors import InputError
     ],
 )
 def test_a_job_that_fails_says_why_in_one_line(tmp_path: Path, monkeypatch, raised: Exception, message: str) -> None:
-    """docs/use/many-flights.md: an analysis may take 4 GB."""
+    """An analysis may take 4 GB (docs/use/many-flights.md)."""
 
     def analyze(*_: object) -> None:
         raise raised
 
-    monkeypatch.setattr(processes, "limit_memory", lambda _: None)  # it holds for the whole process
+    monkeypatch.setattr(processes, "limit_memory", lambda _: None)  # the limit would hold for the whole process
     ended = processes.run_job(analyze, processes.Job("a", Path("long.mcap")), tmp_path, print)  # type: ignore[arg-type]
     assert message in ended.error and len(ended.error.splitlines()) == 1
     assert 0 <= ended.seconds < 60 and 0 <= ended.processor_seconds < 60

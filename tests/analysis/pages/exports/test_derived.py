@@ -1,4 +1,4 @@
-"""Derived quantities of a flight whose forces are in exact balance, and their standard errors by single causes."""
+"""Derived quantities of a flight whose forces are in exact balance, and their standard errors from single causes."""
 
 import sys
 from dataclasses import replace
@@ -39,7 +39,7 @@ def test_quantities_are_those_of_the_flight() -> None:
 
 
 def test_a_weight_that_is_not_known_changes_the_forces_and_no_angle() -> None:
-    """Forces change by the share of specific force; the table's thrust and its part of them stay."""
+    """Forces change in proportion to the specific force; thrust from the table and its contribution do not."""
     unsure = replace(CERTAIN, uncertainty=replace(CERTAIN.uncertainty, weight_fraction=0.01))
     of_lift = 0.01 * m * np.abs(FLOWN["ax"] * np.sin(ALPHA) - FLOWN["az"] * np.cos(ALPHA)) / QS_N
     result = np.sqrt(standard_error("C_L", aircraft=unsure) ** 2 - standard_error("C_L") ** 2)
@@ -59,7 +59,7 @@ def test_an_accelerometer_s_bias_changes_drag_by_mass_times_it() -> None:
 
 
 def test_states_move_with_the_sensor_errors() -> None:
-    """A pitch attitude whose error is 2 times an error of 0.01, by its sensitivity."""
+    """A sensor error of 0.01, to which pitch attitude has a sensitivity of 2, gives it an error of 0.02."""
     trajectory = measured(FLOWN)
     covariance, sensitivity = trajectory.covariance.copy(), trajectory.state_sensitivity.copy()
     covariance[0, 0] = 0.01**2
@@ -69,7 +69,7 @@ def test_states_move_with_the_sensor_errors() -> None:
 
 
 def test_random_errors_of_the_states_are_those_of_the_draws() -> None:
-    """Their root mean square."""
+    """The standard error is the root mean square of the draws."""
     trajectory = measured(FLOWN)
     draws = np.zeros((4, len(FLOWN), len(STATES)))
     draws[:, :, STATES.index("theta")] = np.array([0.01, -0.02, 0.02, -0.01])[:, None]
@@ -94,7 +94,7 @@ def test_nothing_is_reported_below_8_Pa_of_dynamic_pressure(speed_mps: float, de
 
 @pytest.mark.parametrize(("height_m", "defined"), [(19.0, False), (21.0, True)])
 def test_coefficients_are_left_out_near_the_ground(height_m: float, defined: bool) -> None:
-    """On the ground roll, also a fast one, the wheels carry weight, and C_L and C_D are those of no flight."""
+    """On the ground roll, even a fast one, the wheels carry weight, so C_L and C_D are not those of flight."""
     low = FLOWN.copy()
     low.loc[low.index[:5], "height_measured"] = height_m
     table = derived(measured(low), CERTAIN, PROPELLER)

@@ -32,7 +32,7 @@ class WriterInMemory:
 
 
 def test_a_fix_has_half_the_horizontal_variance_in_each_direction() -> None:
-    """The receiver's horizontal accuracy is that of both directions together: 5 m is 3.5 m north and 3.5 m east."""
+    """The receiver's horizontal accuracy covers both directions together: 5 m is 3.5 m north and 3.5 m east."""
     good = Gps(
         latitude_deg=47.1, longitude_deg=8.2, height_m=431.0, horizontal_accuracy_m=5.0, vertical_accuracy_m=6.0,
         fix_type=3,
@@ -55,7 +55,8 @@ def test_a_fix_has_half_the_horizontal_variance_in_each_direction() -> None:
 
 
 def test_an_error_of_the_thrust_s_table_turns_with_alpha_into_lift_and_drag() -> None:
-    """Scale, slope over J and thrust beyond the table: sin(alpha) of the error is lift, cos is drag."""
+    """The error has a scale, a slope over J and a part beyond the table; its sin(alpha) is lift, its cos(alpha)
+    drag."""
     aircraft = load_aircraft("nexstar")
     alpha, thrust_N, J, beyond, qS_over_m = 0.2, 5.0, 0.7, 0.03, 12.0
     nominal = np.array([[alpha, 15.0, 0.0, thrust_N, 0.8, 0.06]])

@@ -15,7 +15,7 @@ def flown() -> bytes:
 
 @pytest.fixture(scope="module")
 def shared(flown: bytes, tmp_path_factory: pytest.TempPathFactory) -> Folder:
-    """One folder for all tests of a module: what was computed of the flight stays."""
+    """One folder for all tests of a module, so that what was computed for the flight is kept."""
     return folder_with(flown, tmp_path_factory.mktemp("shared"))
 
 

@@ -35,7 +35,8 @@ def page(opened: Folder) -> LocalPage:
 
 
 def answer_to(page: LocalPage, method: str, path: str, body: bytes = b"", **changed: Any) -> Answer:
-    """The answer to a request of the page itself, with changes by name of the WSGI environment; None leaves one out."""
+    """The answer to a request by the page itself; `changed` replaces entries of the WSGI environment, None removes
+    one."""
     environ = {
         "REQUEST_METHOD": method, "PATH_INFO": path, "HTTP_HOST": HOST, "wsgi.input": io.BytesIO(body),
         "CONTENT_LENGTH": str(len(body)), "HTTP_SEC_FETCH_SITE": "same-origin",
@@ -58,7 +59,7 @@ def values(**changed: Any) -> bytes:
 
 
 def test_the_page_itself_is_answered(page: LocalPage) -> None:
-    """Or the table below would pass whatever is asked."""
+    """If it were not, the table below would pass whatever the request."""
     for name, kind in (("", "text/html"), ("page.js", "text/javascript"), ("page.css", "text/css")):
         answer = answer_to(page, "GET", of(name))
         assert answer.status == 200 and answer.headers["Content-Type"].startswith(kind)
@@ -203,7 +204,7 @@ def test_a_message_says_at_which_field_it_belongs(page: LocalPage) -> None:
 
 
 def test_every_format_that_is_analyzed_can_be_dropped(page: LocalPage) -> None:
-    """It is listed with its kind; a table without a map gets one drafted from its column names."""
+    """Each is listed with its kind; a table without a map gets one drafted from its column names."""
     t_s = [k / 5 for k in range(60)]
     table = "time [s],airspeed [m/s],pressure [Pa],voltage [V],current [A]\n"
     table += "".join(f"{t},{15 + t / 10},{101000 - t},12.5,{5 + t / 100}\n" for t in t_s)
@@ -270,7 +271,7 @@ def address(opened: Folder) -> Iterator[tuple[str, int]]:
 
 
 def head(path: str, host: str = HOST, **lines: object) -> bytes:
-    """The head of a request that announces the largest body that is taken."""
+    """The head of a request that announces a body of the largest accepted size."""
     lines = {"Host": host, "Origin": f"http://{host}", "Content-Length": LIMITS.log_bytes - 1} | lines
     return "\r\n".join(
         [f"PUT {path} HTTP/1.1", *(f"{name}: {value}" for name, value in lines.items()), "", ""]
@@ -286,7 +287,7 @@ def head(path: str, host: str = HOST, **lines: object) -> bytes:
 def test_the_body_of_a_request_that_is_refused_is_not_taken(
     address: tuple[str, int], sent: bytes, status: bytes
 ) -> None:
-    """The answer comes before a byte of it, and the connection is closed."""
+    """The answer comes before the first byte of the body, and the connection is closed."""
     with socket.create_connection(address, timeout=HANGS_S) as attacker:
         attacker.sendall(sent)
         answer = b""

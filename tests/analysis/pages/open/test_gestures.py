@@ -24,7 +24,7 @@ TOO_WIDE = "document.documentElement.scrollWidth"
 
 @pytest.fixture(scope="module")
 def served(shared: Folder) -> Iterator[tuple[str, Path]]:
-    """Address of the page of a folder with one log, and the folder."""
+    """Address of the page for a folder with one log, and the folder."""
     application = LocalPage(shared, set(), "secret")
     server = waitress.create_server(application, host="127.0.0.1", port=0)
     host = f"127.0.0.1:{server.effective_port}"
@@ -47,7 +47,7 @@ def loaded(request: pytest.FixtureRequest, served: tuple[str, Path], browser: Br
 
 @pytest.fixture
 def page(loaded: int, browser: Browser) -> Iterator[Browser]:
-    """The page with its log as it is opened; nothing on the console at the end but refusals."""
+    """The page as it is when its log is opened; at the end the console holds nothing but refusals."""
     if not browser.value_of(AS_OPENED):
         browser.value_of("open('log.mcap')")
         browser.wait_for(CURVE_DONE)
@@ -70,7 +70,7 @@ def index(page: Browser, kind: str) -> int:
 
 
 def place(page: Browser, end: str) -> tuple[float, float]:
-    """Where an end of the selected run is in the window."""
+    """The window coordinates of an end of the selected run."""
     x, y = page.value_of(f"""(box => [box.left + box.width / 2, box.top + 60])(
       document.querySelector('[data-end={end}]').getBoundingClientRect())""")
     return x, y
@@ -143,7 +143,7 @@ def test_the_cursor_reads_all_strips_and_shows_the_place(page: Browser) -> None:
 
 
 def test_edits_that_no_report_has_are_not_left_without_a_question(page: Browser) -> None:
-    """Neither for another log nor with the page; edits taken back are no edits."""
+    """The page asks before it opens another log and before it is left; edits taken back are no edits."""
     choose, leave = (
         "document.querySelector('#logs tbody button').click()",
         "new Event('beforeunload', {cancelable: true})",
@@ -184,7 +184,7 @@ def test_another_weight_changes_the_curve_and_back(page: Browser) -> None:
 
 @pytest.mark.slow
 def test_the_method_is_switched_with_the_keyboard_beside_the_headline(page: Browser) -> None:
-    """A method that no run allows cannot be chosen; one that only --likelihood applies is in the command."""
+    """A method that no run allows cannot be chosen; one that needs --likelihood adds the option to the command."""
     message, command = (
         "document.getElementById('by-method').textContent",
         "document.getElementById('command').textContent",
@@ -277,6 +277,6 @@ def test_the_report_is_written_and_shown_and_a_log_is_added(
 
 @pytest.mark.skipif(not AXE.is_file(), reason=NO_AXE)
 def test_a_program_finds_no_barrier(page: Browser) -> None:
-    """Contrast, names, roles, order: with a run selected and all open."""
+    """A program checks contrast, names, roles and order, with a run selected and everything open."""
     page.value_of("select(2); document.querySelectorAll('details').forEach(one => { one.open = true; })")
     assert page.barriers() == []

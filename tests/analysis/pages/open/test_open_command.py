@@ -71,7 +71,7 @@ def test_a_log_that_is_being_read_is_not_read_again(flown: bytes, tmp_path: Path
 def test_the_page_closes_with_the_terminal_and_leaves_nothing(
     flown: bytes, tmp_path: Path, closing: signal.Signals
 ) -> None:
-    """Also of the process that reads the log."""
+    """This includes the process that reads the log."""
     for name in ("flights", "temporary"):
         (tmp_path / name).mkdir()
     (tmp_path / "flights" / "log.mcap").write_bytes(flown)

@@ -34,7 +34,7 @@ def log(shared: Folder) -> RunsFlight:
 
 @pytest.fixture
 def new_log(opened: Folder) -> OpenedFlight:
-    """A log of which nothing was computed yet."""
+    """A log of which nothing has been computed yet."""
     return opened.flight("log.mcap")
 
 
@@ -172,7 +172,7 @@ def test_other_methods_are_listed_as_far_as_runs_were_flown_for_them(log: RunsFl
 def test_what_is_drawn_beside_the_curve_is_in_the_command_and_in_the_report(
     log: OpenedFlight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The methods of maximum likelihood are only applied where they are asked for."""
+    """The methods of maximum likelihood are applied only if asked for."""
     request: list[tuple[bool, Path | None, list[str]]] = []
 
     def analyze_log(path: Path, folder: Path, options: Options, progress: object, command_line: str) -> None:
@@ -198,7 +198,7 @@ def test_the_last_curves_are_kept(new_log: OpenedFlight, monkeypatch: pytest.Mon
         new_log.curve(values)
     assert computed == requests
     new_log.curve(requests[0])
-    assert computed == [*requests, requests[0]], "that of longest ago was dropped"
+    assert computed == [*requests, requests[0]], "the one computed longest ago was dropped"
 
 
 def test_a_log_that_changed_is_read_again(opened: Folder, new_log: OpenedFlight) -> None:
@@ -247,7 +247,8 @@ def test_what_was_typed_stays_text_number_or_list(log: RunsFlight) -> None:
 
 @pytest.mark.slow
 def test_edited_runs_are_there_when_the_log_is_opened_again(log: RunsFlight) -> None:
-    """Those of the report's runs.toml, whoever edited it; none where it is what the analysis own_runs, or no list."""
+    """They are those of the report's runs.toml, whoever edited it; none if it holds the analysis' own runs or no
+    list."""
     runs_file = log.path.parent / "log.report" / "runs.toml"
     runs_file.parent.mkdir(exist_ok=True)
     before = runs_file.read_bytes() if runs_file.exists() else None

@@ -20,7 +20,7 @@ LOG = "flight 100%.BIN"
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
-    """Address of the page of a folder with one log of an autopilot, and the folder."""
+    """Address of the page for a folder with one log of an autopilot, and the folder."""
     folder = tmp_path_factory.mktemp("whole")
     for name in ("flights", "workspace"):
         (folder / name).mkdir()
@@ -38,7 +38,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path
 
 @pytest.fixture(params=WIDTHS, ids="{} px".format)
 def page(request: pytest.FixtureRequest, served: tuple[str, Path], browser: Browser) -> Iterator[Browser]:
-    """The page, which opens the only log of its folder and draws its curve; nothing on the console but refusals."""
+    """The page, which opens the only log of its folder and draws its curve; the console holds nothing but refusals."""
     browser.show("about:blank", request.param)
     browser.show(served[0], request.param, height=1600)
     browser.wait_for(CURVE_DONE)
@@ -89,7 +89,7 @@ def test_mass_and_span_stand_beside_the_curve_and_it_follows(page: Browser) -> N
 
 
 def test_dropped_files_wait_for_each_other_and_a_refusal_stays_in_view(page: Browser) -> None:
-    """The second of two that are no logs does not hide the first."""
+    """Two files that are not logs are refused, and the second refusal does not hide the first."""
     wrong = "new File(['nothing'], '{}.BIN')".format
     page.value_of(f"addFiles([{wrong('first')}, {wrong('second')}])")
     page.wait_for(f"pending === 0 && {QUIET}")
@@ -98,7 +98,7 @@ def test_dropped_files_wait_for_each_other_and_a_refusal_stays_in_view(page: Bro
     page.value_of(f"addFiles([{wrong('third')}])")
     page.wait_for(f"pending === 0 && {QUIET}")
     message = page.value_of("at('wrong').textContent")
-    assert "third.BIN" in message and "first.BIN" not in message, "those of an earlier drop are not repeated"
+    assert "third.BIN" in message and "first.BIN" not in message, "refusals of an earlier drop are not repeated"
 
 
 def test_what_the_command_lacks_is_reported_and_a_stretch_begins_in_flight(page: Browser) -> None:
@@ -187,7 +187,7 @@ def test_modes_and_messages_are_read_on_the_axis_of_time_and_in_a_list(page: Bro
 
 @pytest.mark.skipif(not AXE.is_file(), reason=NO_AXE)
 def test_a_program_finds_no_barrier(page: Browser) -> None:
-    """With a stretch left out, all open, a channel drawn, and a message at its field."""
+    """A program checks with a stretch left out, everything open, a channel drawn, and a message at its field."""
     page.value_of("at('channels').open = true")
     page.wait_for(f"at('channel-names').children.length > 20 && {QUIET}")
     page.value_of("drawChannels(['CTUN.ThO'])")

@@ -183,7 +183,7 @@ def test_another_flight_is_compared_at_equal_weight_and_density(folder: Folder) 
 def test_a_log_of_the_daemon_without_flow_angles_keeps_its_aircraft_file(
     flown: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its values are keys of that file; nothing is guessed."""
+    """Its values are keys of that file, and nothing is guessed."""
     for name in ("flights", "workspace"):
         (tmp_path / name).mkdir()
     (tmp_path / "flights" / "log.mcap").write_bytes(flown)
@@ -208,7 +208,7 @@ def test_a_curve_by_runs_has_no_stretches_to_leave_out(flown: bytes, tmp_path: P
 
 
 def test_what_an_autopilot_says_is_drawn_as_text_alone() -> None:
-    """Messages and names of channels are those of a file that anybody may have made; the page inserts the drawing."""
+    """Messages and channel names come from a file that anybody may have made, and the page inserts the drawing."""
     script = "<img src=x onerror=alert(1)>"
     t_s = np.arange(10.0)
     events = [Event(1.0, EventKind.MODE, script), Event(2.0, EventKind.MESSAGE, f'">{script}')]
@@ -218,7 +218,8 @@ def test_what_an_autopilot_says_is_drawn_as_text_alone() -> None:
 
 
 def test_a_table_whose_map_gives_no_curve_says_what_its_map_lacks(tmp_path: Path) -> None:
-    """Not that the log lacks an aircraft file, which nobody attaches to a table; a corrected map is read again."""
+    """The message does not say that the log lacks an aircraft file, which nobody attaches to a table; a corrected map
+    is read again."""
     (tmp_path / "workspace").mkdir()
     t_s = np.arange(0.0, 600.0, 0.5)
     rows = zip(t_s, 15 + 3 * np.sin(t_s / 20), 100 + 10 * np.sin(t_s / 40), 8 + np.sin(t_s / 20), strict=True)
