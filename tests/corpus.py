@@ -45,7 +45,7 @@ def of_sources(root: Path, names: tuple[str, ...] = SOURCES) -> str:
 
 @cache
 def folder() -> Path:
-    """The folder of these sources; others are removed after a day, when no process still reads them."""
+    """The folder for flights of these sources; others are removed after a day, when no process still reads them."""
     own_folder = FLIGHTS / of_sources(ROOT)
     own_folder.mkdir(parents=True, exist_ok=True)
     for other in FLIGHTS.iterdir():

@@ -114,7 +114,7 @@ def file(suffix: str, *readers: Callable[[Path], object]) -> Target:
 
 
 def electrical(path: Path) -> None:
-    """The whole analysis of an autopilot's log, on as few windows as it takes."""
+    """The whole analysis of an autopilot's log, on as few windows as it needs."""
     read = px4.read_px4 if path.suffix == ".ulg" else ardupilot.read_ardupilot
     estimate(flight_table(read(path), 20.0, 0.45), 20.0, 0.45, 1.9, most_windows=20, most_points=24)
 

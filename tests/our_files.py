@@ -1,4 +1,4 @@
-"""Names of our modules, as imports write them, and the files that hold them, read once by a process of the tests."""
+"""Names of our modules, as imports write them, and the files that hold them, read once in each process of the tests."""
 
 import ast
 from functools import cache

@@ -95,7 +95,7 @@ def test_what_building_needs_is_named_first_and_in_one_line(tmp_path, architectu
 
 
 def test_a_purge_keeps_what_the_user_has_made(tmp_path):
-    """Calibrations take a day at a wind tunnel; what the package and its commands have made goes."""
+    """Calibrations take a day at a wind tunnel and stay; what the package and its commands have made is removed."""
     etc, logs = tmp_path / "etc/flightpower", tmp_path / "var/lib/flightpower"
     etc.mkdir(parents=True)
     logs.mkdir(parents=True)

@@ -136,7 +136,8 @@ def test_a_folder_of_analysis_imports_only_folders_below_it_in_the_table() -> No
     assert upwards == []
 
 
-# In backticks in docstrings, but not ours: a library, a style sheet, JSON Schema, files of propellers; a column.
+# Names in backticks in docstrings that are not ours: of a library, a style sheet, JSON Schema, propeller files; a
+# column.
 OF_OTHERS = {
     "scipy.ndimage",
     "blklogwrites",

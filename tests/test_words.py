@@ -42,7 +42,7 @@ WITH_OTHERS = ("docs", "tests")
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_names_of_variables_parameters_and_functions_are_nouns_or_verbs(folder: str) -> None:
-    """A method may be called so, where it reads with its class or object: `Constants.of(aircraft)`."""
+    """A method is exempt if it reads with its class or object: `Constants.of(aircraft)`."""
     words = NO_NOUNS if folder in WITH_OTHERS else NO_NOUNS | OTHER_NO_NOUNS
     names = [
         f"{path}:{getattr(node, 'lineno', 0)}: {name}"

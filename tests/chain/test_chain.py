@@ -100,7 +100,7 @@ def test_nothing_names_a_speed_below_the_slowest_flown(results: Results) -> None
 
 
 def test_the_runs_of_the_plan_are_found(flown: Path, results: Results) -> None:
-    """Each planned run is one that was found: same kind, and at least three quarters of it covered."""
+    """Each planned run has a run of its kind among those found, which covers at least three quarters of it."""
     truth = pd.read_parquet(flown / "truth.parquet", columns=["time_s", "segment", "kind", "V_mps"])
     planned = truth[truth["kind"].isin(["run", "manual"])].groupby("segment")
     assert len(planned) == 2

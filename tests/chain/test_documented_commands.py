@@ -109,7 +109,7 @@ def truth(folder: Path) -> tuple[pd.DataFrame, dict]:
 
 
 def printed(walk: Walk, start: str) -> str:
-    """What the last command that starts like this printed, in one line."""
+    """The output of the last command that starts like this, in one line."""
     return " ".join([" ".join(output) for step, output in walk.steps if step.command.startswith(start)][-1].split())
 
 

@@ -75,7 +75,7 @@ ON_THE_GROUND = {
 }  # fmt: skip
 TABLE = "python -m flightpower.flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
 RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_RESULTS, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_SIX_SIDES, *OF_A_BOOM, PLAN, TABLE}
-# Patterns of commands that a test runs with files of other names, shorter input or one option less; and that test.
+# Patterns of commands that a test runs with other file names, shorter input or one option less; and that test.
 RUN_ELSEWHERE = {
     "flightpower open.*": "analysis/pages/open/test_open_command.py",
     "daq run --config tray.toml( .*)?": "chain/test_documented_daemon_commands.py",
@@ -186,7 +186,7 @@ def test_commands_of_a_flight(walk: Walk, tmp_path: Path, monkeypatch: pytest.Mo
 
 @pytest.mark.thorough
 def test_a_plan_of_four_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It plans from a catalog with one piece of each kind."""
+    """The plan uses a catalog with one piece of each kind."""
     catalog = search.catalog
 
     def small(*arguments: Any) -> list[Any]:

@@ -85,7 +85,7 @@ def test_the_fake_autopilot_talks_with_a_ground_station_of_pymavlink():
 
 
 def test_the_driver_talks_with_an_autopilot_of_pymavlink():
-    """Over UDP, as the telemetry of an autopilot or its simulator arrives."""
+    """They talk over UDP, as the telemetry of an autopilot or its simulator arrives."""
     with_free_port = LinuxBuses().port("udp:127.0.0.1:0", 0)
     number = with_free_port._socket.getsockname()[1]
     sensor = AutopilotDriver(with_free_port, aircraft=None, rate_Hz=25, rpm=True)

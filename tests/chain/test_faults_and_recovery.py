@@ -102,7 +102,7 @@ def held_to(log, topics, expected):
 @pytest.mark.parametrize(("kind", "device", "expected"), CASES)
 def test_it_is_reported_and_it_passes(tmp_path, kind, device, expected):
     faults = [Fault(kind=kind, device=device, start_s=START_S, duration_s=LASTS_S, rate=RATES.get(kind, 0.0))]
-    if kind == "wrong_prom_crc":  # calibration is read when a part is brought up: after its supply was interrupted
+    if kind == "wrong_prom_crc":  # calibration is read when a part is brought up after its supply was interrupted
         faults.append(Fault(kind="brown_out", device=device, start_s=START_S, duration_s=0.2))
     recording, log = flown(tmp_path, *faults)
     assert recording.write_error == ""

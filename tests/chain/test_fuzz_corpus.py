@@ -1,4 +1,4 @@
-"""Inputs that once found a defect in a parser, and a few ordinary ones, find none."""
+"""Inputs that once found a defect in a parser, and a few ordinary ones, no longer find any."""
 
 import signal
 from pathlib import Path

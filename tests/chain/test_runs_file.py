@@ -25,8 +25,8 @@ class Edited(NamedTuple):
 
 @pytest.fixture(scope="module")
 def edited(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> Edited:
-    """A report of the flight, its runs.toml edited and used: without its first deceleration, and the acceleration begun
-    half a second later."""
+    """A report of the flight, whose runs.toml was edited and used: without its first deceleration, and with the
+    acceleration begun half a second later."""
     report = tmp_path_factory.mktemp("edited") / "report"
     shutil.copytree(flown / "log.report", report)
     text = (report / "runs.toml").read_text("utf-8")

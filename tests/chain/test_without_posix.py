@@ -51,7 +51,7 @@ def test_calibrations_from_a_log(laptop: Laptop, name: str) -> None:
     ],
 )
 def test_what_costs_seconds_is_refused_for_its_data_alone(laptop: Laptop, name: str, reason: str) -> None:
-    """With everything imported that they need."""
+    """They are, even with everything imported that they need."""
     outcome = laptop.outcomes[name]
     assert outcome.returncode == 2 and reason in outcome.stderr, outcome.stderr
 

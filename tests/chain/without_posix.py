@@ -1,9 +1,10 @@
 """Runs our commands as on Windows, as far as Linux can show it: `python without_posix.py`.
 
-Standard input is a JSON list of commands, each a list of words; standard output one of [exit code, stdout, stderr].
+Standard input is a JSON list of commands, each a list of words; standard output is a list of [exit code, stdout,
+stderr].
 
 Modules that only POSIX has cannot be imported, functions that only POSIX has are missing from `os` and `signal`, and a
-text file opened by our code without an encoding is an error, because Windows then takes another one.
+text file opened by our code without an encoding is an error, because Windows then uses another encoding.
 """
 
 import contextlib

@@ -76,7 +76,7 @@ def test_mark_records_always_and_says_when(tmp_path, seen_at):
     assert len(log.entries["/daq/tick"]) == recording.ticks
     marks = [(e.message.text, e.tick / 25) for e in log.entries["/daq/event"] if e.message.sensor == "arm"]
     assert [text for text, _ in marks] == ["armed", "disarmed"] * 2
-    # The autopilot sends at the rate of the ticks: within two of them.
+    # The autopilot sends at the rate of the ticks, so each change is seen within two of them.
     assert all(abs(at_s - expected) < 0.1 for (_, at_s), expected in zip(marks, (5, 10, 12, 15), strict=True))
 
 

@@ -288,7 +288,7 @@ def expected(message) -> list:
 )
 @settings(max_examples=60)
 def test_messages_are_those_that_pymavlink_reads(chosen, cuts):
-    """Any values in every message, of both protocols, in any pieces, between others that the daemon skips."""
+    """Any values are in every message of both protocols, in any pieces, between others that the daemon skips."""
     other, stream = packed(mavlink.MAVLink_raw_pressure_message(0, 1, 2, 3, 4)), b""
     for number, payload, first_protocol in chosen:
         kind = mavlink.mavlink_map[number]
@@ -329,7 +329,7 @@ def test_a_message_after_noise_or_a_loss_is_found_when_its_successors_are_there(
 
 
 def unknown(data: bytes, i: int) -> bool:
-    """Whether the head of a message whose checksum is not known here may begin at a byte."""
+    """Whether the head of a message whose checksum is unknown here may begin at byte `i`."""
     if data[i] == MARKER_1:
         return data[i + 5] not in KINDS
     return data[i] == MARKER_2 and int.from_bytes(data[i + 7 : i + 10], "little") not in KINDS

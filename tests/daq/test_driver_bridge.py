@@ -165,7 +165,7 @@ def test_one_wrong_bit_in_a_pressure_is_read_again(bit):
 
 
 def test_a_gust_is_believed_at_once():
-    """30 Pa within a tick: both readings have it."""
+    """The pressure changes by 30 Pa within a tick, and both readings show it."""
     assert statuses([frame(0, 8160, 735), frame(0, 8163, 735)], [frame(0, 8170, 735)]) == [
         (Status.OK, 8163),
         (Status.OK, 8170),

@@ -49,7 +49,7 @@ CUTS = st.lists(st.integers(0, 10_000), max_size=8)
 
 @given(st.binary(max_size=100), CUTS, st.integers(0x1000, 0x7FFF))
 def test_legacy_frames_after_garbage_are_found_however_they_are_torn(noise, cuts, period_us):
-    # A real motor's period wanders by more than a count; that is what tells frames from their shifted images.
+    # A real motor's period wanders by more than a count, which distinguishes frames from their shifted images.
     periods = [period_us + 37 * (i * i % 11) for i in range(20)]
     parser = LegacyParser()
     results = [p for piece in pieces(noise + b"".join(map(legacy, periods)), cuts) for p in periods_of(parser, piece)]

@@ -197,7 +197,7 @@ def test_while_the_part_warms_up_pressure_is_compensated_at_the_temperature_of_i
     _, constant_Pa = compensate(MS5611, part.prom, d1, d2)
     pressures = []
     for _ in range(750):
-        part.d2 = round(d2 + 800 * (part.now_ns - TICK_NS) / 1e9)  # when what is read now was started
+        part.d2 = round(d2 + 800 * (part.now_ns - TICK_NS) / 1e9)  # when the conversion that is read now was started
         low_Pa, more = (compensate(MS5611, part.prom, d1 + step, part.d2)[1] for step in (0, 10_000))
         part.d1 = round(d1 + 10_000 * (constant_Pa - low_Pa) / (more - low_Pa))
         pressures += [sample.message.pressure_Pa for sample in sensor.read(part.now_ns)]

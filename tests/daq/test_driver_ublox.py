@@ -263,7 +263,7 @@ def running(**options) -> tuple[Receiver, UBloxDriver]:
 
 
 def test_a_receiver_that_starts_again_with_another_rate_is_set_again_and_its_model_unknown_until_it_is_read():
-    """Its saved configuration sends a solution a second, by a filter that smooths velocity."""
+    """Its saved configuration sends one solution a second, from a filter that smooths velocity."""
     receiver, sensor = running()
     receiver.period_ms, receiver.model = 1000, 0
     models = receiver.run(sensor, 40)
@@ -376,7 +376,7 @@ class Line:
 def test_a_receiver_at_its_factory_rate_or_at_ours_ends_up_at_ours(baud):
     line = Line(baud)
     sensor = UBloxDriver(line.open(38400), reopen=line.open)
-    # The command lasts 20 + 8 bytes of 10 bits, 29 ms; three times that is left to the receiver.
+    # The command takes 29 ms, 20 + 8 bytes of 10 bits; the receiver is left three times that.
     assert 3 * 28 * 10 / 9600 < bring_up(sensor) < 0.15
     assert sensor.read(0)[0].message.status is Status.OK and line.baud == 38400
 

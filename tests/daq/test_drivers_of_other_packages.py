@@ -1,4 +1,4 @@
-"""A driver that another package brings is found by its entry point; a bad one costs a line that names it."""
+"""A driver from another package is found by its entry point; a faulty one costs one line that names it."""
 
 import os
 import subprocess
@@ -16,7 +16,7 @@ TRAY = '[[sensors]]\ndriver = "sdp3x"\nbus = "/dev/i2c-1"\n'
 
 
 def install(folder: Path, points: str, name: str = "flightpower-sdp3x") -> Path:
-    """What pip writes of a package's entry points."""
+    """Write a package's entry points, as pip does."""
     info = folder / f"{name.replace('-', '_')}-0.1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1.0\n")
@@ -37,7 +37,7 @@ def points_of_the_example() -> str:
 
 
 def test_the_example_package_passes_its_own_tests(tmp_path):
-    """Its driver in the daemon, on a fake of the test kit. The test on a real chip is skipped."""
+    """Its driver runs in the daemon, on a fake of the test kit. The test on a real chip is skipped."""
     install(tmp_path, points_of_the_example())
     paths = [str(tmp_path), str(EXAMPLE), str(Path(__file__).parents[2])]
     done = subprocess.run(

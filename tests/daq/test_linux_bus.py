@@ -20,7 +20,7 @@ OPEN_FILES = Path("/proc/self/fd")
 
 
 class Counter:
-    """A part that answers with how often it was asked; from the fifth time on not at all."""
+    """A part that answers with the number of requests so far, and from the fifth request on not at all."""
 
     requests = 0
 

@@ -161,7 +161,7 @@ class Stream:
 
 
 def test_the_index_of_an_hour_is_handed_over_without_being_copied(tmp_path):
-    """9,000 chunks of 15 topics make 2 MB, whose copying cost a tick when a file was changed."""
+    """9,000 chunks of 15 topics have an index of 2 MB; copying it cost a tick when a file was changed."""
     stream = Stream()
     log = LogWriter(stream)
     channels = [log.add_channel(f"/{i}", 0) for i in range(15)]

@@ -65,7 +65,7 @@ def test_the_forces_for_the_energy_balance_are_over_mass() -> None:
 
 
 def test_the_probe_s_map_gives_angles_and_true_dynamic_pressure() -> None:
-    """alpha = 0.1 C_alpha, q_c = 0.9 qbar: speed is larger than q_c alone says, and thrust is turned by alpha."""
+    """alpha = 0.1 C_alpha, q_c = 0.9 qbar: speed is higher than q_c alone gives, and thrust is turned by alpha."""
     probe = ProbeMaps(
         format="flightpower-probe-1",
         alpha_rad=PolynomialMap([(1, 0)], [0.1]),

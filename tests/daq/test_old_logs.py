@@ -50,7 +50,7 @@ def torn(complete_log):
 
 @pytest.fixture(scope="module")
 def poison(torn):
-    """The name of an attachment is not valid text: completing the log raises UnicodeDecodeError."""
+    """A log with an attachment whose name is not valid text: completing the log raises UnicodeDecodeError."""
     return torn.replace(b"aircraft.toml", b"\xfa" * 13, 1)
 
 
@@ -234,7 +234,7 @@ def test_twenty_logs_are_completed_within_a_minute_beside_busy_programs(tmp_path
 
 
 def test_a_log_that_the_process_dies_of_costs_only_itself(tmp_path, monkeypatch, torn):
-    """The second of three: another process completes the third."""
+    """It dies of the second of three logs, and another process completes the third."""
     paths = [tmp_path / f"log-{number:04}.mcap" for number in range(1, 4)]
     for path in paths:
         path.write_bytes(torn)

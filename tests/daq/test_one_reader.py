@@ -41,7 +41,7 @@ def test_a_bus_is_opened_by_one_program_only(bus_file, tmp_path):
     try:
         assert buses.i2c(str(tmp_path / "i2c-arm")) is bus
     finally:
-        bus.close()  # or the file system could not be unmounted
+        bus.close()  # otherwise the file system could not be unmounted
 
 
 def test_a_udp_port_and_receiver_files_are_opened_by_one_program_only(tmp_path):
@@ -79,7 +79,7 @@ def test_the_service_tries_again_when_something_else_reads_and_not_when_its_tray
     counter,  # noqa: F811
     monkeypatch,
 ):
-    """The exit code decides: the unit does not restart after 2."""
+    """The exit code decides: the unit does not restart after code 2."""
     unit = (Path(__file__).parents[2] / "systemd" / "flightpower-daq.service").read_text()
     assert "\nRestartPreventExitStatus=2\n" in unit and "\nRestart=always\n" in unit
     address = tmp_path / "notify"

@@ -205,7 +205,7 @@ def readable_until_ns(path) -> int:
 
 
 def test_a_killed_daemon_costs_less_than_a_second(killed, tmp_path):
-    """Counted in completed ticks, because a busy machine may complete fewer of them in a second."""
+    """The loss is counted in completed ticks, because a busy machine may complete fewer of them in a second."""
     data, ticks = killed
     path = tmp_path / "log-0001.mcap"
     path.write_bytes(data)

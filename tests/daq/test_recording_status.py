@@ -35,7 +35,7 @@ def status(**changes) -> RecordingStatus:
     ({"rate_Hz": 22.6}, "recording 1 min, 23 Hz, all well"),
     ({"rate_Hz": 22.4}, "recording 1 min, 22 Hz: 22.4 of 25.0 Hz"),
     ({"ticks": 601, "missed": 900, "rate_Hz": 2.4}, "recording 1 min, 2 Hz: 2.4 of 25.0 Hz"),
-    ({"ticks": 1500, "missed": 1}, "recording 1 min, 25 Hz, all well"),  # long ago
+    ({"ticks": 1500, "missed": 1}, "recording 1 min, 25 Hz, all well"),  # the miss was long ago
     ({"ticks": 1500, "missed": 1, "recent_missed": 1}, "recording 1 min, 25 Hz: 1 tick missed in 10 s"),
     ({"ticks": 1500, "missed": 2, "recent_missed": 2}, "recording 1 min, 25 Hz: 2 ticks missed in 10 s"),
     ({"age_s": 2.9}, "recording 1 min, 25 Hz, all well"),

@@ -44,7 +44,7 @@ second = true
 
 
 class OtherTruth(SteadySensorTruth):
-    """What the second sensors are given differs, so that an exchange shows."""
+    """Gives the second sensors different values, so that an exchange shows."""
 
     force = (1.5, 0.2, -9.6)
     pressure = {"baro": 98_000.0, "static": 97_000.0}  # noqa: RUF012
@@ -78,7 +78,7 @@ def test_each_second_sensor_has_its_own_topic(doubled):
 
 
 def test_the_second_imu_keeps_its_magnetometer_to_itself(doubled):
-    """The AK8963 inside would answer at the address of the first one's."""
+    """Its AK8963 would otherwise answer at the address of the first IMU's."""
     clock, fake, other, tray = doubled
     record(tray, buses=fake, clock=clock, until_ns=clock.now_ns() + 10**9)
     assert fake.imu.bypass and not other.imu.bypass

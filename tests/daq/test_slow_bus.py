@@ -134,7 +134,8 @@ def test_as_many_sensors_are_moved_as_leave_less_than_half_of_a_tick():
 
 
 def test_a_bus_of_which_some_readings_are_late_is_slow_too_but_single_ones_are_not():
-    """17 % of the readings took more than 0.8 of a tick at the Pi's default 100 kHz and 50 Hz, and the mean 0.65."""
+    """At the Pi's default 100 kHz and 50 Hz, 17 % of the readings took more than 0.8 of a tick, and the mean took
+    0.65."""
     for every, expected in ((6, 1), (25, 0)):
         load = BusLoad("/dev/i2c-1", 20_000_000)
         events = [e for i in range(200) for e in load.add({"imu": 17_000_000 if i % every == 0 else 12_000_000})]

@@ -1,4 +1,4 @@
-"""`daq zero`: a zero is taken only when it was still, kept in a small file, and travels in every log."""
+"""`daq zero`: a zero is accepted only if all was still; it is kept in a small file and travels in every log."""
 
 import json
 
@@ -173,7 +173,7 @@ def test_limits_of_a_zero_are_those_of_the_parts_and_of_what_a_flight_bears():
     for limit, of_part in ((PRESSURE.offset, 0.02 * 10 * 249.089), (RATE.offset, np.radians(5.0))):
         assert of_part < limit < 1.1 * of_part
     for limit, noise in ((RATE.spread, 0.005), (FORCE.spread, 0.06)):
-        assert 3 * noise < limit < 6 * noise, "several times the noise are a hand on the wing"
+        assert 3 * noise < limit < 6 * noise, "several times the noise is a hand on the wing"
     # 1 Pa is 0.3 % of airspeed at 16 m/s; a wind of 3 m/s, which must not pass for a zero, gives 5.5 Pa.
     n = 20_000
     drifting = [[2.0 + drift * (i >= n // 2) for i in range(n)] for drift in (0.9, 1.1)]

@@ -489,7 +489,7 @@ def test_with_an_autopilot_in_the_tray_it_is_a_companion_unless_the_tray_says_ot
 
 
 def test_the_autopilot_that_the_daemon_hears_gives_its_system_to_the_ground_station(tmp_path):
-    """From the fake autopilot's serial line through the sampling loop to a ground station."""
+    """It goes from the fake autopilot's serial line through the sampling loop to a ground station."""
     from flightpower.daq.daemon import record
     from flightpower.hw_fakes.clock import SimulatedClock
     from flightpower.hw_fakes.tray import FakeTray

@@ -41,7 +41,7 @@ from flightpower.hw_fakes.ublox import FakeUbloxM8
 
 
 class AtRest(SteadySensorTruth):
-    """On the ground, probe covered."""
+    """The aircraft is on the ground, and its probe is covered."""
 
     rate = (0.0, 0.0, 0.0)
     pressure = {"baro": 98_600.0, "static": 98_500.0}  # noqa: RUF012

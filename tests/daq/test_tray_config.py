@@ -152,7 +152,7 @@ def test_places_that_cannot_be_used_are_named(tmp_path, head, expected):
     ("baud", "rate_Hz", "enough"), [(9600, 10, 19200), (9600, 8, 19200), (9600, 7, None), (19200, 10, None)]
 )
 def test_a_line_that_cannot_carry_the_solutions_is_refused(baud, rate_Hz, enough):
-    """A solution of 100 bytes is 1000 bits on the line, of which a fifth is kept free."""
+    """A solution of 100 bytes takes 1000 bits of the line, a fifth of which is kept free."""
     text = f'[[sensors]]\ndriver = "ublox"\nport = "/dev/ttyAMA0"\nbaud = {baud}\nrate_Hz = {rate_Hz}\n'
     if enough is None:
         assert parse_tray(text, "tray.toml", Path()).sensors

@@ -127,7 +127,7 @@ def test_a_motor_that_accelerates_is_followed(counter):
 
 
 def test_a_sudden_change_of_speed_is_believed(counter):
-    """Half the period and double the period, as no motor does it: nothing false is sent, then the new period."""
+    """The period halves or doubles, as no motor's does: nothing false is sent, and then the new period is sent."""
     edges = np.concatenate([pulses(500, 60_000), pulses(250, 120_000, 60_000), pulses(1000, 200_000, 120_000)])
     result = set(counter(edges, 200_000).periods_us.tolist())
     assert {2500, 5000, 10_000} <= result
@@ -154,7 +154,7 @@ def test_without_any_pulse_the_counter_is_heard(counter):
 
 
 def test_the_watchdog_restarts_a_crashed_program(counter):
-    """Crashed at 100 ms; the watchdog bites after 250 ms, and frames come again."""
+    """The program crashes at 100 ms; the watchdog restarts it after 250 ms, and frames come again."""
     sent = counter(pulses(500, 600_000), 600_000, 100_000)
     gaps = np.diff(sent.at_us)
     assert 240_000 < gaps.max() < 350_000

@@ -121,7 +121,7 @@ def test_drag_is_lowest_at_its_lift_coefficient():
 
 
 def test_broadside_to_the_flow_the_wing_is_a_flat_plate():
-    """CD = CD0 + 2 and no lift at 90 deg, lift and drag of the same normal force at 45 deg."""
+    """At 90 deg CD = CD0 + 2 and there is no lift; at 45 deg lift and drag come from the same normal force."""
     CL, CD = lift_and_drag(DISTINCT, np.pi / 2, 0.0)
     assert (CL, CD) == pytest.approx((0.0, 2.03), abs=1e-9)
     CL, CD = lift_and_drag(DISTINCT, np.pi / 4, 0.0)

@@ -1,4 +1,5 @@
-"""Against the printed tables of the standard atmosphere (U.S. Standard Atmosphere 1976, table I; ICAO Doc 7488/3)."""
+"""Compares with the printed tables of the standard atmosphere (U.S. Standard Atmosphere 1976, table I; ICAO Doc
+7488/3)."""
 
 import numpy as np
 import pytest

@@ -126,8 +126,8 @@ def test_torque_free_rotation_keeps_energy_and_momentum():
 
 
 def test_a_spinning_propeller_yaws_the_aircraft_that_pitches_up():
-    """Clockwise seen from behind: momentum forward. A pitch-up needs a torque that turns the momentum upwards; the
-    aircraft feels the opposite, a yaw to the right."""
+    """The propeller turns clockwise seen from behind, so its momentum points forward. A pitch-up needs a torque that
+    turns the momentum upwards; the aircraft feels the opposite, a yaw to the right."""
     _, _, rdot = rate_derivative((0.0, 1.0, 0.0), (0.0, 0.0, 0.0), INERTIA._replace(Ixz=0.0), 800.0)
     assert rdot == pytest.approx(INERTIA.Ip * 800 / INERTIA.Iz)
 

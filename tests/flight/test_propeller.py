@@ -169,7 +169,7 @@ def test_apc_files_give_back_their_printed_thrust(apc, name):
 
 
 def test_two_sources_of_the_same_propeller_are_compared(apc):
-    """Computed against measured 10x5E: they differ by a good tenth, which is why a thrust scale has to be estimated."""
+    """The computed and the measured 10x5E differ by a good tenth, which is why a thrust scale has to be estimated."""
     measured = load_propeller("apc-10x5e")
     computed = parse_propeller((apc / "PER3_10x5E.dat").read_text("utf-8", errors="replace"), "10x5E")
     J = np.linspace(0.2, 0.45, 6)

@@ -89,7 +89,7 @@ APC_FILE = """         {name}      (PER3_{name}.dat)
 def test_a_name_of_apc_says_pitch_and_blades_also_with_brackets(
     name: str, pitch_in: float, blades: int, tmp_path: Path
 ) -> None:
-    """What is in brackets is what the propeller is for; digits there are neither a size nor blades."""
+    """Text in brackets says what the propeller is for; digits there are neither a size nor blades."""
     text = "".join(APC_FILE.format(name=name, rpm=rpm) if rpm == 3000 else
                    APC_FILE.format(name=name, rpm=rpm).partition("\n")[2] for rpm in (3000, 6000))  # fmt: skip
     (tmp_path / f"PER3_{name}.dat").write_text(text, "utf-8")
@@ -198,7 +198,8 @@ def test_a_table_written_and_read_is_the_same() -> None:
 
 
 def test_a_computed_table_is_as_uncertain_as_others_that_were_measured_too() -> None:
-    """17 % of thrust and 0.58 of its slope, unless the aircraft file states them; a measured table is unchanged."""
+    """It has 17 % of thrust and 0.58 of its slope, unless the aircraft file states them; a measured table is
+    unchanged."""
     computed, measured = named("apc-10x5e-computed").propeller, named("apc-10x5e").propeller
     usual = Uncertainty()
     result, note = with_table_error(usual, (), computed)

@@ -1,4 +1,5 @@
-"""Whatever is given by mistake: the right exit code, one line on stderr that says what is wrong where, nothing written.
+"""Whatever is given by mistake: the right exit code, one line on stderr that says what is wrong and where, nothing
+written.
 
 Each line of WRONG is a command as it is typed, in a folder with the files of `given`, and words of its message. Run as
 a program, this module prints the table with the whole messages.

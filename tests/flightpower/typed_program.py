@@ -1,4 +1,4 @@
-"""What type checkers see of `import flightpower`: for `make types`, which also fails where a mistake is not found."""
+"""What type checkers see of `import flightpower`: for `make types`, which also fails if a checker misses a mistake."""
 
 from pathlib import Path
 

@@ -175,7 +175,7 @@ def heard(bus, clock, divider, seconds):
 
 @pytest.mark.parametrize("frequency_Hz", [5.0, 41.0, 100.0, 200.0])
 def test_the_low_pass_filter_takes_out_what_is_above_its_corner(bus_of, clock, frequency_Hz):
-    """First order at 41 Hz. Computed in steps of 1 ms, it lets a little more through near half of 1 kHz."""
+    """It is first order at 41 Hz; computed in steps of 1 ms, it passes a little more near half of 1 kHz."""
     force = heard(bus_of(force_mps2=tone(frequency_Hz)), clock, 0, 2.0)
     gain = np.sqrt(2) * force.std() / 10.0
     assert gain == pytest.approx(1 / np.hypot(1, frequency_Hz / 41.0), rel=0.02 + 0.5 * (frequency_Hz / 500) ** 2)

@@ -40,7 +40,7 @@ def test_ak8963(bus_of):
 
 @pytest.mark.parametrize(("address", "variant"), [(BARO, MS5611), (STATIC, MS5805)], ids=["ms5611", "ms5805"])
 def test_barometers(bus_of, address, variant):
-    """No conversion: zero (datasheet p. 11). Calibration: with a checksum that is right by AN520."""
+    """Without a conversion they give zero (datasheet p. 11); the calibration has a checksum that is right by AN520."""
     bus = bus_of()
     assert bus.write_read(address, b"\x00", 3) == bytes(3)
     words = [int.from_bytes(bus.write_read(address, bytes([0xA0 + 2 * i]), 2), "big") for i in range(8)]
@@ -50,7 +50,8 @@ def test_barometers(bus_of, address, variant):
 
 @pytest.mark.parametrize("address", [ALPHA, AIRSPEED])
 def test_bridges(powered, clock, address):
-    """Nothing new until the first measurement, after 8.4 ms at most; then good, and stale when read again at once."""
+    """Nothing is new until the first measurement, after 8.4 ms at most; then it is good, and stale when read again at
+    once."""
     bus = powered(after_s=0.001).i2c("/dev/i2c-1")
     status = [bus.read(address, 4)[0] >> 6]
     clock.advance_ns(8_400_000)
@@ -59,7 +60,7 @@ def test_bridges(powered, clock, address):
 
 
 def polled(powered, clock, message_id, **fields):
-    """What the receiver answers to a question about its configuration, parsed by pyubx2."""
+    """The receiver's answer to a question about its configuration, parsed by pyubx2."""
     tray = powered()
     port = tray.port("/dev/ttyAMA0", tray.gps.baud)
     port.write(UBXMessage("CFG", message_id, POLL, **fields).serialize())
@@ -69,7 +70,7 @@ def polled(powered, clock, message_id, **fields):
 
 
 def test_ublox_m8(powered, clock):
-    """UBX-13003221, appendix "Default settings"; its line's speed is what was kept in its battery-backed memory."""
+    """UBX-13003221, appendix "Default settings"; the line's speed is the one kept in battery-backed memory."""
     rate = polled(powered, clock, "CFG-RATE")
     assert (rate.measRate, rate.navRate, rate.timeRef) == (1000, 1, 1)
     port = polled(powered, clock, "CFG-PRT", portID=1)

@@ -60,7 +60,8 @@ def test_variances_are_those_of_the_standard():
 
 
 def test_noise_held_over_a_step_gives_the_same_variance():
-    """400 gusts side by side for 40 s, sampled once they have forgotten their start: within four standard errors."""
+    """400 gusts fly side by side for 40 s and are sampled once they have forgotten their start, to four standard
+    errors."""
     rng = np.random.default_rng(5)
     dt, members = 0.02, 400
     x = GustStates(*np.zeros((N, members)))

@@ -56,7 +56,7 @@ def test_a_water_column_acts_on_all_three_transducers_and_their_gains_differ() -
     errors = draw(load_budget("none"), seed=0)
     errors = replace(errors, values=replace(errors.values, alpha_scale=0.1, V_scale=0.1))
     truth = FlightSensorTruth(fly(load_complete_aircraft("nexstar"), parse_plan(plan, "plan")), errors)
-    held = np.array([1.0, 8.0, 18.0])  # open, and in the middle of the two pressures
+    held = np.array([1.0, 8.0, 18.0])  # open, and in the middle of each of the two pressures
     for name, gain in (("alpha", 1.1), ("beta", 1.0), ("airspeed", 1.21)):
         assert truth.differential_pressure_Pa(name, held) == pytest.approx(gain * np.array([0, 200, 400]), abs=0.1)
     with pytest.raises(InputError, match="give the pressures"):

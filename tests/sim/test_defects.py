@@ -114,7 +114,8 @@ def test_scales_of_the_imu_read_high_in_proportion(sensed, t):
 
 
 def test_a_box_mounted_nose_up_feels_gravity_backwards(flight, sensed, t):
-    """At rest the specific force is g upwards: along x it is g times the sine of how far the box points up."""
+    """At rest the specific force is g upwards: along x it is g times the sine of the angle by which the box points
+    up."""
     turn = np.radians(3.0)
     at_rest = np.array([1.0])
     pitch = float(flight.truth["pitch_rad"].iloc[0])
@@ -134,7 +135,7 @@ def test_the_magnetometer_turns_with_the_box(sensed, t):
 
 
 def test_a_bending_boom_shows_more_angle_of_attack_in_proportion_to_load_factor():
-    """In porpoising; the pair of ports at 45 deg gives dp / qbar = 9/4 sin(2 alpha), so 9/2 cos(2 alpha) a radian."""
+    """In porpoising; the pair of ports at 45 deg gives dp / qbar = 9/4 sin(2 alpha), so 9/2 cos(2 alpha) per radian."""
     flight, bending = flown_with(PORPOISE), np.radians(1.0)
     truth = flight.truth.iloc[50:-50]
     t, load = truth["time_s"].to_numpy(), -truth["specific_force_z_mps2"] / g
@@ -205,7 +206,7 @@ def test_a_battery_sags_with_the_energy_taken():
 
 
 def test_in_a_steady_updraft_the_aircraft_descends_through_the_air():
-    """Held level over the ground, it needs weight times updraft less power; the true curve is without."""
+    """Level flight over the ground takes less power by weight times updraft; the true curve is without the updraft."""
     rising, calm = (flown_with(FOUR_RUNS, updraft_mps=w) for w in (0.05, 0.0))
     assert set(np.round(rising.truth["wind_down_mps"], 9)) == {-0.05}
     V = np.array([15.0])

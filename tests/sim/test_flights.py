@@ -106,8 +106,7 @@ def test_the_whole_test_flight_is_what_it_says(nexstar):
 
 
 def test_a_deceleration_pitches_slowly_and_by_some_degrees(nexstar):
-    """The source has 8 deg in 20 s. Here the run starts at the plan's speeds and lasts as long as its throttle
-    allows."""
+    """The source has 8 deg in 20 s, from its own speeds down, in as long a run as its throttle allowed."""
     flight = fly(nexstar, load_plan("case-1"))
     run = next(
         g
@@ -295,7 +294,7 @@ def test_an_unknown_plan_lists_those_there_are():
 
 
 def test_euler_flies_nearly_the_same_flight(nexstar):
-    """Euler against RK4 makes less than 0.5 % of power; the flights themselves stay together."""
+    """Euler in place of RK4 changes power by less than 0.5 %; the flights themselves stay together."""
     text = AIRBORNE_HEAD + '{}\n[[segment]]\nkind = "run"\nthrottle = 1.0\nspeed_of_max = 0.9\n'
     ends = [
         fly(nexstar, replace(parse_plan(text.replace("{}", ""), "mine"), integrator=i)).truth.iloc[-1]

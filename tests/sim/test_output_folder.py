@@ -28,7 +28,7 @@ def test_on_a_full_disk_what_was_there_before_stays(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("left", [TRUTH, CURVE, LOG, "log.ulg"])
 def test_a_killed_simulation_is_replaced_only_if_asked(left: str, tmp_path: Path) -> None:
-    """SIGKILL lets nothing be removed. Its log may be a recording in real time, which is worth keeping."""
+    """After SIGKILL nothing is removed. The log may be a recording in real time, which is worth keeping."""
     for name in (left, UNFINISHED):
         (tmp_path / name).touch()
     with pytest.raises(InputError, match=rf"already contains {left} of a simulation that was cut short.*--replace"):

@@ -136,7 +136,7 @@ def test_the_compiled_step_is_the_plain_one(plant, trimmer):
 
 
 def test_a_motor_faster_than_the_step_settles():
-    """At a time constant of a third of the step the motor follows a change of throttle as in fine steps."""
+    """With a time constant of a third of the step, the motor follows a change of throttle as in fine steps."""
     survey = plant_of(load_complete_aircraft("survey-6kg"))
     trim = Trimmer(survey, 100.0).solve(V=14.0, climb=0.0)
     for change in (0.1, -0.3):

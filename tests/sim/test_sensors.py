@@ -80,7 +80,7 @@ def test_colored_noise_forgets_in_its_correlation_time():
 
 
 def test_a_part_within_the_aircraft_follows_the_temperature_of_the_air_slowly(perfect, flight):
-    """T_air = T + PART_S dT/dt, besides the warming by the electronics: in a climb of 3 m/s 1 K is 50 s of time."""
+    """T_air = T + PART_S dT/dt, apart from the warming by the electronics: in a climb of 3 m/s, 1 K takes 50 s."""
     t = flight.truth["time_s"].to_numpy()
     part_K = perfect.transducer_temperature_K("static", t) - WARM_UP_K * (1 - np.exp(-t / WARM_UP_S))
     air_K = flight.truth["temperature_K"].to_numpy()
@@ -118,7 +118,7 @@ def test_a_probe_on_a_boom_sees_the_rotation():
 
 
 def test_lag_of_real_tubing():
-    """0.5 ms for 2 ft of 1/16 in, 20 ms for 3 ft of 0.02 in, at sea level with a small cavity."""
+    """The lag is 0.5 ms for 2 ft of 1/16 in and 20 ms for 3 ft of 0.02 in, at sea level with a small cavity."""
     wide = PneumaticLine(length_m=2 * FOOT, diameter_m=INCH / 16, cavity_m3=100e-9)
     narrow = PneumaticLine(length_m=3 * FOOT, diameter_m=0.02 * INCH, cavity_m3=100e-9)
     assert 0.3e-3 < time_constant_s(wide, 101325, 288) < 0.8e-3

@@ -116,7 +116,7 @@ def test_the_phugoid_has_lanchesters_period(name):
     relative_density = trimmer.density * geometry.wing_area_m2 * geometry.chord_m / (4 * plant.mass_kg)
     yielding = np.sqrt((aero.Cma + aero.Cmq * aero.CLa * relative_density) / aero.Cma)
     assert undamped(plant) == pytest.approx(lanchester * yielding, rel=0.05)
-    # Stiffer about the angle of attack of this very trim, so that the elevator need not move.
+    # The aircraft is stiffer about the angle of attack of this very trim, so the elevator need not move.
     alpha = trimmer.solve(V=V, climb=0.0).unknowns.alpha
     stiff = replace(plant, aero=replace(aero, Cma=10 * aero.Cma, Cm0=aero.Cm0 - 9 * aero.Cma * alpha))
     assert undamped(stiff) == pytest.approx(lanchester, rel=0.05)

@@ -115,7 +115,8 @@ def test_energy_is_conserved_with_all_differences_at_once(everything):
 
 
 def test_a_wandering_pilot_keeps_to_the_limits_of_bank_and_height():
-    """In still air; over the hold, after it has settled. Sines of the shares 0.5, 0.3, 0.2 rarely meet."""
+    """In still air, over the hold, after it has settled. Sines with the shares 0.5, 0.3 and 0.2 rarely peak
+    together."""
     world = parse_world('title = "x"\nerrors = "none"\n[pilot]\nbank = "5 deg"\nheight = "3 m"\n', "x")
     plan = parse_plan(
         'height = "60 m"\n[[segment]]\nkind = "hold"\nduration = "60 s"\nspeed_over_stall = 1.5\n', "hold"

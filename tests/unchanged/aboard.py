@@ -1,4 +1,4 @@
-"""What the daemon's parts compute of the readings of simulated flights: verdicts on runs, telemetry, zeros, checks."""
+"""What the daemon's parts compute from readings of simulated flights: verdicts on runs, telemetry, zeros, checks."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator

@@ -93,7 +93,7 @@ def analyzed(log: bytes, *options: str) -> Contents:
 
 
 def without_figures(contents: Contents) -> Contents:
-    """The figures of another case are drawn by the same code."""
+    """Files without figures, since the same code draws the figures of another case."""
     for page in contents.values():
         if isinstance(page, dict):
             page.pop("figures", None)

@@ -94,7 +94,7 @@ def check(name: str, value: object) -> None:
 
 
 def compare(before: Path, after: Path) -> list[str]:
-    """What changed between two folders of `store_in_full`, by more than EXACT."""
+    """Changes between two folders of `store_in_full` that are larger than EXACT."""
     lines = []
     for path in sorted(before.glob("*.json")):
         old, new = (json.loads((folder / path.name).read_text("utf-8")) for folder in (before, after))
@@ -103,7 +103,7 @@ def compare(before: Path, after: Path) -> list[str]:
 
 
 def changes(before: Mapping[str, Leaf], after: Mapping[str, Leaf], relative: float = RELATIVE) -> list[str]:
-    """One line for each value that changed by more than a part of itself, is gone, or is new."""
+    """One line for each value that changed by more than this relative amount, is gone, or is new."""
     lines = [f"{path}: {before[path]}, which is gone" for path in before if path not in after]
     for path, value in after.items():
         if path not in before:

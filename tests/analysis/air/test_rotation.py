@@ -1,4 +1,4 @@
-"""Effects of rotation on probe and IMU are taken out at the center of gravity; bank angles of steady flight."""
+"""Effects of rotation on probe and IMU are removed at the center of gravity; bank angles of steady flight."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def log_of(rates_radps, alpha_rad: float, beta_rad: float, force_mps2=(0.0, 0.0,
     """A minute of constant readings: the flow at the probe, and rates and specific force at the IMU."""
     t = np.arange(0, 60, 0.04)
     table = pd.DataFrame(np.nan, index=pd.Index(t, name="t_s"), columns=list(COLUMNS))
-    noise = np.random.default_rng(0).normal(0, 0.05, len(t))  # or transducers would pass for stuck
+    noise = np.random.default_rng(0).normal(0, 0.05, len(t))  # otherwise transducers would seem stuck
     constant = dict(zip(("p_radps", "q_radps", "r_radps"), rates_radps, strict=True))
     constant |= dict(zip(("ax_mps2", "ay_mps2", "az_mps2"), force_mps2, strict=True))
     constant |= {"static_Pa": 101_325.0, "static_temperature_K": 288.15, "n_revps": 90.0}

@@ -26,14 +26,14 @@ NARROW_TEXT = '[probe.lines.alpha]\nlength = "0.9 m"\ndiameter = "0.5 mm"\ncavit
 
 
 def aircraft_text() -> str:
-    """The Nexstar with an alpha line that is said to be narrow."""
+    """The Nexstar with an alpha line that is stated to be narrow."""
     text = load_aircraft("nexstar").text
     start, end = text.index("[probe.lines.alpha]"), text.index("[probe.lines.beta]")
     return text[:start] + NARROW_TEXT + text[end:]
 
 
 def written(path: Path, messages) -> Path:
-    """A log of (topic, seconds, message)."""
+    """Write a log of (topic, seconds, message)."""
     out = io.BytesIO()
     writer = LogWriter(out)
     writer.attach("aircraft.toml", aircraft_text().encode(), "application/toml", 0)

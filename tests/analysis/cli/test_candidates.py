@@ -54,6 +54,6 @@ def test_a_list_that_was_given_is_not_written_over(monkeypatch, tmp_path: Path) 
 
 
 def test_an_option_without_effect_is_refused(monkeypatch, tmp_path: Path) -> None:
-    """A log without flow angles gives no drag: a zero of the transducers would be ignored."""
+    """A log without flow angles gives no drag, so a zero of the transducers would be ignored."""
     electrical = ("/probe/airspeed", "/static", "/battery")
     assert "--zero: has no effect" in refusal(monkeypatch, tmp_path, [], Options(zero=tmp_path), electrical)

@@ -25,7 +25,7 @@ R = M - len(INSTALLATION_ERRORS)  # parameters of the second step: drag and thru
 
 
 class MeasuredRow(NamedTuple):
-    """The mean of rows: arrays (M, M), (R, R), (M,) in the order of POOLED; changes (M,) by error."""
+    """The mean of rows: arrays (M, M), (R, R), (M,) in the order of POOLED; `changes` (M,) are by error."""
 
     covariance: Array
     weighting_covariance: Array

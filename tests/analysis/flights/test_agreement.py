@@ -129,7 +129,7 @@ def test_what_is_said_of_a_pool_has_the_level_of_its_verdict(pools: int, expecte
 
 
 def test_at_most_half_of_the_flights_are_named() -> None:
-    """Five flights of five different aircraft: which ones are wrong is not known."""
+    """With five flights of five different aircraft it is unknown which ones are wrong."""
     rng = np.random.default_rng(1)
     x = truth(rng)
     others = [x.copy() for _ in range(5)]

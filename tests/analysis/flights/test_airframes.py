@@ -96,7 +96,7 @@ def test_a_change_is_reported_of_flights_with_dates_alone(tmp_path: Path, undate
 
 
 def test_flights_that_differ_make_the_curve_of_their_airframe_doubtful(tmp_path: Path) -> None:
-    """One of six flights with a fifth less drag is reported, and not as a change of the airframe."""
+    """One of six flights has a fifth less drag; it is reported, but not as a change of the airframe."""
     dataset = Dataset(str(tmp_path / "fleet"))
     dataset.add(flights_of("one", 3, 6, drag=-0.2 * (np.arange(6) == 2), noise=0.3))
     dataset.add(flights_of("two", 4, 6, noise=0.3))

@@ -207,7 +207,7 @@ def test_pools_are_compared_by_the_kinds_of_power_that_both_have() -> None:
 
 
 def test_answer_and_sentence_quote_one_difference() -> None:
-    """Without any difference some interval excludes zero by chance more often than the test sees one; then, too."""
+    """They agree even if, without a difference, some interval excludes zero by chance and the test finds nothing."""
     rng, by_chance = np.random.default_rng(12), 0
     for _ in range(12):
         result = compared(flights_with_errors(rng, 2, 0.0), flights_with_errors(rng, 2, 0.0)).results()
@@ -322,7 +322,7 @@ def test_pools_contain_the_truth_as_often_as_they_say(count: int) -> None:
 
 
 def test_a_flight_that_begins_amid_the_curve_makes_no_step_in_it() -> None:
-    """Power rises from 13 m/s on. The mean of both falls where the flight with less power begins, at 14 m/s."""
+    """Power rises from 13 m/s on, but the plain mean falls at 14 m/s, where the flight with less power begins."""
     pool = electrical_pool([flight("a", 0.03), flight("b", -0.03, speeds=V[V > 13.9])])
     speeds = pool.curve.V_mps
     rising = speeds > 13.0
@@ -351,7 +351,7 @@ def test_pools_of_flights_over_different_speeds_contain_the_truth_as_often_as_th
 
 
 def test_curves_meet_at_one_weight_and_density() -> None:
-    """A heavy flight in thin air and a light one in dense air are the same curve at their mean."""
+    """A heavy flight in thin air and a light one in dense air have the same curve at their mean weight and density."""
     slow, fast = V * np.sqrt(0.9 * RHO / 1.25), V * np.sqrt(1.1 * RHO / 1.15)
     flights = [flight("a", weight_N=0.9 * WEIGHT_N, rho=1.25, speeds=slow),
                flight("b", weight_N=1.1 * WEIGHT_N, rho=1.15, speeds=fast)]  # fmt: skip

@@ -25,7 +25,7 @@ def correlation(speeds: np.ndarray) -> np.ndarray:
 
 
 def p_of_one_share(share: float, speeds: np.ndarray) -> float:
-    """Probability that two flights differ at any speed by more than one share, by integration of the normal density."""
+    """Probability that two flights differ by more than `share` at any of the speeds, from the normal density."""
     z = np.full(len(speeds), share / (np.sqrt(2) * OWN))
     errors = multivariate_normal(
         np.zeros(len(speeds)), correlation(speeds), allow_singular=True, seed=1, maxpts=200_000

@@ -29,7 +29,7 @@ def test_another_airframe_is_as_uncertain_as_the_mean_and_the_scatter_together()
 
 
 def test_the_mean_of_a_fleet_is_known_as_well_as_its_airframes_allow(tmp_path: Path) -> None:
-    """The inverse of the summed information of the airframes; each one's variance is its own plus the scatter."""
+    """Its variance is the inverse of the airframes' summed information; each variance is its own plus the scatter."""
     dataset = Dataset(str(tmp_path / "fleet"))
     rng = np.random.default_rng(3)
     for i in range(4):

@@ -68,7 +68,7 @@ def test_a_stand_counts_once_in_a_pool(number: int) -> None:
 
 
 def without_weight(estimate) -> np.ndarray:
-    """The covariance by noise and priors."""
+    """The covariance by noise and priors, without the error of the weight."""
     change = estimate.influences[0].sum(axis=0) @ CHANGES["weight"]
     return np.asarray(estimate.parameters.covariance - np.outer(change, change))
 
@@ -290,7 +290,7 @@ def test_a_trend_over_temperature_is_found_and_none_over_date() -> None:
     x = truth(rng)
     results = []
     for i in range(8):
-        factor = 1 + 0.01 * (i - 4)  # of drag, per 5 K
+        factor = 1 + 0.01 * (i - 4)  # drag grows by 1 % per 5 K
         drift = np.concatenate([factor * POLAR, x[3:]])
         results.append(flight(drift, rng, str(i), 0.3, temperature_K=280.0 + 5 * i, start_unix_s=1.7e9 + i % 2 * 1e6))
     temperature, date = sorted(joint_pool(results).results().trends, key=lambda trend: trend.p)

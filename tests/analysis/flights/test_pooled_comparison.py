@@ -170,7 +170,7 @@ def test_errors_that_no_residual_shows_cancel_too_in_one_installation() -> None:
 
 
 def with_doubt(results: dict[str, Any], about: str, sign: float) -> dict[str, Any]:
-    """A doubt that changes the polar by 3 %."""
+    """Results with a doubt `about` something, which changes the polar by 3 %."""
     pooling = dict(results["pooling"])
     pooling["changes"] = pooling["changes"] | {about: (sign * 0.03 * np.r_[POLAR, np.zeros(M - 3)]).tolist()}
     return results | {"pooling": pooling}
@@ -296,7 +296,7 @@ def test_a_false_name_of_the_installation_is_denied_and_the_interval_contains_th
 
 @pytest.mark.parametrize("seeds", [25, pytest.param(60, marks=pytest.mark.thorough)])
 def test_two_flights_that_deny_their_installation_are_both_mounted_anew(seeds: int) -> None:
-    """Only the one of six flights that contradicts it is named."""
+    """Only one of six flights contradicts its installation, and only this flight is named."""
     covered, contradicted, V = [], [], np.array([12.0, 16.0, 20.0])
     for seed in range(seeds):
         rng = np.random.default_rng(seed)

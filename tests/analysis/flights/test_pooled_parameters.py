@@ -36,7 +36,7 @@ def sink_mps(true_mps: float, weight_N: float, rho: float) -> float:
 
 
 def flight(log: str, cruise_mps: float, weight_N: float, rho: float, **changed: object) -> Results:
-    """An electrical flight with the values of that polar at its own cruise speed, weight and density."""
+    """An electrical flight with the values of `sink_mps`'s polar at its own cruise speed, weight and density."""
     to_equivalent = (rho / SEA_LEVEL_DENSITY) ** 0.5
     sink = sink_mps(cruise_mps, weight_N, rho)
     values = {
@@ -58,7 +58,7 @@ def pooled(flights: list[Results]) -> dict[str, AutopilotParameter]:
 
 
 def test_sink_is_that_of_the_polar_at_the_cruise_weight_and_density_of_the_pool() -> None:
-    """No flight flew at the pool's weight, density and cruise: each one's sink is carried there by its own polar."""
+    """No flight flew at the pool's weight, density and cruise: each flight's own polar carries its sink there."""
     flights = [flight("a", 13.0, 34.0, 1.10), flight("b", 17.0, 42.0, 1.22)]
     values, condition = pooled(flights), pool_results(flights).condition
     cruise_mps = values["FW_AIRSPD_TRIM"].value * (SEA_LEVEL_DENSITY / condition.rho) ** 0.5

@@ -18,7 +18,7 @@ ROUNDED = 0.051  # speeds are written to a tenth of a meter per second
 
 
 def below_slowest(results: Results, *, figures: bool = True) -> list[str]:
-    """Describes every speed in results and report below the slowest speed flown, or below that of the same lift
+    """Describe every speed in results and report that is below the slowest speed flown, or below the speed at its lift
     coefficient."""
     named = [*_speeds(results), *(_drawn_speeds(results) if figures else ())]
     return [f"{where}: {V:.2f} m/s" for where, V, slowest in named if V < slowest]
@@ -76,7 +76,7 @@ def _slowest(results: Results) -> float:
 
 
 def _texts(results: Results) -> Iterator[str]:
-    """Sentences and cells of the report that may name a speed of flight; a climb is no speed of flight."""
+    """Sentences and cells of the report that may name a speed of flight; a rate of climb is no such speed."""
     for answer in headline_answers(results):
         yield answer.answer
         yield re.sub(r"Climbs .*? m/s \(.*?\)", "", answer.note)

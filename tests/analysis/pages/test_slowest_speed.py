@@ -1,4 +1,4 @@
-"""No card, table, figure or interval names a speed below the slowest flown: 50 polars and conditions at random."""
+"""No card, table, figure or interval names a speed below the slowest flown, for 50 random polars and conditions."""
 
 import numpy as np
 from msgspec.structs import replace

@@ -1,4 +1,4 @@
-"""Colors distinguishable on white, on a dark page and with color blindness; thinning that keeps the visible shape."""
+"""Colors can be distinguished on white, on a dark page and with color blindness; thinning keeps the visible shape."""
 
 from itertools import combinations
 

@@ -299,7 +299,7 @@ def test_efficiencies_above_one_are_impossible_and_above_any_propeller_doubtful(
 @pytest.mark.parametrize(
     ("efficiency", "level"),
     [
-        # Of 0.6 by a factor of 1.17, and by the flight: half of it is 3.3 standard deviations off if known to 15 %.
+        # Expected is 0.6 within a factor of 1.17: half of that is 3.3 standard deviations off, if known to 15 %.
         ((0.6, 0.5, 0.7), None), ((0.3, 0.222, 0.405), Trust.DOUBTFUL), ((0.4, 0.3, 0.53), None),
         ((0.29, 0.18, 0.47), Trust.DOUBTFUL), ((0.25, 0.08, 0.8), None), ((0.17, 0.15, 0.19), Trust.NOT_TO_BE_TRUSTED),
         ((0.89, 0.66, 1.2), None), ((0.92, 0.75, 1.13), Trust.DOUBTFUL), ((1.1, 0.6, 2.0), None),

@@ -139,7 +139,7 @@ def judged(table: pd.DataFrame) -> str:
 
 
 def with_correlation(name: str, correlation: float) -> pd.DataFrame:
-    """`swinging` with one sensor whose correlation with what mechanics demands of it is given; right signs give +1."""
+    """`swinging` with one sensor that has this correlation with what mechanics demands of it; right signs give +1."""
     table = swinging()
     demanded = {
         "q_radps": (-table["az_mps2"] - 9.8) / table["V_mps"],
@@ -171,7 +171,7 @@ def test_from_a_correlation_on_a_sensor_is_reversed(name: str, small: float, lar
 
 
 def test_alpha_and_beta_are_exchanged_if_beta_follows_the_lift_and_much_better_than_alpha() -> None:
-    """A correlation of 0.6, 0.2 more than alpha's, is required."""
+    """A correlation of 0.6 that exceeds alpha's by 0.2 is required."""
     assert judged(with_correlation("dp_beta_Pa", 0.95).assign(dp_alpha_Pa=swinging()["dp_alpha_Pa"])) == ""
     calm = {"dp_alpha_Pa": 0.1 * swinging()["q_c_Pa"]}  # no angle of attack appears
     assert judged(with_correlation("dp_beta_Pa", 0.5).assign(**calm)) == ""
@@ -206,7 +206,7 @@ def test_only_motion_that_is_there_is_judged() -> None:
     for spread, refused in ((0.045, False), (0.055, True)):
         lift = 1 + np.sqrt(2) * spread * np.sin(0.7 * swinging().index.to_numpy())
         level = {"az_mps2": -9.8 * lift, "V_mps": 18.0, "height_m": 60.0, "q_radps": 0.0}
-        # qbar all but constant: its least tenths are left out
+        # qbar is nearly constant: its lowest tenths are left out
         level |= {"q_c_Pa": 200.0, "qbar_Pa": np.linspace(200, 200.001, len(lift)), "alpha_rad": -0.05 * lift}
         message = judged(swinging().assign(**level, dp_alpha_Pa=-100 * lift, gps_down_mps=0.0))
         assert ("falls where lift rises" in message) == refused
@@ -257,7 +257,7 @@ def test_rates_need_a_force_of_less_than_the_specific_force_and_gravity_for_all_
     assert judged(table.assign(r_radps=turning[4.0])) == ""
     assert "degrees per second" in judged(table.assign(r_radps=turning[6.0]))
     quick = table["qbar_Pa"] > table["qbar_Pa"].quantile(0.5)
-    for share, refused in ((0.015, False), (0.08, True)):  # of the flight that counts, all of it fast
+    for share, refused in ((0.015, False), (0.08, True)):  # shares of the flight that counts, all in its fast half
         rows = quick & (np.cumsum(quick) <= 2 * share * len(table) * 0.85)
         assert ("degrees per second" in judged(table.assign(r_radps=turning[30.0].where(rows, 0.0)))) == refused
     for slowest, refused in ((0.15, False), (0.30, True)):
@@ -275,7 +275,7 @@ def test_the_force_along_the_path_has_the_share_of_the_angle_of_attack() -> None
         "ax_mps2": Vdot * np.cos(alpha) + 9.8 * np.sin(alpha),
         "az_mps2": Vdot * np.sin(alpha) - 9.8 * np.cos(alpha),
     }
-    # Constant height; lift at the angle of attack is not what is judged here.
+    # The height is constant; lift at the angle of attack is not judged here.
     table = circling(1).iloc[:0].reindex(t_s).assign(**dict.fromkeys(circling(1).columns, 0.0))
     table = table.assign(V_mps=V, alpha_rad=alpha, qbar_Pa=1e6 + np.arange(len(t_s)), q_c_Pa=1e6, flying=True, **body)
     table.loc[:, "gps_north_mps"] = V

@@ -1,4 +1,4 @@
-"""The cubic spline gives the numbers of SciPy's (not-a-knot); on a grid nothing is invented in a gap."""
+"""The cubic spline gives the numbers of SciPy's (not-a-knot); on a grid it invents nothing in a gap."""
 
 import numpy as np
 import pytest

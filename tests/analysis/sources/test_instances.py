@@ -188,7 +188,7 @@ def test_a_single_value_far_from_its_neighbors_is_left_out(name: str, usual: flo
 
 
 def test_the_longest_part_without_a_jump_of_the_clock_is_used() -> None:
-    """A step back by more than a second, or ahead by more than a minute; gaps are no jumps."""
+    """A jump is a step back by more than a second, or ahead by more than a minute; gaps are not jumps."""
     value = np.arange(100.0)
     gap, ahead = T + 55.0 * (T > 30), T + 65.0 * (T > 30)
     back, late = T - 30.0 * (T > 60), 0.4 * T - 1.1 * (T > 60)

@@ -1,4 +1,4 @@
-"""The laws of attitude: each rate about a body axis is that of the rotation of the aircraft."""
+"""The laws of attitude: each rate about a body axis follows from the aircraft's rotation."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ RATES = (Quantity.ROLL_RATE, Quantity.PITCH_RATE, Quantity.YAW_RATE)
 
 
 def turning_rates() -> np.ndarray:
-    """Rates about the body axes, (3, n) [rad/s], from one attitude to the next."""
+    """Rates about the body axes, (3, n) [rad/s], that turn each attitude into the next."""
     roll, pitch, heading = ATTITUDE.values()
     attitude = Rotation.from_euler("ZYX", np.stack([heading, pitch, roll], axis=1))
     turned = (attitude[:-1].inv() * attitude[1:]).as_rotvec() / (T_S[1] - T_S[0])

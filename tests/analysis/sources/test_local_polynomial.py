@@ -1,4 +1,4 @@
-"""Local quadratics are those of SciPy's Savitzky-Golay filter, to the digit."""
+"""Local quadratics equal SciPy's Savitzky-Golay filter, to the digit."""
 
 import numpy as np
 import pytest

@@ -55,7 +55,7 @@ def test_what_is_not_read_is_left_out() -> None:
 
 @pytest.mark.parametrize("compressed", [False, True])
 def test_damage_ends_in_an_error_or_in_other_values(compressed: bool) -> None:
-    """scipy.io.loadmat ends the program at some of such files."""
+    """On some of these files scipy.io.loadmat ends the whole program."""
     data, draw, refused = written(compressed), random.Random(1), 0
     for _ in range(300):
         altered = bytearray(data)

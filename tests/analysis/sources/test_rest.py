@@ -48,7 +48,8 @@ def test_both_stands_are_found_and_nothing_else() -> None:
 
 
 def test_noise_of_the_transducer_is_no_wind() -> None:
-    """A 10-bit converter over 4 kPa has 12 Pa, more than AIRSPEED_SPREAD_PA. Wind of 40 Pa on the probe is seen."""
+    """A 10-bit converter over 4 kPa has 12 Pa of noise, more than AIRSPEED_SPREAD_PA. Wind of 40 Pa on the probe is
+    seen."""
     table = log_table()
     noise = np.random.default_rng(1).normal(0, 12.0, len(table))
     table["q_c_Pa"] = 5 * ((table["q_c_Pa"] + noise) / 5).round()

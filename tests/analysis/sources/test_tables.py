@@ -132,7 +132,7 @@ def test_a_delay_in_the_map_is_taken_out(tmp_path: Path) -> None:
 
 
 def test_current_keeps_its_own_times_where_voltage_is_slower(tmp_path: Path) -> None:
-    """Voltage in every hundredth row, every 10 s, and current in each."""
+    """Voltage is in every hundredth row, every 10 s, and current in each row."""
     slow = TRUE.assign(voltage_V=TRUE["voltage_V"].where(TRUE.index % 100 == 0))
     battery_A = recording_of(log_of_table(written(tmp_path, slow))).channels["battery_A"]
     assert np.interp(
@@ -147,7 +147,7 @@ def test_one_of_two_motors_counts_twice(tmp_path: Path) -> None:
 
 
 def test_thrust_and_vane_become_motor_speed_and_probe(tmp_path: Path) -> None:
-    """The log gives thrust and angle of attack back through its own propeller table and probe calibration."""
+    """Its own propeller table and probe calibration turn the log's values back into thrust and angle of attack."""
     from flightpower.analysis.air.contents import contents
     from flightpower.analysis.air.flight_data import flight_data
     from flightpower.flight.aircraft import parse_aircraft
@@ -319,7 +319,8 @@ def test_the_draft_of_a_large_aircraft_finds_the_sign_of_its_vertical_force(tmp_
 
 
 def test_a_table_of_blackbox_decode_needs_no_map_by_hand(tmp_path: Path) -> None:
-    """Names, units and axes of INAV's blackbox_decode --unit-acceleration m/s2 --merge-gps: upward, and centimeters."""
+    """Names, units and axes are those of INAV's blackbox_decode --unit-acceleration m/s2 --merge-gps: up, and
+    centimeters."""
     n = len(TRUE)
     indicated_mps = TRUE["tas_mps"] * np.sqrt(density(TRUE["ps_Pa"], TRUE["oat_K"]) / SEA_LEVEL_DENSITY)
     columns = {
@@ -362,7 +363,7 @@ def test_the_draft_knows_the_names_that_the_daemon_writes(tmp_path: Path) -> Non
 
 
 def test_a_heading_without_its_sign_costs_the_heading_alone(tmp_path: Path) -> None:
-    """Some recorders write the absolute value. Bank and pitch follow the gyros without it."""
+    """Some recorders write its absolute value. Bank and pitch follow the gyros without it."""
     path = tmp_path / "flight.csv"
     degrees = (TRUE["heading_deg"] + 180) % 360 - 180
     assert (degrees < 0).any() and (degrees > 0).any()

@@ -21,7 +21,7 @@ TOPICS = ("airspeed", "battery_status")
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """Two topics that are read, one in two instances, and one that is not."""
+    """A log with two topics that are read, one of them in two instances, and one topic that is not."""
     t = 1_000_000 + 10_000 * np.arange(900, dtype=np.uint64)
     rng = np.random.default_rng(1)
     results = [

@@ -243,7 +243,7 @@ def test_the_sequence_need_not_count_ticks(written: Log, tick: Callable[[int], i
 
 
 def with_current(ampere: float) -> Change:
-    """A current where the motor turns."""
+    """A change that adds a current of so many amperes where the motor turns."""
     return lambda log: replace(
         log,
         entries=log.entries

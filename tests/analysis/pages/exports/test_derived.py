@@ -78,7 +78,7 @@ def test_random_errors_of_the_states_are_those_of_the_draws() -> None:
 
 
 def with_first_rows_at(speed_mps: float):
-    """The flight, with five first instants at another speed."""
+    """The flight, with its first five instants at another speed."""
     trajectory = measured(FLOWN)
     states = trajectory.states.copy()
     states.iloc[:5, STATES.index("v_north")], states.iloc[:5, STATES.index("v_down")] = speed_mps, 0.0

@@ -187,7 +187,7 @@ def test_a_text_that_is_dropped_is_refused_as_a_log_too(page: LocalPage) -> None
     "name", ["полёт.mcap", "उड़ान 3.mcap", "飛行.mcap", "vol d'été (2).MCAP", "رحلة.mcap", "u\u0308bung.mcap"]
 )
 def test_names_in_any_script_are_kept(page: LocalPage, flown: bytes, name: str) -> None:
-    """A path of percent-encoded bytes arrives as Latin-1 (PEP 3333)."""
+    """The percent-encoded bytes of a path arrive as Latin-1 (PEP 3333)."""
     sent = of(f"file/{name}").encode().decode("latin-1")
     assert json.loads(answer_to(page, "PUT", sent, flown).body)["file"] == name
     assert name in page.folder.logs()
