@@ -34,7 +34,7 @@ IMPORTED_AS = {"pytest-xdist": "xdist", "pyserial": "serial"}  # where that is n
 
 
 def declared(*extras: str) -> set[str]:
-    """Names under which the base's dependencies and those of the extras, and of extras in these, are imported."""
+    """Import names of the dependencies of the base and of these extras, and of extras that these include."""
     optional = PROJECT["project"]["optional-dependencies"]
     wanted = PROJECT["project"]["dependencies"] + [line for extra in extras for line in optional[extra]]
     nested = [name for line in wanted if line.startswith("flightpower[") for name in line[12:].rstrip("]").split(",")]

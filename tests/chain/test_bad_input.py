@@ -11,7 +11,7 @@ from running import command, done, installed, rewritten
 from flightpower.flight.aircraft import load_aircraft
 
 pytestmark = pytest.mark.xdist_group("chain")
-FEW = 250  # ticks of a log that is refused before its flight is looked at
+FEW = 250  # ticks of a log that is refused before its flight is examined
 
 
 def refused(

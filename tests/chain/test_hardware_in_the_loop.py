@@ -1,6 +1,6 @@
 """The installed, unmodified `daq run` in another process, in real time, on device files: FUSE for I2C, pseudo-terminals
-for the serial lines. What it recorded of the buses is then played back. Skips, saying why, only where there is no FUSE.
-"""
+for the serial lines. What it recorded of the buses is then played back. The tests skip, and say why, only where there
+is no FUSE."""
 
 import subprocess
 import sys

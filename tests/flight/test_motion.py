@@ -115,7 +115,7 @@ def test_torque_free_rotation_keeps_energy_and_momentum():
         return [*rate_derivative(x[:3], (0.0, 0.0, 0.0), INERTIA), *phidot]
 
     start = [2.0, 0.3, 1.1, 0.2, 0.1, 0.0]
-    # About the axis of middle inertia this would tumble through pitch 90 deg, where Euler angles end.
+    # About the axis of middle inertia it would tumble through a pitch of 90 deg, where Euler angles are singular.
     end = solve_ivp(rates, (0, 2.0), start, rtol=1e-11, atol=1e-12).y[:, -1]
     I = tensor(INERTIA)  # noqa: E741
     momenta = [body_to_earth(x[3:]) @ I @ x[:3] for x in (np.array(start), end)]

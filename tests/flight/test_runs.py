@@ -89,7 +89,8 @@ def test_a_run_is_rejected_beyond_each_limit(change: dict, reason: RunRejected |
     "change", [{"seconds": 3.2}, {"peak_mps2": 0.32}, {"lowest_m": 13.0}], ids=["short", "gentle", "low"]
 )
 def test_limits_of_a_slower_aircraft_are_smaller(change: dict) -> None:
-    """At 0.6 of the speed, runs may be as short as 3 s, gentle as 0.3 m/s^2 and low as 12 m, but climb only 0.72 m/s."""
+    """At 0.6 of the speed, runs may last 3 s, change speed by 0.3 m/s^2 and be at 12 m, but may climb by only 0.72
+    m/s."""
     run = GOOD._replace(**change)
     assert run.rejection(1.0) is not None and run.rejection(0.6) is None
     climbing = GOOD._replace(mean_climb_mps=0.8)

@@ -166,7 +166,7 @@ def test_the_fix_is_lost_and_found_at_the_right_solutions():
     port = tray.port(PORTS["gps"], 38400)
     sentences = heard(port, clock, 6.5).split(b"\r\n")
     valid = {s.split(b",")[1][4:6]: s.split(b",")[2] for s in sentences if s.startswith(b"$GNRMC") and b"*" in s}
-    # NMEA once a second; a solution is 80 ms old, so that of 2 s is dated 01.92, rounded to the second 02.
+    # NMEA comes once a second; a solution is 80 ms old, so the one of 2 s is dated 01.92, which is rounded to 02.
     assert [valid[f"{s:02d}".encode()] for s in range(1, 6)] == [b"A", b"V", b"A", b"A", b"A"]
 
 

@@ -182,7 +182,8 @@ def test_the_low_pass_filter_takes_out_what_is_above_its_corner(bus_of, clock, f
 
 
 def test_vibration_at_the_sample_rate_folds_down_to_what_the_filter_let_through(bus_of, clock):
-    """200 Hz sampled at 200 Hz, within the oscillator's 1 %, is a slow swing of a fifth of its size, not all of it."""
+    """A vibration at 200 Hz, sampled at 200 Hz within 1 %, becomes a slow swing of a fifth of its size, not of all of
+    it."""
     force = heard(bus_of(force_mps2=tone(200.0)), clock, 4, 5.0)
     assert 0.15 < np.abs(force).max() / 10.0 < 0.26
 

@@ -60,7 +60,7 @@ def test_variances_are_those_of_the_standard():
 
 
 def test_noise_held_over_a_step_gives_the_same_variance():
-    """400 gusts fly side by side for 40 s and are sampled once they have forgotten their start, to four standard
+    """400 gusts run side by side for 40 s and, once they have forgotten their start, agree within four standard
     errors."""
     rng = np.random.default_rng(5)
     dt, members = 0.02, 400

@@ -118,8 +118,7 @@ def test_at_25_Hz_as_many_bursts_as_are_asked_for_give_five_per_cent() -> None:
     """The lag is half a tick. The number of bursts that eight bursts ask for scatters; the lag from that number must
     hold.
 
-    A log that asks for no more is within 5 % in 95 of 100 cases: of 12, fewer than 10 are within in one case of
-    fifty.
+    A log that asks for no more is within 5 % in 95 of 100 cases: fewer than 10 of 12 are so in one case of fifty.
     """
     lag_s, shape = low_frequency_lag_s([NARROW], SEA_LEVEL), through(NARROW, SEA_LEVEL)
     lags = []

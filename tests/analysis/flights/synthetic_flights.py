@@ -43,8 +43,8 @@ def flight(x: Array, rng: np.random.Generator, name: str, noise: float = 1.0, **
     """The results of a flight with the shared parameters x. Its covariance, priors included, is exact.
 
     noise : factor on the standard deviations     facts : replace `installation`, `aircraft`, `prior_sigma`, ...;
-    `stand`: a measurement of thrust before the flight, as `results.json` has it; `color`: errors of drag and thrust
-    as multiples of those that their weights assume, as of colored residuals
+    `stand` is a measurement of thrust before the flight, as `results.json` has it; `color` is the ratio of the errors
+    of drag and thrust to those that their weights assume, as with colored residuals
     """
     sigma = facts.get("prior_sigma", PRIOR_SIGMA)
     P = np.diag(sigma**-2.0)

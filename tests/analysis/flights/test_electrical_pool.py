@@ -37,7 +37,7 @@ WEIGHT_N, RHO = 38.0, 1.2
 
 
 def power_of(V: np.ndarray, weight_N: float = WEIGHT_N, rho: float = RHO, drag: float = 1.0) -> np.ndarray:
-    """Power of a parabolic polar at an efficiency that falls with C_L, and so with the propeller's argument."""
+    """Power of a parabolic polar at an efficiency that falls as C_L rises, and so depends on J / c_P^(1/3)."""
     CL = weight_N / (rho / 2 * V**2 * 0.46)
     return IDLE_W + rho / 2 * V**3 * 0.46 * drag * (0.04 + 0.05 * CL**2) / (0.6 - 0.1 * CL)
 

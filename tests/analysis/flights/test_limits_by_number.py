@@ -24,7 +24,7 @@ def test_noise_exceeds_the_limit_of_evidence_as_seldom_as_stated(tests: int) -> 
 
 
 def campaign(drag: float, alpha: float = 0.0, count: int = 5) -> Pool:
-    """Flights of which the last has other drag, and a probe turned by so much [rad]."""
+    """The pool of flights whose last one has other drag and a probe turned by `alpha` [rad]."""
     rng = np.random.default_rng(8)
     x = truth(rng)
     flights = []

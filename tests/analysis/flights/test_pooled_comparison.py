@@ -92,7 +92,7 @@ def test_a_difference_is_seen_and_shared_errors_cancel() -> None:
 
 
 def days(seed: int, thrust: float, flights: int = 2) -> Comparison:
-    """Compare an aircraft on two days, with `share` more thrust on the second day than on the first.
+    """Compare an aircraft on two days; `thrust` is the relative change of thrust from the first day to the second.
 
     Uncounted pulses, a nick, or a wrong stated weight have the same effect.
     """
