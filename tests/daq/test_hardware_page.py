@@ -37,7 +37,7 @@ def test_optional_parts_have_the_addresses_and_limits_that_their_drivers_assume(
 
 
 def test_the_example_has_transducers_for_the_supply_that_a_pi_stands():
-    """A Pi stands 3.3 V: DS3 of MS4515DO, last digit 3 of Honeywell's SSC."""
+    """A Pi tolerates 3.3 V: DS3 of MS4515DO, last digit 3 of Honeywell's SSC."""
     parts = [sensor["part"] for sensor in SENSORS if "part" in sensor]
     assert len(parts) == 3
     assert all(re.search(r"-DS3|A3$", part) for part in parts)

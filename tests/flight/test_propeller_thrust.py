@@ -77,7 +77,7 @@ def test_points_measured_twice_at_one_J_are_averaged():
 
 
 def test_a_uiuc_name_above_40_is_in_millimeters(tmp_path):
-    """E-Flite 130x70: 130 mm, and 10x5: 10 in."""
+    """E-Flite 130x70 means 130 mm, and 10x5 means 10 in."""
     text = "J CT CP eta\n0.1 0.1 0.05 0.2\n0.5 0.05 0.04 0.6\n"
     for name, diameter_m in {"ef_130x70_0613od_5000.txt": 0.130, "apce_10x5_kt0821_5000.txt": 0.254}.items():
         (tmp_path / name).write_text(text)

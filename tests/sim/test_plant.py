@@ -79,7 +79,7 @@ def test_a_glide_comes_down_by_drag_over_lift(plant, trimmer):
 
 
 def test_energy_balance_over_a_whole_flight(flight):
-    """(2.23-2.24): the work of thrust and drag equals the gain of kinetic and potential energy. Still air, every flown
+    """(2.23-2.24): in still air, the work of thrust and drag equals the gain of kinetic and potential energy at every
     step."""
     flown = flight.truth[flight.truth["phase"] == "flight"]
     t, m = flown["time_s"].to_numpy(), flight.plant.mass_kg

@@ -8,7 +8,7 @@ from flightpower.analysis.sources.daemon import COLUMNS, TOPICS
 
 
 def flight(**lost: float) -> pd.DataFrame:
-    """A hundred rows of flight with the first share of some columns missing."""
+    """A hundred rows of flight, in which the first share of some columns is missing."""
     table = pd.DataFrame({name: np.ones(100) for name in COLUMNS})
     for name, share in lost.items():
         table.loc[: round(100 * share) - 1, name] = np.nan

@@ -55,7 +55,7 @@ def test_flights_with_another_propeller_installation_or_calibration_are_another_
 
 
 def test_who_accepts_more_false_alarms_is_reported_of_smaller_changes() -> None:
-    """Steps of drag are 0 to 6 %: at ten false alarms a year all is reported that is at one in a thousand years, and
+    """With steps of drag of 0 to 6 %, ten false alarms a year report all that one in a thousand years reports, and
     more."""
     message: dict[float, int] = {0.001: 0, 10.0: 0}
     for step in np.linspace(0.0, 0.06, 13):

@@ -138,8 +138,8 @@ def test_flights_with_different_stated_priors_are_pooled_with_the_widest() -> No
 
 
 def test_the_prior_of_thrust_moves_a_pool_of_twenty_flights_by_its_own_share_only() -> None:
-    """Thrust 2 and 1.5 prior standard deviations beyond its table, in 60 campaigns of 20 flights: the prior of thrust
-    moves neither the airspeed scale nor the polar by more than its own share."""
+    """Thrust lies 2 and 1.5 prior standard deviations beyond its table in 60 campaigns of 20 flights: the prior of
+    thrust moves neither the airspeed scale nor the polar by more than its own share."""
     rng, campaigns, finite = np.random.default_rng(11), 60, np.isfinite(PRIOR_SIGMA)
     errors, totals = [], []
     for _ in range(campaigns):
