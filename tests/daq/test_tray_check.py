@@ -340,7 +340,7 @@ def test_values_are_shown_in_the_units_beside_them() -> None:
 
 
 def test_the_room_on_the_disk_is_that_beyond_what_is_kept_free(tmp_path, monkeypatch):
-    """Of 10 GB free, the part beyond what is kept free lasts for the default tray's bytes, 16 kB/s at 25 Hz."""
+    """With 10 GB free, the part beyond what is kept free lasts for the default tray's bytes, 16 kB/s at 25 Hz."""
     monkeypatch.setattr(tray_check, "free_bytes", lambda folder: 10e9)
     result = checked(tmp_path, AtRest())
     clock = SimulatedClock()
