@@ -201,7 +201,7 @@ def test_a_plan_of_four_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert load_plan(Path("plan-mine/plan.toml")).segments
     (rehearsal,) = (line for line in output if line.startswith("rehearse it: "))
     flown = rehearsal.removeprefix("rehearse it: ").replace("plan-mine/plan.toml", "magnetometer-turn")
-    succeeds(flown, "flown/log.mcap")  # of the same aircraft, scaled from a model
+    succeeds(flown, "flown/log.mcap")  # a flight of this aircraft, which is scaled from a model
 
 
 @pytest.mark.thorough

@@ -130,7 +130,7 @@ def test_magnetic_field():
     def make(tray):
         imu = MPU9250Driver(tray.i2c(I2C))
         for _ in imu.start():
-            tray.i2c(I2C)._pass_time(20_000)  # 0.45 s: a driver does not own the clock either
+            tray.i2c(I2C)._pass_time(20_000)  # 0.45 s in all: no driver moves the clock
         return AK8963Driver(tray.i2c(I2C))
 
     samples = run(make, AnalyticSensorTruth(field_T=staircase(levels)), 9)

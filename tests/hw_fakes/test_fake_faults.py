@@ -96,7 +96,7 @@ def test_a_stale_bridge_says_so():
     for time_s in (1.5, 2.1, 2.5, 2.9, 3.1):
         advance(clock, time_s)
         statuses.append(bus.read(0x36, 4)[0] >> 6)
-    assert statuses == [0, 0, 2, 2, 0]  # the update at the instant it stopped had not been read
+    assert statuses == [0, 0, 2, 2, 0]  # the update at the instant at which updates stopped had not been read
 
 
 def test_a_latched_fault_ends_with_its_supply():

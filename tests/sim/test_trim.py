@@ -57,7 +57,7 @@ def test_any_two_of_speed_climb_and_motor_give_the_same_trim(trimmer):
 
 
 def test_required_power_is_that_of_the_polar(plant, trimmer):
-    """(1.5) in closed form away from the stall, and the thrust of the trim when its lift share is counted in."""
+    """Power is that of (1.5) away from the stall, and that of the trim's thrust if its share of lift is counted in."""
     V = np.linspace(1.3 * trimmer.V_stall, trimmer.V_max, 10)
     power, CL, _ = power_required(plant, V, density=trimmer.density)
     q = trimmer.density * V**2 / 2

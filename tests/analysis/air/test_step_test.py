@@ -39,7 +39,7 @@ def test_a_step_starts_in_quiet_and_its_last_quiet_sample_is_the_one_before_it()
     assert noise == pytest.approx(NOISE_PA, rel=0.1)
     assert step.t_s[step.last_quiet] == pytest.approx(5.0)
     assert step.value[0] == pytest.approx(200.0, abs=5) and step.value[-1] == pytest.approx(0.0, abs=5)
-    # quiet, the step up to the longest that counts, and quiet again
+    # quiet for as long as the longest step that counts, a step of that length, and quiet as long again
     assert (step.t_s[0], step.t_s[-1]) == pytest.approx((5.01 - LAG.step_s, 4.99 + 2 * LAG.step_s))
 
 

@@ -258,7 +258,7 @@ def test_the_commands_give_both_kinds_as_python_does(tmp_path: Path, capsys: pyt
     kg = in_python.other_kind.test.weight_N / GRAVITY_MPS2  # type: ignore[union-attr]
     assert outcome.exit_code == ExitCode.DONE
     assert f"A: a, B: b, by electrical power, both at {kg:.2f} kg" in " ".join(outcome.output.split())
-    assert content["a"]["logs"] == ["b", "c", "x"], "also those of the pool's second estimate"
+    assert content["a"]["logs"] == ["b", "c", "x"], "including those of the pool's second estimate"
     index = np.argmin([row["independent_half_width_percent"] for row in content["differences"]])
     assert content["differences"][index]["difference_percent"] == pytest.approx(8.0, abs=1.5)
 

@@ -195,7 +195,7 @@ def test_the_interval_narrows_with_flights_and_less_where_the_probe_is_mounted_a
 def test_the_common_part_of_mountings_is_known_no_better_than_their_scatter_allows() -> None:
     named, unnamed = (joint_pool(campaign(3, 6, noise=0.1, installation=name)) for name in ("boom", ""))
     index = POOLED.index("alpha_bias")
-    scatter = 0.95 * POOLING.remounted * PRIOR_SIGMA[index] / np.sqrt(6)  # the prior knows a little more
+    scatter = 0.95 * POOLING.remounted * PRIOR_SIGMA[index] / np.sqrt(6)  # the prior adds a little information
     assert (
         unnamed.estimate.parameters.covariance[index, index] ** 0.5
         > scatter

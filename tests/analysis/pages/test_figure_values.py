@@ -49,7 +49,7 @@ def test_residuals_lie_at_their_angles_with_a_symmetric_scale_of_colors() -> Non
     maps = probe_calibration.residual_maps(measured, (residual,) * 3)  # type: ignore[arg-type]
     assert [residual_map.heading for residual_map in maps] == ["alpha, deg", "beta, deg", "q_c/q, %"]
     shown = sorted((z, x, y) for mark in maps[0].marks for z, x, y in zip(_z(mark), mark.x, mark.y, strict=True))
-    z, x, y = np.array(shown).T  # rising, as the residuals are
+    z, x, y = np.array(shown).T  # in rising order, as the residuals are
     assert z == pytest.approx(residual) and y == pytest.approx(np.degrees(measured.beta_rad))
     aside = x - np.degrees(measured.alpha_rad)
     # Speeds lie side by side, within a degree of the angle, the slowest on the left.

@@ -136,7 +136,7 @@ def test_a_curve_is_dashed_where_it_is_flagged_and_solid_elsewhere(results: Resu
     dashes = {mark.dash for mark in power_required(results).named("power required") if isinstance(mark, Line)}
     assert dashes >= {Dash.SOLID, Dash.DASHED}
     methods = every_method(results)
-    assert methods.marks[-1].name == methods.entries()[0] == "Dynamic, two steps", "the leading one lies on top"
+    assert methods.marks[-1].name == methods.entries()[0] == "Dynamic, two steps", "the leading method lies on top"
 
 
 def test_the_table_of_the_curve_carries_the_flag(results: Results) -> None:

@@ -255,7 +255,7 @@ def test_another_flight_is_compared_at_the_weight_of_this_one(
 def test_the_report_is_written_and_shown_and_a_log_is_added(
     page: Browser, served: tuple[str, Path], flown: bytes, tmp_path: Path
 ) -> None:
-    """On the second page the report is there when the log is opened."""
+    """For the second page the report already exists when the log is opened."""
     folder = served[1]
     if not (folder / "log.report").exists():
         page.value_of("document.getElementById('write').click()")

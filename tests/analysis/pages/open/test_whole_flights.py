@@ -69,7 +69,7 @@ def test_a_log_is_shown_with_strips_modes_track_and_curve_without_a_word_typed(l
     assert set(curve["guessed"]) == {"mass", "wing-area", "span"} and curve["guessed"]["mass"].endswith(" kg")
     assert curve["airborne"] and curve["airborne"][-1][1] < log.end_s
     track = curve["figures"]["track"]
-    assert all(word in track for word in (">north<", ">wind, ", " m<")), "north, wind and scale"
+    assert all(word in track for word in (">north<", ">wind, ", " m<")), "the track shows north, wind and scale"
 
 
 def test_the_guess_is_near_enough_for_a_picture_and_is_never_written(folder: Folder) -> None:
