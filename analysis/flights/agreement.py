@@ -1,6 +1,6 @@
-"""Do the flights agree? Each flight against the others, a test of homogeneity of all, and trends.
+"""Tests whether flights agree: each flight against the others, the homogeneity of all flights, and trends.
 
-The estimates of two flights are correlated, since both were drawn to the same prior. For the shared parameters x, each
+The estimates of two flights are correlated, since the same prior pulls on both. For the shared parameters x, each
 estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's mean, n_f the flight's own error, and c_f
 the effect of errors that all flights have in common. Both tests use the covariance of the differences that
 follows.
@@ -37,7 +37,7 @@ _OF_POLAR = np.eye(M)[POLAR_PART]
 class Difference(NamedTuple):
     """One flight minus a pool: difference (M,) and its covariance (M, M).
 
-    p, p_installation : probability of a larger difference of the polar, and of the errors of the installation
+    p, p_installation : probability of a larger difference by chance, in the polar and in the errors of the installation
     """
 
     value: Array
@@ -65,15 +65,15 @@ class Test(NamedTuple):
 
     @property
     def doubtful(self) -> bool:
-        """Whether it is evidence against taking the flights together: the verdict on a pool has this level."""
+        """Whether p is low enough to count against pooling the flights; the verdict on a pool uses this level."""
         return self.p < TRUST.false_alarm_rate
 
 
 class LargestDifference(NamedTuple):
-    """Whether there is any difference at several speeds, by that which is largest in its standard errors.
+    """A test for a difference at any of several speeds. It uses the difference that is largest in standard errors.
 
-    speed_index : number of that speed     z : the difference there, in its standard errors
-    p : probability that the largest of all speeds is as large if nothing differs
+    speed_index : index of that speed     z : the difference at that speed, in its standard errors
+    p : probability that the largest difference at any speed is at least as large if nothing differs
     """
 
     speed_index: int
@@ -84,7 +84,7 @@ class LargestDifference(NamedTuple):
     def differs(self) -> bool:
         """Whether something differs, with at most `EVIDENCE.false_alarms` of false alarms.
 
-        The 95 % interval at that speed does not contain zero then.
+        If it differs, the 95 % interval at that speed does not contain zero.
         """
         return self.p < EVIDENCE.false_alarms
 
@@ -98,7 +98,7 @@ class GeneralizedFit(NamedTuple):
 
 
 class LikelyCause(NamedTuple):
-    """Why a flight differs from others: `parameter` of POOLED, its difference in SI and in standard deviations."""
+    """Why a flight differs from others: a `parameter` of POOLED, its difference in SI and in standard deviations."""
 
     parameter: str
     difference: float
@@ -106,10 +106,10 @@ class LikelyCause(NamedTuple):
 
 
 def differences_in_pool(stack: FlightStack, pool: PooledEstimate) -> list[Difference]:
-    """Each flight minus the pool that it is part of."""
+    """Return each flight minus the pool that it is part of."""
     (W,) = pool.influences
     by_others = np.einsum("fij,fjk,flk->il", W, stack.own_covariance, W, optimize=True)
-    # Of flight f less W_f of the same errors: (1 - W) C (1 - W)' instead of W C W'.
+    # Flight f is itself in the pool, with weight W_f: its errors enter as (1 - W) C (1 - W)' instead of W C W'.
     cross = W @ stack.own_covariance
     own = stack.own_covariance - cross - cross.transpose(0, 2, 1)
     return _differences(
@@ -122,7 +122,7 @@ def differences_in_pool(stack: FlightStack, pool: PooledEstimate) -> list[Differ
 
 
 def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
-    """Each flight minus the pool of all others, of two flights or more."""
+    """Return each flight minus the pool of all others; requires at least two flights."""
     others = without_each(stack, prior)
     return _differences(
         stack.values - others.x,
@@ -136,10 +136,10 @@ def differences_to_others(stack: FlightStack, prior: Prior) -> list[Difference]:
 def _differences(
     values: Array, own: Array, prior_part: Array, prior_covariance: Array, changes: Sequence[Array]
 ) -> list[Difference]:
-    """Differences of values (n, M) of n flights, each from a pool of its own.
+    """Return differences from the values (n, M) of n flights, each compared with its own pool.
 
-    own : (n, M, M) covariance by the errors that each flight has of its own     prior_part : (n, M, M) derivative by
-    an error of the prior's mean     changes : (n, M) each, by errors that all flights have in common
+    own : (n, M, M) covariance from the errors of each single flight     prior_part : (n, M, M) derivative with respect
+    to an error of the prior's mean     changes : (n, M) each, from an error that all flights have in common
     """
     covariance = own + prior_part @ prior_covariance @ prior_part.transpose(0, 2, 1)
     for change in changes:
@@ -152,7 +152,7 @@ def _differences(
 
 
 class Compared(Protocol):
-    """A flight compared with others. p, p_installation : as in `Difference`; the latter None where there is none"""
+    """A flight compared with others. p, p_installation : as in `Difference`; the latter is None without installation"""
 
     @property
     def p(self) -> float: ...
@@ -165,11 +165,11 @@ One = TypeVar("One", bound=Compared)
 
 
 def outliers(n: int, compared: Callable[[list[int]], Sequence[One]], false_alarms: float) -> dict[int, One]:
-    """Numbers of the flights that differ from the pool of agreeing flights; the worst is removed first.
+    """Return the flights, by number, that differ from the pool of agreeing flights; the worst is removed first.
 
-    compared: for flights by number, the comparison of each with the pool of the others. Curve and installation are
-    tested, each at the level `false_alarms` over the number of tests. At most half of the flights are named; of two
-    flights none is, since either may be wrong.
+    compared: a function that compares each of the numbered flights with the pool of the others. Curve and installation
+    are tested, each at the level `false_alarms` over the number of tests. At most half of the flights are returned. For
+    two flights the result is empty, since either may be wrong.
     """
     agreeing, differing = list(range(n)), dict[int, One]()
     while len(agreeing) > 2 and 2 * (len(differing) + 1) <= n:
@@ -188,13 +188,13 @@ def least_p(compared: Compared) -> float:
 
 
 def outlier_level(compared: Compared, flights: int, false_alarms: float) -> float:
-    """The p of each test below which one of all flights falls by chance at the rate `false_alarms`."""
+    """Return the limit for p in each test, so that any flight falls below it by chance at the rate `false_alarms`."""
     return false_alarms / (flights if compared.p_installation is None else 2 * flights)
 
 
 def remounted_flights(stack: FlightStack, prior: Prior) -> frozenset[int]:
-    """Numbers of the flights that contradict a common installation: those that differ, or all flights where the rest
-    differ as well.
+    """Return the numbers of the flights that contradict a common installation: the outliers, or all flights if there
+    are no outliers or the rest still disagree.
 
     stack: the flights, grouped as their files say
     """
@@ -214,16 +214,18 @@ class ErrorParts(NamedTuple):
     """Errors of n separate estimates of k values: the errors of each flight alone, and the errors that all flights
     share.
 
-    own : (n, k, k) covariance     shared : (n, k, m) changes by m independent errors of one standard deviation each
+    own : (n, k, k) covariance     shared : (n, k, m) changes caused by m independent errors of one standard deviation
+    each
     """
 
     own: Array
     shared: Array
 
     def whitened(self, columns: Array) -> Array:
-        """Columns (n, k, c), each by the inverse of a root of each flight's own covariance.
+        """Multiply the columns (n, k, c) of each flight by the inverse square root of its own covariance.
 
-        A flight that adds nothing to the prior has no variance of its own; then the rounding error is used.
+        A flight that adds nothing to the prior has zero variance of its own, so the rounding error is added to every
+        flight.
         """
         k = self.own.shape[1]
         rounding = np.finfo(float).eps * np.sum(self.shared**2, axis=2)
@@ -234,7 +236,7 @@ class ErrorParts(NamedTuple):
 
 
 def error_parts(stack: FlightStack, prior: Prior, projection: Array = _OF_POLAR) -> ErrorParts:
-    """Error parts of `projection` (k, M) times the parameters of each flight."""
+    """Return the error parts of `projection` (k, M) times the parameters of each flight."""
     covariance = prior.covariance
     scale = np.sqrt(np.where(np.diag(covariance) > 0, np.diag(covariance), 1.0))
     eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
@@ -247,7 +249,7 @@ def error_parts(stack: FlightStack, prior: Prior, projection: Array = _OF_POLAR)
 
 
 def least_squares(values: Array, design: Array, errors: ErrorParts) -> GeneralizedFit:
-    """Generalized least squares of values (n, k) on a design (n, k, q).
+    """Fit values (n, k) with a design (n, k, q) by generalized least squares.
 
     The shared errors are estimated along with the q parameters, each with its variance as prior. This equals using the
     covariance (n k, n k) of all values (Tapley et al. 2004, sec. 4.5), but its time grows linearly with n.
@@ -268,14 +270,14 @@ def least_squares(values: Array, design: Array, errors: ErrorParts) -> Generaliz
 
 
 def homogeneity(stack: FlightStack, prior: Prior, part: slice = POLAR_PART) -> Test:
-    """Whether the flights differ by more than their errors: generalized least squares on common parameters."""
+    """Test whether the flights differ by more than their errors, by generalized least squares on common parameters."""
     return common_values(stack.values[:, part], error_parts(stack, prior, np.eye(M)[part]))
 
 
 def common_values(values: Array, errors: "ErrorParts", unknown: int = 0) -> Test:
-    """Whether n flights have the same k values (n, k), by generalized least squares.
+    """Test whether n flights have the same k values (n, k), by generalized least squares.
 
-    unknown: how many of the values are not known, and have errors so large that they do not count
+    unknown: how many of the values are unknown; their errors are so large that these values do not count
     """
     n, k = values.shape
     chi_square = least_squares(values, np.tile(np.eye(k), (n, 1, 1)), errors).chi_square
@@ -287,20 +289,20 @@ def chi_square_test(chi_square: float, degrees_of_freedom: int) -> Test:
 
 
 def of_difference(value: Array, covariance: Array) -> LargestDifference:
-    """Whether a difference (n,) at several speeds is significant. covariance : (n, n)"""
+    """Test whether a difference (n,) at several speeds is significant. covariance : (n, n)"""
     z = value / np.sqrt(np.diag(covariance))
     index = int(np.argmax(np.abs(z)))
     return LargestDifference(index, float(z[index]), largest_of_errors(covariance)(abs(float(z[index]))))
 
 
 def largest_of_errors(covariance: Array) -> Callable[[float], float]:
-    """The probability that the largest of n normal errors exceeds a number of its standard errors.
+    """Return a function of z: the probability that any of n normal errors exceeds z standard errors in size.
 
     covariance : (n, n)
-    The errors are a matrix times independent normal ones, as many as the covariance has dimensions. In each direction
-    of these the largest error grows with their length, whose square is a chi square: only directions are drawn (Genz &
-    Bretz 2009, Computation of Multivariate Normal and t Probabilities, sec. 4.1). At 5 % the draws leave an error of
-    0.05 %.
+    The errors are a matrix times a vector of independent normal errors. In each direction of that vector the largest
+    error grows with the length of the vector, whose square has a chi-square distribution, so only directions are drawn
+    (Genz & Bretz 2009, Computation of Multivariate Normal and t Probabilities, sec. 4.1). At 5 % the draws leave an
+    error of 0.05 %.
     """
     sigma = np.sqrt(np.diag(covariance))
     eigenvalue, vectors = np.linalg.eigh(covariance / np.outer(sigma, sigma))
@@ -312,9 +314,9 @@ def largest_of_errors(covariance: Array) -> Callable[[float], float]:
 
 
 def likely_cause(difference: Difference) -> LikelyCause | None:
-    """The correction of thrust or error of the installation that differs most, in standard deviations.
+    """Return the correction of thrust or error of the installation that differs most, in standard deviations.
 
-    None where none is conspicuous.
+    None if no difference reaches `EVIDENCE.contradiction`.
     """
     z = difference.standardized
     most = max(range(_N_POLAR, M), key=lambda i: abs(z[i]))
@@ -332,11 +334,11 @@ def quadratic_form(d: Array, C: Array) -> Array:
 
 
 def trends(flights: Sequence[PoolFlight], deviations_percent: Array, errors: ErrorParts) -> list[Trend]:
-    """Change of power over date, temperature and battery voltage, by generalized least squares.
+    """Fit the change of power over date, temperature and battery voltage by generalized least squares.
 
-    deviations_percent (n,): of each flight from a common curve, with its errors (k = 1). The change is that
-    from the lowest to the highest value flown. Quantities that fewer than `POOLING.fewest_for_trend` flights have, or
-    that are the same in all, are left out.
+    deviations_percent (n,): deviation of each flight from a common curve; errors: of these deviations (k = 1). Each
+    change is from the lowest to the highest value flown. A quantity is left out if fewer than
+    `POOLING.fewest_for_trend` flights have it, or if it is the same in all of them.
     """
     trends = []
     for quantity, unit, values in (

@@ -1,4 +1,4 @@
-"""Curves of the airframes of a fleet, and of the fleet: an airframe is a draw of it."""
+"""Curves of a fleet and of its airframes, each of which is treated as a random draw from the fleet."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 class Airframe(NamedTuple):
     """The flights of one airframe in one configuration.
 
-    flights : in the order of their dates, those without a date last
-    pool : of the flights since the last change     changes : of drag and propulsion, the first first
-    shares : of the dated flights; None where changes are not sought
+    flights : sorted by date, undated ones last
+    pool : the flights since the last change     changes : changes of drag and propulsion, the earliest first
+    shares : drag and thrust of the dated flights; None if no search for changes was made
     """
 
     name: str
@@ -37,18 +37,18 @@ class Airframe(NamedTuple):
 
     @property
     def dated(self) -> int:
-        """How many flights have a date: the first ones. Changes are searched for only in these."""
+        """How many flights have a date. These come first, and only these are searched for changes."""
         return sum(flight.dated for flight in self.flights)
 
     @property
     def kind(self) -> tuple[float, str]:
-        """Wing area and propeller, which airframes of one fleet have in common."""
+        """Wing area and propeller table, which all airframes of one fleet curve have in common."""
         first = self.flights[0]
         return first.aircraft.wing_area_m2, first.propeller_table if isinstance(first, FlightStatistics) else ""
 
 
 class FleetCurve(NamedTuple):
-    """Polar of the mean airframe, and how airframes differ: covariance (3, 3) of the coefficients among them."""
+    """Polar of the mean airframe, and the covariance (3, 3) of the polar's coefficients among airframes."""
 
     mean: Polar
     among_airframes: Array
@@ -60,9 +60,9 @@ class FleetCurve(NamedTuple):
 
 
 def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names: Sequence[str] = ()) -> list[Airframe]:
-    """Airframes, each in its configurations; all where no names are given.
+    """Return an `Airframe` for each configuration of the named airframes, or of all airframes if no names are given.
 
-    alarms_a_year : false ones that are accepted of an airframe that does not change     unread : receives a line for
+    alarms_a_year : accepted false alarms per year for an airframe that does not change     unread : receives a line for
     each file that cannot be read. Raises InputError for a name that the dataset lacks.
     """
     airframes, stored = [], dataset.airframes
@@ -76,7 +76,7 @@ def airframes(dataset: "Dataset", alarms_a_year: float, unread: list[str], names
 
 
 def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarms_a_year: float) -> Airframe:
-    """Builds an airframe from its flights in one configuration, by date. alarms_a_year: see `airframes`
+    """Build an airframe from its flights in one configuration, sorted by date. alarms_a_year: see `airframes`
 
     A flight without a date may be from before or after a change, so it is pooled only if there is no change.
     """
@@ -93,22 +93,22 @@ def airframe(name: str, configuration: str, flights: Sequence[PoolFlight], alarm
 
 
 def _watched(pool: Pool, alarms_a_year: float) -> tuple[list[Change], FlightShares | None]:
-    """Changes by date, from three or more dated flights; none of electrical power, where drag and thrust are one."""
+    """Find changes in three or more dated flights; none in electrical power, where drag and thrust are inseparable."""
     if not isinstance(pool, JointPool):
         return [], None
     flights = pool.flights
     times = np.array([flight.start_unix_s for flight in flights], dtype=float) / DAY_S
-    flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # one a day at most
+    flights_a_year = 365.25 * len(flights) / max(times[-1] - times[0], len(flights))  # at most one per day
     of_flights = series(pool)
     changes = find_changes(of_flights, times, flights_a_year / alarms_a_year)
     return changes, flight_shares(of_flights, changes)
 
 
 def fleet_curve(fleet: Sequence[Airframe]) -> FleetCurve:
-    """Mean and scatter of three or more airframes of one kind, by restricted maximum likelihood.
+    """Estimate mean and scatter of three or more airframes of one kind by restricted maximum likelihood.
 
-    Each airframe's polar is a draw about the mean, seen with its own error (Gasparrini et al. 2012, multivariate
-    random-effects meta-analysis).
+    Each airframe's polar is a random draw about the mean, observed with its own error (Gasparrini et al. 2012,
+    multivariate random-effects meta-analysis).
     """
     pools = [airframe.pool for airframe in fleet if isinstance(airframe.pool, JointPool)]
     values = np.stack([pool.polar.A for pool in pools])
@@ -122,7 +122,7 @@ def fleet_curve(fleet: Sequence[Airframe]) -> FleetCurve:
 
 
 def random_effects(values: Array, own: Array) -> Array:
-    """Covariance (k, k) among n draws, values (n, k), each seen with an error of covariance own (n, k, k)."""
+    """Estimate the covariance (k, k) among n draws from values (n, k), whose errors have covariances own (n, k, k)."""
     k = values.shape[1]
     lower = np.tril_indices(k)
 

@@ -1,10 +1,10 @@
-"""Since when has an airframe had more drag, or less thrust? Steps and drifts over its flights.
+"""Finds the flight since which an airframe has had more drag or less thrust: steps and drifts over its flights.
 
-Each flight estimates drag and thrust, both as a share of the airframe's own. The prior pulls the estimate, so a change
-of one parameter shows partly in the other; the model of the pool says how much (`analysis.flights.joint`). After each
-flight the best step and the best drift in both are found by generalized least squares, from any flight on. A change is
-reported where the fit improves by more than it does by chance once in as many flights as are allowed for a false alarm
-(the generalized likelihood ratio; Basseville and Nikiforov 1993, sec. 2.4.3).
+Each flight estimates drag and thrust, both as a share of the airframe's own. The prior pulls on the estimate, so a
+change of one parameter shows partly in the other; the model of the pool tells how much (`analysis.flights.joint`).
+After each flight, generalized least squares find the best step and the best drift in both parameters, starting at any
+flight. A change is reported if the fit improves by more than chance alone achieves once in the number of flights
+allowed per false alarm (the generalized likelihood ratio; Basseville and Nikiforov 1993, sec. 2.4.3).
 """
 
 import math
@@ -30,7 +30,8 @@ _SHARES = len(("drag", "thrust"))
 class Series(NamedTuple):
     """Drag and thrust of n flights as shares of the airframe's own.
 
-    values : (n, 2)     by_truth : (n, 2, 2) change of the values by a change of drag and of thrust     errors : k = 2
+    values : (n, 2)     by_truth : (n, 2, 2) change of the values per true change of drag and of thrust
+    errors : k = 2
     """
 
     values: Array
@@ -39,10 +40,11 @@ class Series(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A change from one flight on, until the next change or the last flight.
+    """A change that starts at one flight and lasts until the next change or the last flight.
 
-    since, detected : numbers of the first flight that differs and of the one after which this was reported
-    drag, thrust : change as a share; of a drift until the last of these flights     covariance : (2, 2) of both
+    since, detected : indices of the first flight that differs and of the flight after which the change was reported
+    drag, thrust : change as a share; for a drift, the change up to the last of these flights
+    covariance : (2, 2) of drag and thrust
     """
 
     shape: Shape
@@ -60,8 +62,8 @@ class Change(NamedTuple):
 
     @property
     def what(self) -> What:
-        """The parameter that differs from 0 at the level `EVIDENCE.rare_false_alarms`, or the more significant one if
-        neither does."""
+        """BOTH if drag and thrust each differ from 0 at the level `EVIDENCE.rare_false_alarms`, else the more
+        significant one."""
         z = np.abs([self.drag, self.thrust]) / self.errors
         sure = z > -ndtri(EVIDENCE.rare_false_alarms / 2)
         if sure.all():
@@ -70,7 +72,7 @@ class Change(NamedTuple):
 
 
 def series(pool: JointPool) -> Series:
-    """Series of the flights of one airframe and configuration, at the middle lift coefficient flown."""
+    """Build the series of the flights of one airframe and configuration, at the middle lift coefficient flown."""
     flights, stack, A = pool.flights, pool.as_stated, pool.polar.A
     CL = np.sqrt(
         np.median([flight.flown_CL[0] for flight in flights]) * np.median([flight.flown_CL[1] for flight in flights])
@@ -85,10 +87,10 @@ def series(pool: JointPool) -> Series:
 
 
 class FlightShares(NamedTuple):
-    """Drag and thrust of n flights, each less the mean of the flights before the first change, as shares of it.
+    """Drag and thrust of n flights as shares of the airframe's own, less their mean before the first change.
 
-    values, errors : (n, 2), errors being standard ones without those that all flights share; NaN where a flight alone
-    does not separate drag from thrust
+    values, errors : (n, 2); the standard errors exclude errors that all flights share. NaN where a flight alone does
+    not separate drag from thrust
     """
 
     values: Array
@@ -96,7 +98,7 @@ class FlightShares(NamedTuple):
 
 
 def flight_shares(of_flights: Series, changes: Sequence[Change]) -> FlightShares:
-    """The value from each flight alone; without a change the mean is the mean of all flights. changes : of
+    """Compute the shares from each flight alone; without a change, the mean is taken over all flights. changes : of
     `find_changes`"""
     values, by_truth, errors = of_flights
     seen = np.abs(np.linalg.det(by_truth)) > np.sqrt(np.finfo(float).eps)
@@ -110,19 +112,20 @@ def flight_shares(of_flights: Series, changes: Sequence[Change]) -> FlightShares
 
 
 def least_gain(flights_per_false_alarm: float) -> float:
-    """The drop of the weighted sum of squared residuals that chance exceeds once in so many flights."""
-    # Of the improvement h, chi-square with two degrees of freedom, the best over all flights and both shapes exceeds a
-    # level h / 2 times as often as a single one, exp(-h / 2), as the extremes of chi-square fields do (Siegmund and
-    # Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
+    """Return the drop in the weighted sum of squared residuals that chance exceeds once in so many flights."""
+    # The improvement at one flight is chi-square with two degrees of freedom and exceeds a level h at the rate exp(-h / 2).
+    # The best improvement over all flights and both shapes does so h / 2 times as often, as the extremes of
+    # chi-square fields do (Siegmund and Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
     return -2 * float(lambertw(-1 / max(flights_per_false_alarm, math.e), -1).real)
 
 
 def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: float) -> list[Change]:
-    """All changes, in the order of the flights, as they would have been reported flight by flight.
+    """Find all changes, in the order of the flights, as they would have been reported flight by flight.
 
-    A flight that differs from those before and after it is no change: it is passed over.
+    A single flight that differs from the flights before and after it is not a change, and is skipped.
 
-    times : (n,) ascending, of the flights     flights_per_false_alarm : of an unchanged airframe, in the mean
+    times : (n,) of the flights, ascending     flights_per_false_alarm : mean number of flights of an unchanged airframe
+    between false alarms
     """
     threshold = least_gain(flights_per_false_alarm)
     equations = _normal_equations(of_flights)
@@ -139,7 +142,7 @@ def find_changes(of_flights: Series, times: Array, flights_per_false_alarm: floa
 
 
 def _reported(equations: Array, times: Array, threshold: float) -> list[Change]:
-    """The changes as they are reported flight by flight, estimated by all flights until the next one."""
+    """Return the changes as reported flight by flight, each estimated from all flights until the next change."""
     reported: list[tuple[int, int, Shape]] = []
     start, n = 0, len(times)
     sums = _sums(equations, times)
@@ -167,7 +170,7 @@ class _Best(NamedTuple):
 
 
 def _normal_equations(of_flights: Series) -> Array:
-    """(n, c, c): products of the whitened columns mean, shared errors, change, values of each flight."""
+    """Return the products (n, c, c) of each flight's whitened columns: mean, shared errors, change, values."""
     values, by_truth, errors = of_flights
     n = len(values)
     columns = [np.broadcast_to(np.eye(_SHARES), (n, _SHARES, _SHARES)), errors.shared, by_truth, values[:, :, None]]
@@ -179,7 +182,8 @@ class _Sums(NamedTuple):
     """Running sums over flights: entry i, of n + 1, covers the flights before i. There are c columns.
 
     products : (n + 1, c, c) products of all columns
-    change : (3, n + 1, c, 2) those with the columns of the change, times powers 0 to 2 of the time since the first
+    change : (3, n + 1, c, 2) products with the two columns of the change, times powers 0 to 2 of the time since the
+    first flight
     """
 
     products: Array
@@ -187,7 +191,7 @@ class _Sums(NamedTuple):
 
 
 def _sums(equations: Array, times: Array) -> _Sums:
-    """Running sums of _normal_equations; any stretch of flights is a difference of two of them."""
+    """Return running sums of _normal_equations; the sum over any stretch of flights is a difference of two of them."""
     since = (times - times[0])[:, None, None]
     with_change = equations[:, :, -1 - _SHARES : -1]
     return _Sums(_before_each(equations), np.stack([_before_each(since**power * with_change) for power in (0, 1, 2)]))
@@ -198,17 +202,17 @@ def _before_each(of_flights: Array) -> Array:
 
 
 def _best(sums: _Sums, times: Array, part: slice) -> _Best:
-    """The step or drift, from the second flight of a part on, that improves the fit most."""
+    """Return the step or drift that improves the fit most and starts at the second flight of a part or later."""
     G, t = sums.products[part.stop] - sums.products[part.start], (times[part] - times[0])[:, None, None]
-    before = len(G) - 1 - _SHARES  # columns of mean and shared errors
+    before = len(G) - 1 - _SHARES  # number of columns for mean and shared errors
     change, value = slice(before, before + _SHARES), -1
     A = G[:before, :before]
     A[_SHARES:, _SHARES:] += np.eye(before - _SHARES)
     inverse = np.linalg.inv(A)
     explained = inverse @ G[:before, value]
     zeroth, first, second = sums.change[:, part.stop, None] - sums.change[:, part.start + 1 : part.stop]
-    start = t[:-1]  # of a drift: the flight before
-    lasts = t[-1] > start  # no drift has a time among flights of one time
+    start = t[:-1]  # a drift starts from the flight before
+    lasts = t[-1] > start  # a drift needs flights at different times
     length = np.where(lasts, t[-1] - start, 1.0)
     candidates = []
     for shape, possible, linear, square in (

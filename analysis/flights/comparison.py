@@ -1,8 +1,8 @@
-"""Is configuration B different from A? The difference of two pools at each speed, without the errors they share.
+"""Tests whether configuration B differs from A, by the difference of two pools without the errors they share.
 
-Two pools of drag are one joint estimate with two polars. Flights of one installation share its errors, and flights with
-one propeller those of thrust: such an error moves both curves alike and cancels in the difference. So do the errors
-that flights of one aircraft share in two pools of electrical power.
+Two pools of drag are compared in one joint estimate with two polars. Flights of one installation share its errors, and
+flights with one propeller share errors of thrust: such an error moves both curves alike and cancels in the difference. The errors that
+flights of one aircraft share cancel likewise between two pools of electrical power.
 """
 
 from dataclasses import dataclass
@@ -54,11 +54,11 @@ _N_POLAR = len(POLAR)
 class Relation(NamedTuple):
     """The errors and conditions that two pools have in common.
 
-    same_installation, same_propeller : of electrical power, whether both are of one aircraft
-    contradicted : by which the flights contradict the one installation that the files of both name; None where not
-    thrust_contradicted : by which they contradict having one thrust, with one propeller and table; None where not
+    same_installation, same_propeller : for electrical power, whether both pools are from one aircraft
+    contradicted : test by which the flights contradict the common installation named in both pools' files; else None
+    thrust_contradicted : test by which the flights contradict a common thrust for one propeller and table; else None
     shared : which errors cancel in the difference
-    same_day : whether all were flown on one day, so that motor speed and propeller had no night to change
+    same_day : whether all flights are from one day, so that motor speed and propeller had no night in which to change
     """
 
     same_installation: bool
@@ -70,8 +70,8 @@ class Relation(NamedTuple):
 
 
 class _Powers(NamedTuple):
-    """Powers of both at V_mps (n,), and covariances (n, n) of the difference in percent of A, with what is shared and
-    without."""
+    """Powers of A and B at V_mps (n,), and covariances (n, n) of their difference in percent of A: with the shared
+    errors canceled, and as if none were shared."""
 
     V_mps: Array
     a_W: Array
@@ -84,8 +84,9 @@ class _Powers(NamedTuple):
 class Comparison(OfAKind["Comparison"]):
     """Power of B minus power of A at one weight and density, arrays (n,) at speeds_mps.
 
-    difference_percent, half_width_percent : of the power of A, with its 95 % interval
-    independent_half_width_percent : what it would be if the two shared no error
+    difference_percent, half_width_percent : difference in percent of the power of A, and half width of its 95 %
+    interval
+    independent_half_width_percent : the half width if the two shared no error
     test : whether the two curves differ at all
     """
 
@@ -102,11 +103,11 @@ class Comparison(OfAKind["Comparison"]):
 
     @property
     def differs(self) -> bool:
-        """Whether the curves differ, with at most 5 % of false alarms."""
+        """Whether the curves differ, with a false-alarm rate of at most 5 %."""
         return self.test.differs
 
     def evidence(self, a_name: str = "", b_name: str = "") -> list[Evidence]:
-        """Against the flights of both and what they share by the files, the worst first. a_name, b_name: of the two."""
+        """Evidence against the flights and what files say they share, worst first. a_name, b_name: of A and B."""
         named = [
             msgspec.structs.replace(evidence, log="/".join(filter(None, (name, evidence.log))))
             for pool, name in ((self.a, a_name), (self.b, b_name))
@@ -117,7 +118,7 @@ class Comparison(OfAKind["Comparison"]):
         return worst_first([*named, *of_both])
 
     def results(self, a_name: str = "", b_name: str = "") -> ComparisonResults:
-        """The contents of the comparison's results.json. a_name, b_name: of the two configurations."""
+        """Return the contents of the comparison's results.json. a_name, b_name: names of the two configurations."""
         evidence = self.evidence(a_name, b_name)
         return ComparisonResults(
             trust=trust_by(evidence),
@@ -158,7 +159,7 @@ class Comparison(OfAKind["Comparison"]):
 
     @property
     def _quoted(self) -> int:
-        """Number of the difference that is quoted: the clearest, or the best known where all intervals contain zero."""
+        """Index of the difference to quote: the clearest, or the best known one if all intervals contain zero."""
         clear = any(row.excludes_zero for row in self._differences)
         return self.test.speed_index if clear else int(np.argmin(self.half_width_percent))
 
@@ -196,7 +197,7 @@ class Comparison(OfAKind["Comparison"]):
 
 
 def compare(a: Pool, b: Pool) -> Comparison:
-    """B against A at the weight and density of A, over the speeds that both flew, by a kind of power that both have.
+    """Compare B with A at the weight and density of A, at speeds that both flew, by a kind of power that both have.
 
     If both kinds qualify, the kind of both pools' curves comes first, otherwise electrical power. Where the
     other kind has flights that the first lacks, B is also compared by it: see `other_kind`. Raises InputError where
@@ -217,7 +218,7 @@ def compare(a: Pool, b: Pool) -> Comparison:
 
 
 def _of_one_kind(a: Pool, b: Pool) -> Comparison:
-    """The comparison by the kind of power of both pools. Raises InputError as `compare`."""
+    """Compare the pools by the kind of power that both have. Raises InputError as `compare` does."""
     in_both_pools = {flight.key for flight in a.flights} & {flight.key for flight in b.flights}
     if in_both_pools:
         name = next(flight.name for flight in a.flights if flight.key in in_both_pools)
@@ -250,7 +251,7 @@ def one_name(a: Pool, b: Pool) -> bool:
 
 
 def _of_aircraft(a: CurvePool, b: CurvePool) -> Relation:
-    """Flights of one aircraft, by its name and autopilot, share errors."""
+    """Return which errors cancel: flights share errors if name and autopilot show that they are from one aircraft."""
     same = one_name(a, b) and one_vehicle(*([flight.content for flight in pool.flights] for pool in (a, b)))
     return Relation(same, same, SharedErrors.AIRCRAFT if same else SharedErrors.NO_AIRCRAFT)
 
@@ -285,7 +286,7 @@ def _of_installations(a: JointPool, b: JointPool) -> Relation:
 
 
 def _same_installation(a: JointPool, b: JointPool) -> bool:
-    """Compares installations by name; without names, flights of one aircraft share an installation."""
+    """Compare installations by name; without names, flights of one aircraft share an installation."""
     first, other = a.flights[0], b.flights[0]
     if first.installation != other.installation or first.probe_calibration != other.probe_calibration:
         return False
@@ -293,17 +294,17 @@ def _same_installation(a: JointPool, b: JointPool) -> bool:
 
 
 def _same_day(a: JointPool, b: JointPool) -> bool:
-    """Whether all flights were made within half a day, so that no night lies between; not, where one has no date."""
+    """Whether all flights were made within half a day, with no night between them; False if any flight has no date."""
     starts = [flight.start_unix_s if flight.dated else None for pool in (a, b) for flight in pool.flights]
     start_times = [start for start in starts if start is not None]
     return len(start_times) == len(starts) and max(start_times) - min(start_times) < DAY_S / 2
 
 
 def _contradicted(a: JointPool, b: JointPool, part: slice) -> Test | None:
-    """The test by which flights of A and B contradict having the same errors of a part; None where they do not.
+    """Return the test by which flights of A and B contradict common errors of a part; None if they do not.
 
-    part: INSTALLATION_PART or THRUST_PART. The other errors are free on each side, so differences in them do not count.
-    Flights that contradict one installation in their own pool have errors of their own, and are left out.
+    part: INSTALLATION_PART or THRUST_PART. The other errors are free on each side, so changes in them do not count.
+    Flights that contradict the common installation within their own pool have separate errors, and are left out.
     """
     own, others = ([flight for i, flight in enumerate(pool.flights) if i not in pool.remounted] for pool in (a, b))
     if not own or not others:

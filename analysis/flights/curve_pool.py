@@ -1,11 +1,11 @@
-"""The pool of flights that enter by their curves of electrical power: without installation, drag or thrust.
+"""The pool of flights that contribute curves of electrical power, without installation, drag or thrust.
 
-At one lift coefficient power over V³ρ, and with it the efficiency's argument, are the same at every weight and
-density: curves are put together at one condition by V √(W0 ρ / (W ρ0)) and (P - idle) (W0/W)^1.5 √(ρ/ρ0).
+At one lift coefficient, power over V³ρ is the same at every weight and density, and so is the argument of the
+efficiency. So curves are reduced to one condition by V √(W0 ρ / (W ρ0)) and (P - idle) (W0/W)^1.5 √(ρ/ρ0).
 
-Each flight has own errors (air motion, the airspeed's zero, a mean updraft). The others are the same in all flights of
-an aircraft: the current meter's and the airspeed's scale, mass, thermometer, power with the motor off, and how far the
-priors are from the truth. They do not average out in a pool, and cancel between two pools of one aircraft.
+Each flight has its own errors (air motion, the airspeed's zero, a mean updraft). The other errors are the same in all
+flights of an aircraft: the scales of current meter and airspeed, mass, thermometer, power with the motor off, and how
+far the priors are from the truth. These do not average out in a pool, but cancel between two pools of one aircraft.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ from flightpower.flight.errors import InputError
 
 
 class CurveDifference(NamedTuple):
-    """Power of one pool less that of another at V_mps (n,). power_W : of the other"""
+    """Power of one pool minus the power of another at V_mps (n,). power_W : of the other pool"""
 
     V_mps: Array
     power_W: Array
@@ -55,21 +55,21 @@ class CurveDifference(NamedTuple):
 
     @property
     def share(self) -> Uncertain:
-        """The difference as a fraction of the other's power (n,)."""
+        """The difference as a fraction (n,) of the other pool's power."""
         return self.value_W.through(np.diag(1 / self.power_W))
 
     @property
     def test(self) -> LargestDifference:
-        """Whether there is any difference."""
+        """Tests whether there is a difference at any speed."""
         return of_difference(self.share.value, self.share.covariance)
 
 
 class FlightDifference(NamedTuple):
     """One flight compared with the pool of the other flights.
 
-    p : of a chi square at the first, the middle and the last speed, as in `agreement.Difference`: a flight that differs
-    by one share everywhere, as by its weight, shows at all of them
-    share, error : mean over the speeds
+    p : from a chi-square test at the first, the middle and the last speed, as in `agreement.Difference`; a flight that
+    differs by the same share everywhere, for example by its weight, shows at all three
+    share, error : the difference as a share, mean over the speeds, and its standard error
     """
 
     p: float
@@ -83,7 +83,7 @@ class FlightDifference(NamedTuple):
 
 @dataclass(frozen=True)
 class CurvePool(Pool):
-    """Flights with the curve of each at the condition of the pool. V_mps : (n,) that at least one of them flew"""
+    """Flights with their curves at the condition of the pool. V_mps : (n,) speeds that at least one flight flew"""
 
     kind = Kind.ELECTRICAL
     flights: tuple[FlightCurve, ...]
@@ -107,29 +107,30 @@ class CurvePool(Pool):
         return np.linspace(*self.ends_mps, POOLING.compared_speeds)
 
     def power(self, V: Array) -> tuple[Array, Array]:
-        """Electrical power and its standard error [W], each (k,), at speeds V (k,) [m/s] within those flown."""
+        """Return electrical power and its standard error [W], each (k,), at speeds V (k,) [m/s] that were flown."""
         speeds, power_W = self.curve.V_mps, self.curve.power_W
         return np.interp(V, speeds, power_W.value), np.interp(V, speeds, power_W.standard_error)
 
     def mean(self, V: Array, counts: Sequence[float] = ()) -> Uncertain:
-        """At each speed (n,) the mean of the curves that contain it, weighed by the inverse variance of their own
-        errors; NaN where there is none. counts: how many flights like each one to assume, each with its own errors"""
+        """Return, at each speed (n,), the mean of the curves that contain it, weighted by the inverse variance of their
+        own errors; NaN where no curve does. counts: how many flights like each one to assume, each with its own
+        errors"""
         return total(self._parts(V, self._weights(V, counts), counts))
 
     def smooth_mean(self, counts: Sequence[float] = ()) -> Uncertain:
-        """The mean at the speeds of the pool (n,), without the steps that it has where a flight begins or ends."""
+        """Return the mean at the pool's speeds (n,), without its steps where a flight's curve begins or ends."""
         power_W = self.mean(self.V_mps, counts)
         ends = {(curve.V_mps[0], curve.V_mps[-1]) for curve in self.curves}
         return power_W.through(_smoothing(self.V_mps, power_W.standard_error)) if len(ends) > 1 else power_W
 
     def some(self, numbers: Sequence[int]) -> "CurvePool":
-        """The pool of some of the flights, by number."""
+        """Return the pool of some of the flights, by number."""
         flights, curves = tuple(self.flights[i] for i in numbers), tuple(self.curves[i] for i in numbers)
         V = self.V_mps[np.any([curve.covers(self.V_mps) for curve in curves], axis=0)]
         return CurvePool(flights, self.condition, curves, V)
 
     def _weights(self, V: Array, counts: Sequence[float] = ()) -> Array:
-        """(flights, n); each column sums to 1."""
+        """Return the weights (flights, n) of the curves; each column sums to 1."""
         times = np.ones(len(self.curves)) if len(counts) == 0 else np.array(counts, dtype=float)
         B = self._interpolation(V)
         variance = np.stack([variances(b, curve.power_W.own) for b, curve in zip(B, self.curves, strict=True)])
@@ -138,7 +139,7 @@ class CurvePool(Pool):
             return np.asarray(weight / weight.sum(axis=0))
 
     def _parts(self, V: Array, weights: Array, counts: Sequence[float] = ()) -> list[Uncertain]:
-        """Each curve times weights (flights, n); the own errors of several flights average."""
+        """Return each curve times its weights (flights, n); the own errors of several like flights average out."""
         times = np.ones(len(self.curves)) if len(counts) == 0 else np.maximum(np.array(counts, dtype=float), 1.0)
         parts = []
         for b, w, curve, n in zip(self._interpolation(V), weights, self.curves, times, strict=True):
@@ -147,7 +148,7 @@ class CurvePool(Pool):
         return parts
 
     def _interpolation(self, V: Array) -> list[Array]:
-        """For each curve the derivative of its power at V by that at its own speeds."""
+        """Return, for each curve, the derivative of its power at V with respect to its power at its own speeds."""
         return [
             CubicSpline(curve.V_mps, np.eye(len(curve.V_mps)))(np.clip(V, curve.V_mps[0], curve.V_mps[-1]))
             for curve in self.curves
@@ -158,7 +159,7 @@ class CurvePool(Pool):
         return self._compared(list(range(len(self.flights))))
 
     def _compared(self, numbers: list[int]) -> list[FlightDifference]:
-        """Each selected flight compared with the pool of the others; empty if one shares no speeds with them."""
+        """Compare each selected flight with the pool of the others; empty if a flight shares no speeds with them."""
         differences = []
         for i in numbers:
             others = [j for j in numbers if j != i]
@@ -198,8 +199,8 @@ class CurvePool(Pool):
         return common_values(values, errors, unknown)
 
     def _shares(self, V: Array) -> tuple[Array, ErrorParts]:
-        """Powers of each flight at V (k,) less the pool's, as shares of it (flights, k), with their errors. At a speed
-        that a flight did not fly, its error is set larger than any other."""
+        """Return each flight's power at V (k,) minus the pool's, as shares (flights, k) of the pool's, with their
+        errors. At a speed that a flight did not fly, its error is set larger than any other."""
         power = self.mean(V).value
         parts = self._parts(V, np.ones((len(self.curves), len(V))) / power)
         names = list(dict.fromkeys(name for part in parts for name in part.shared))
@@ -224,7 +225,7 @@ class CurvePool(Pool):
         return np.nan_to_num(100 * np.stack(without) / self.power(V)[0], nan=np.inf)
 
     def _half_width(self, V: Array, counts: Sequence[float] = ()) -> Array:
-        """Half width [W] of the smooth mean at speeds V (k,); NaN beyond those flown."""
+        """Return the half width [W] of the smooth mean at speeds V (k,); NaN outside the range flown."""
         half_width_W = self.smooth_mean(counts).half_width
         return np.asarray(np.interp(V, self.V_mps, half_width_W, left=np.nan, right=np.nan))
 
@@ -274,7 +275,7 @@ class CurvePool(Pool):
 
 
 def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = None) -> CurvePool:
-    """At the flights' mean weight and density, or at another condition.
+    """Pool curves at the flights' mean weight and density, or at another condition.
 
     Raises InputError for flights of two aircraft, and for the same flight twice.
     """
@@ -301,9 +302,9 @@ def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = Non
 
 
 def _smoothing(V: Array, error_W: Array) -> Array:
-    """The smooth curve (n, n) through powers with these standard errors (n,): 1/V, 1, V, V^2 and V^3 by least squares.
+    """Return the matrix (n, n) that fits powers with standard errors (n,) by 1/V, 1, V, V^2 and V^3 (least squares).
 
-    Where a flight begins or ends, the mean of the flights has a step, and the least power would lie there.
+    Where a flight's curve begins or ends, the mean has a step, and without smoothing the least power would lie there.
     """
     u = V / np.mean(V)
     terms = np.stack([1 / u, np.ones(len(u)), u, u**2, u**3], axis=1)
@@ -311,7 +312,7 @@ def _smoothing(V: Array, error_W: Array) -> Array:
 
 
 def curve_difference(pool: CurvePool, other: CurvePool, shares_errors: bool) -> CurveDifference:
-    """Power of one pool minus power of another, at speeds that at least half of the flights in each pool reach.
+    """Return one pool's power minus the other's, at speeds that at least half of the flights in each pool reach.
 
     Raises InputError where there are none.
     """

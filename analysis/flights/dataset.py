@@ -1,8 +1,9 @@
-"""Statistics of flights as rows of a Parquet dataset, partitioned by airframe, wherever fsspec reaches.
+"""Statistics of flights as rows of a Parquet dataset, partitioned by airframe, at any place that fsspec can reach.
 
-A row is what a pool reads of a flight's `results.json`, a few kilobytes, and the columns by which flights are chosen.
-Files are added and never changed: an addition writes one file for each airframe, named by its content. The same flight
-added twice is one flight, and the order of additions does not matter.
+A row holds a few kilobytes of a flight's `results.json`, which a pool reads, and the columns by which flights are
+chosen.
+Files are added and never changed: an addition writes one file for each airframe, named by its content. A flight added
+twice counts once, and the order of additions does not matter.
 """
 
 import hashlib
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
 
 class Added(NamedTuple):
-    """Numbers of flights that were new and that the dataset had already."""
+    """Number of flights that were new, and number of flights that the dataset already had."""
 
     new: int
     already_there: int
@@ -43,7 +44,7 @@ class Added(NamedTuple):
 
 class StoredFlight(NamedTuple):
     """flight: fingerprint of its estimates     configuration: fingerprint of what flights of one pool have in common
-    folder: of its report
+    folder: folder of its report
     """
 
     flight: str
@@ -63,10 +64,10 @@ class Dataset:
     address: str
 
     def add(self, results: Iterable[Mapping[str, Any] | Results], folders: Mapping[str, Path] = {}) -> Added:
-        """Add the contents of results.json. Flights that are there already are left as they are.
+        """Add the contents of results.json. Flights already in the dataset are skipped.
 
-        folders: of the flights' reports, by the name of the log; kept relative to a dataset in a folder, so that both
-        can be moved together, and not kept in one at an address
+        folders: folders of the flights' reports, by the name of the log. A dataset in a folder keeps them as relative
+        paths, so that both can be moved together; a dataset at an address does not keep them
         """
         new: dict[str, list[StoredFlight]] = defaultdict(list)
         count = 0
@@ -89,12 +90,12 @@ class Dataset:
             return ""
         try:
             return Path(os.path.relpath(folder.resolve(), Path(self.address).resolve())).as_posix()
-        except ValueError:  # on another drive of Windows
+        except ValueError:  # on a different Windows drive
             return ""
 
     @property
     def airframes(self) -> list[str]:
-        """Names, in order."""
+        """Names of the airframes, sorted."""
         fs, root = file_system(self.address)
         names = sorted(unquote(path.rsplit("=", 1)[1]) for path in fs.glob(f"{root}/airframe=*"))
         if not names:
@@ -105,9 +106,9 @@ class Dataset:
         return names
 
     def flights(self, airframe: str, unread: list[str] | None = None) -> dict[str, list[PoolFlight]]:
-        """Flights of an airframe by configuration, each in the order of their dates, those without a date last.
+        """Return the flights of an airframe by configuration, sorted by date within each, undated ones last.
 
-        unread: receives a line for each file that cannot be read; raises InputError for the first where it is None
+        unread: receives a line for each file that cannot be read; if it is None, the first such file raises InputError
         """
         newest: dict[str, tuple[str, PoolFlight]] = {}
         for table in self._tables(airframe, ["flight", "configuration", "format", "content", "folder"], unread):
@@ -177,7 +178,7 @@ class Dataset:
 
 
 def stored(results: Mapping[str, Any] | Results) -> StoredFlight:
-    """A flight's row, without the fields from which a mission is computed. Raises InputError as `read_statistics`
+    """Return a flight's row, without the fields used to compute missions. Raises InputError as `read_statistics`
     does."""
     content = read_results(results)
     if content.pooling is None:
@@ -196,7 +197,7 @@ def stored(results: Mapping[str, Any] | Results) -> StoredFlight:
 
 
 def _stored_curve(flight: FlightCurve) -> StoredFlight:
-    """The row of a flight that gives electrical power only: flights of one size and one autopilot belong together."""
+    """Return the row of a flight that gives electrical power only; same size and autopilot make one configuration."""
     aircraft, power = flight.aircraft, flight.curve.power_W.value
     common = (flight.curve.kind, aircraft.wing_area_m2, aircraft.span_m, flight.content.vehicle)
     content = without_details(flight.content)
@@ -204,7 +205,7 @@ def _stored_curve(flight: FlightCurve) -> StoredFlight:
 
 
 def _read_row(row: Mapping[str, Any]) -> Results | None:
-    """None if it is of another version. Rows of earlier ones have the format of their statistics."""
+    """Return a row's results; None for an unknown format. Earlier versions wrote the format of their statistics."""
     if row["format"] == FORMAT:
         return msgspec.msgpack.decode(row["content"], type=Results)
     if row["format"] == POOLING_FORMAT:

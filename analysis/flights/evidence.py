@@ -1,4 +1,4 @@
-"""What contradicts a pool or a comparison: the evidence against each flight, and against flights as one."""
+"""What contradicts a pool or a comparison: evidence against each flight, and against pooling the flights."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,32 +15,32 @@ from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS, Se
 
 
 def against_flights(flights: Sequence[PoolFlight]) -> Iterator[Evidence]:
-    """The evidence of each flight's own results, with its name."""
+    """Yield the evidence in each flight's own results, with the flight's name."""
     for flight in flights:
         for evidence in flight.content.evidence:
             yield replace(evidence, log=flight.name)
 
 
 def against_polars(test: Test | None) -> Iterator[Evidence]:
-    """Evidence from the test that the flights' curves agree; the test is None for a single flight."""
+    """Yield evidence from the test of whether the flights' curves agree; the test is None for a single flight."""
     if test and test.doubtful:
         yield _doubt(EvidenceKind.FLIGHTS_DIFFER, test.p, polars_text(test))
 
 
 def against_installation(test: Test | None) -> Iterator[Evidence]:
-    """Evidence from the test that the flights share one installation; None if they do not claim it."""
+    """Yield evidence from the test of whether the flights share one installation; None if they do not claim to."""
     if test and test.doubtful:
         yield _doubt(EvidenceKind.INSTALLATIONS_DIFFER, test.p, installations_text(test))
 
 
 def against_thrust(test: Test | None) -> Iterator[Evidence]:
-    """Evidence from the test that both sides of a comparison have one thrust; None where they do not contradict it."""
+    """Yield evidence from the test of whether both sides of a comparison have the same thrust; None if they may."""
     if test and test.doubtful:
         yield _doubt(EvidenceKind.THRUST_TABLE, test.p, thrust_text(test))
 
 
 def against_outliers(flights: Sequence[PoolFlight], outliers: Mapping[int, tuple[Compared, str]]) -> Iterator[Evidence]:
-    """Flights that differ from all others. outliers: by number, how much and the likely reason"""
+    """Yield evidence against flights that differ from all others. outliers: difference and likely reason by number"""
     for i, (compared, reason) in sorted(outliers.items()):
         limit = outlier_level(compared, len(flights), TRUST.false_alarm_rate)
         kind = EvidenceKind.FLIGHTS_DIFFER if compared.p < limit else EvidenceKind.INSTALLATIONS_DIFFER
@@ -85,7 +85,7 @@ _KINDS = SENSOR_ERROR_KINDS | {
 
 
 def cause_text(cause: LikelyCause | None) -> str:
-    """Why a flight is likely to differ from the others."""
+    """Say why a flight is likely to differ from the others."""
     if cause is None:
         return (
             "no sensor or thrust error stands out: weight, rising or sinking air, or something changed on the aircraft"
@@ -100,7 +100,7 @@ def cause_text(cause: LikelyCause | None) -> str:
 
 
 def polars_text(test: Test, outliers: Sequence[str] = ()) -> str:
-    """Whether the curves of the flights agree. outliers: names of those that differ from all others."""
+    """Say whether the curves of the flights agree. outliers: names of flights that differ from all others."""
     named = f" {' and '.join(outliers)} {'differ' if len(outliers) > 1 else 'differs'} from the others."
     if not test.doubtful:
         agree = f"The curves of the flights agree within their errors (p = {test.p:.2g})"
@@ -113,7 +113,7 @@ def polars_text(test: Test, outliers: Sequence[str] = ()) -> str:
 
 
 def installations_text(test: Test) -> str:
-    """Whether the errors of the installation are the same in all flights."""
+    """Say whether the errors of the installation are the same in all flights."""
     if not test.differs:
         return f"The errors of the installation are the same in all flights within their errors (p = {test.p:.2g})."
     if not test.doubtful:
@@ -129,7 +129,7 @@ def installations_text(test: Test) -> str:
 
 
 def thrust_text(test: Test) -> str:
-    """The note on two sides of a comparison whose thrust differs though propeller and table are the same."""
+    """Return the note for a comparison whose sides differ in thrust although propeller and table are the same."""
     return (
         f"Thrust over that of the propeller's table differs between A and B (p = {test.p:.2g}), though both name one"
         " propeller: its errors do not cancel, and the interval contains them. Check motor speed (pulses, poles),"
@@ -143,7 +143,7 @@ NOT_NAMED = (
 )
 
 
-# Of flights that cannot be of one airframe; `earlier`, `between` and `later` are flights in order of time.
+# Texts on flights that cannot be from one airframe; `earlier`, `between` and `later` are flights in order of time.
 CONTRADICTIONS = {
     Contradiction.SIZE: (
         "{airframe}: {later.name} has another wing area or span than {earlier.name}: two aircraft of one name? Give"
@@ -191,7 +191,7 @@ NOT_ONE_VEHICLE = (
 
 
 def shape_text(share: float, error: float) -> str:
-    """Why a curve of electrical power is likely to differ. share: by which it lies above the others, with its error"""
+    """Say why a curve of electrical power is likely to differ. share, error: how far it lies above the others"""
     where = "higher" if share > 0 else "lower"
     return (
         f"its power is {abs(100 * share):.0f} ± {100 * error:.0f} % {where} over the speeds:"
@@ -207,7 +207,7 @@ def one_vehicle(a: Sequence[Results], b: Sequence[Results]) -> bool:
 
 
 def vehicle_notes(flights: Sequence[Results]) -> list[str]:
-    """A sentence for each name with flights of several boards, and for each board with flights of several names."""
+    """Return a sentence for each name with flights of several boards, and for each board with several names."""
     of_name, of_vehicle = (defaultdict[str, dict[str, list[str]]](lambda: defaultdict(list)) for _ in range(2))
     for results in flights:
         if results.vehicle:
@@ -231,7 +231,7 @@ def _listed(logs: dict[str, list[str]]) -> str:
 
 
 def undated_text(flights: Sequence[PoolFlight]) -> str:
-    """Which of them are left out of changes in time. flights: one without a date, at least"""
+    """Say which flights are left out of changes in time. flights: at least one must be undated"""
     undated = [flight.name for flight in flights if not flight.dated]
     return (
         f"{len(undated)} of {len(flights)} flights have no date ({undated[0]}{', …' if len(undated) > 1 else ''}): they"

@@ -1,4 +1,4 @@
-"""The contents of a fleet's files and figures: `fleet.json` from its airframes."""
+"""The contents of a fleet's files and figures: builds `fleet.json` from the airframes."""
 
 import math
 from collections import defaultdict
@@ -34,7 +34,7 @@ from flightpower.flight.version import version
 def fleet_results(
     fleet: Sequence[Airframe], left_out: Sequence[str], report_of: Callable[[PoolFlight], str] = lambda flight: ""
 ) -> FleetResults:
-    """The tables and figures of a fleet. report_of : the address of a flight's page, "" if there is none"""
+    """Return tables and figures of a fleet. report_of : gives the address of a flight's page, "" if there is none"""
     kinds: dict[tuple[float, str], list[Airframe]] = defaultdict(list)
     for airframe in fleet:
         kinds[airframe.kind].append(airframe)
@@ -58,7 +58,7 @@ def fleet_results(
 
 
 def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
-    """The first contradiction of each kind for each airframe, by date."""
+    """Return the first contradiction, by date, of each kind for each airframe."""
     contradictions: list[ContradictionResult] = []
     by_name: dict[str, list[PoolFlight]] = defaultdict(list)
     for airframe in fleet:
@@ -86,7 +86,7 @@ def _contradictions(fleet: Sequence[Airframe]) -> list[ContradictionResult]:
 
 
 def _shared_flights(by_name: dict[str, list[PoolFlight]]) -> Iterator[ContradictionResult]:
-    """The first flight of each airframe that is another airframe's as well."""
+    """Yield a contradiction for each airframe's first flight that also belongs to another airframe."""
     owners: dict[bytes, tuple[str, PoolFlight]] = {}
     for name, flights in by_name.items():
         shared = [flight for flight in flights if owners.setdefault(flight.key, (name, flight))[0] != name]
@@ -153,9 +153,9 @@ def _condition(pool: Pool) -> ConditionResult:
 
 
 def _curve(airframes: Sequence[Airframe]) -> FleetCurveResult:
-    """The fleet's curve at weight and density of the airframe with the most flights.
+    """Return the fleet's curve at the weight and density of the airframe with the most flights in its pool.
 
-    An airframe that has changed is no draw of the others: the mean is of the rest, where three are left.
+    Airframes that have changed are left out of the mean if at least three others remain.
     """
     unchanged = [airframe for airframe in airframes if not airframe.changes]
     in_mean = unchanged if len(unchanged) > 2 else airframes

@@ -22,9 +22,9 @@ from flightpower.analysis.uncertain import Uncertain
 from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 
-THRUST_CORRECTIONS = ("thrust_scale", "thrust_slope", "thrust_beyond")  # the last beyond the propeller's table
+THRUST_CORRECTIONS = ("thrust_scale", "thrust_slope", "thrust_beyond")  # the last applies beyond the propeller's table
 INSTALLATION_ERRORS = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")
-POOLED = POLAR + THRUST_CORRECTIONS + INSTALLATION_ERRORS  # shared by flights of one aircraft and installation
+POOLED = POLAR + THRUST_CORRECTIONS + INSTALLATION_ERRORS  # flights of one aircraft and installation share these
 M = len(POOLED)
 
 
@@ -38,21 +38,21 @@ class SharedMeasurement(NamedTuple):
 
     @property
     def information(self) -> Array:
-        """(M, M)."""
+        """Information (M, M) of this measurement."""
         row = np.array(self.coefficients) / self.sigma
         return np.outer(row, row)
 
     @property
     def vector(self) -> Array:
-        """(M,), what this measurement adds to information times mean."""
+        """The measurement's contribution (M,) to information times mean."""
         return np.array(self.coefficients) * self.value / self.sigma**2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _OneFlight:
-    """What any flight in a pool says.
+    """The fields that any flight in a pool has.
 
-    content : its results.json, besides what enters the pool     folder : of its report, where a dataset knows it
+    content : the flight's results.json     folder : of its report, if a dataset knows it
     """
 
     content: Results
@@ -81,12 +81,12 @@ class _OneFlight:
 class FlightStatistics(_OneFlight):
     """One flight. Arrays in the order of POOLED, (M,) or (M, M).
 
-    parameters : the flight's own estimate; shared are the errors that no residual shows
-    weighting_covariance : (k, k) of the first k, which are not errors of the installation, for given errors of it: its
-        inverse weighs data and prior in the estimate. Colored residuals make `covariance` larger
-    prior_mean, prior_information : of that estimate; information 0 where there is no prior
-    prior_measurements : that add to this prior
-    polar_covariance : (3, 3) of the flight's own curve
+    parameters : the flight's own estimate; its `shared` errors are those that no residual shows
+    weighting_covariance : (k, k) covariance of the first k parameters, polar and thrust, for given errors of the
+        installation: its inverse weighs data and prior in the estimate. Colored residuals make `covariance` larger
+    prior_mean, prior_information : prior of that estimate; the information is 0 where there is no prior
+    prior_measurements : measurements that add to this prior
+    polar_covariance : (3, 3) covariance of the flight's own polar
     """
 
     parameters: Uncertain
@@ -103,23 +103,23 @@ class FlightStatistics(_OneFlight):
 
     @property
     def battery_V(self) -> float | None:
-        """Mean over the runs; None where it was not measured."""
+        """Mean battery voltage over the runs; None if it was not measured."""
         return self.statistics.battery_V
 
     @property
     def key(self) -> bytes:
-        """Alike for two files of one flight."""
+        """Equal for two files of the same flight."""
         return self.parameters.value.tobytes()
 
     @property
     def statistics(self) -> PoolingStatistics:
-        """Taken from its results."""
+        """The statistics for pooling in the flight's results."""
         assert self.content.pooling is not None  # computed from these fields
         return self.content.pooling
 
     @property
     def polar(self) -> Polar:
-        """The flight's own."""
+        """The flight's own polar."""
         return Polar(polar_part(self.parameters.value), self.polar_covariance)
 
     @property
@@ -132,7 +132,7 @@ class FlightStatistics(_OneFlight):
 
     @property
     def prior_vector(self) -> Array:
-        """(M,), information times mean of the prior."""
+        """Information times mean (M,) of the prior."""
         return sum(
             (prior_measurement.vector for prior_measurement in self.prior_measurements),
             self.prior_information * self.prior_mean,
@@ -141,7 +141,7 @@ class FlightStatistics(_OneFlight):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightCurve(_OneFlight):
-    """One flight that enters a pool by its curve of electrical power, at its own weight and density."""
+    """One flight that contributes its curve of electrical power to a pool, at its own weight and density."""
 
     curve: Curve
 
@@ -151,7 +151,7 @@ class FlightCurve(_OneFlight):
 
     @property
     def key(self) -> bytes:
-        """Alike for two files of one flight."""
+        """Equal for two files of the same flight."""
         return self.curve.power_W.value.tobytes()
 
 
@@ -159,7 +159,7 @@ PoolFlight = FlightStatistics | FlightCurve
 
 
 def read_curve(results: Path | Mapping[str, Any] | Results) -> FlightCurve:
-    """The curve of electrical power of a flight. Raises InputError where its results have none with statistics."""
+    """Return a flight's curve of electrical power. Raises InputError if its results have none with statistics."""
     content = read_results(results)
     electrical = content.curves.get(Kind.ELECTRICAL)
     curve = stored_curve(electrical, content.aircraft.wing_area_m2) if electrical else None
@@ -169,9 +169,9 @@ def read_curve(results: Path | Mapping[str, Any] | Results) -> FlightCurve:
 
 
 def read_statistics(results: Path | Mapping[str, Any] | Results) -> FlightStatistics:
-    """The statistics of a flight, from its results.json, from the content of it or from what `analyze` returned.
+    """Return the statistics of a flight, from its results.json, from its content or from what `analyze` returned.
 
-    Raises InputError where the file cannot be read, or holds no statistics for pooling.
+    Raises InputError if the file cannot be read or has no statistics for pooling.
     """
     content = read_results(results)
     where = results if isinstance(results, Path) else f"results of {content.log}"
@@ -187,7 +187,7 @@ def read_statistics(results: Path | Mapping[str, Any] | Results) -> FlightStatis
 
 
 def without_details(results: Results) -> Results:
-    """The part of the results that pools and fleets use; the rest would need most of the memory."""
+    """Return the part of the results that pools and fleets use; the rest would take most of the memory."""
     use = results.use
     if use is not None:
         use = PerformanceResult(power_train=PowerTrainResult(measured=use.power_train.measured), model=use.model)
@@ -199,7 +199,7 @@ def without_details(results: Results) -> Results:
 
 
 def of_content(content: Results) -> FlightStatistics:
-    """The statistics as arrays. Raises ValueError or IndexError for malformed ones."""
+    """Return the statistics as arrays. Raises ValueError or IndexError if they are malformed."""
     of_flight, test = content.pooling, content.test
     if of_flight is None:
         raise ValueError("there are none")

@@ -1,16 +1,16 @@
-"""The joint estimate of several flights: normal equations over what they share, each prior used once.
+"""The joint estimate of several flights: normal equations for the parameters they share, with each prior used once.
 
 A flight is estimated in two steps: the errors of its installation along the flight path, and then drag and thrust for
-these errors. What drag shows of the errors is not used, so a pool may not use it either: the prior of thrust would
-move the airspeed scale. Each step adds the normal equations of all flights without their priors, and then the prior
-once (Tapley et al. 2004, sec. 4.5): first for the errors alone, then for drag and thrust at the pooled errors. Together
-their matrix is triangular by blocks. A flight's own errors (biases of the IMU, wind, gusts, zeros) have been
-marginalized: they are in its covariance.
+these errors. The information that drag contains on these errors is not used, so a pool must not use it either:
+otherwise the prior of thrust would move the airspeed scale. Each step adds the normal equations of all flights without
+their priors, and then the prior once (Tapley et al. 2004, sec. 4.5): first for the errors alone, then for drag and
+thrust at the pooled errors. The combined matrix is block triangular. A flight's own errors (biases of the IMU, wind,
+gusts, zeros) have been marginalized: they are in its covariance.
 
-Where nothing says that the probe stayed mounted, each flight has its own deviation from the shared errors of the
-installation, with the variance Q. The prior of the shared part is smaller by Q, so that a single flight has its own
-prior again. A flight that contradicts the installation stated for it is treated as remounted: its deviation has the
-variance of the prior.
+Unless a flight's file states that the probe stayed mounted, each flight has its own deviation, with the variance Q,
+from the shared errors of the installation. The variance of the shared part's prior is smaller by Q, so that a single
+flight still has its own prior. A flight that contradicts the installation stated for it is treated as remounted: its
+deviation has the variance of the prior.
 """
 
 from collections.abc import Collection, Sequence
@@ -26,7 +26,7 @@ from flightpower.analysis.methods.consider import DENSITY, UPDRAFT
 from flightpower.analysis.uncertain import Uncertain
 from flightpower.flight.arrays import Array
 
-# Errors that are separate for each flight; all others are common to all flights.
+# Errors that no residual shows and that are separate for each flight; all others are common to all flights.
 OWN_CHANGES = frozenset({UPDRAFT, DENSITY, *ZERO_STEPS.values()})
 _INSTALLATION = np.array([name in INSTALLATION_ERRORS for name in POOLED])
 
@@ -37,10 +37,10 @@ class FlightStack(NamedTuple):
     values : the flights' own estimates
     normal_matrix, vector : matrix and right-hand side of the normal equations without the prior; deviations of a
         flight's own installation are marginalized
-    gain : derivative of `vector` by the flight's own estimate
-    prior_part : derivative of the flight's own estimate by an error of the prior's mean
+    gain : derivative of `vector` with respect to the flight's own estimate
+    prior_part : derivative of the flight's own estimate with respect to an error of the prior's mean
     own_covariance : of the flight's own estimate for given shared parameters
-    changes : (n, M) by error that no residual shows and that all flights have in common
+    changes : (n, M) changes of the estimates by each error that no residual shows and that all flights have in common
     """
 
     values: Array
@@ -78,7 +78,8 @@ class Prior(NamedTuple):
 class Group(NamedTuple):
     """Flights with the same M parameters among all that are estimated.
 
-    columns : (M,) places of these     counts : (n,) how many flights like each there are, each with its own errors
+    columns : (M,) positions of these parameters in the solution
+    counts : (n,) how many flights like each there are, each with its own errors
     """
 
     stack: FlightStack
@@ -87,11 +88,11 @@ class Group(NamedTuple):
 
 
 class WithoutEach(NamedTuple):
-    """The joint estimates without each of n flights in turn.
+    """The joint estimates of n - 1 flights, leaving out each of n flights in turn.
 
-    x : (n, M)     prior_part : (n, M, M) derivative of x by an error of the prior's mean
-    by_others : (n, M, M) covariance by the errors that each of the other flights has of its own
-    changes : (n, M) by error that all flights have in common
+    x : (n, M)     prior_part : (n, M, M) derivative of x with respect to an error of the prior's mean
+    by_others : (n, M, M) covariance from the other flights' own errors
+    changes : (n, M) changes of x by each error that all flights have in common
     """
 
     x: Array
@@ -100,7 +101,7 @@ class WithoutEach(NamedTuple):
     changes: dict[str, Array]
 
     def total(self, prior_covariance: Array) -> Array:
-        """(n, M, M) covariance by all errors."""
+        """Return the covariance (n, M, M) from all errors."""
         by_changes = sum(change[:, :, None] * change[:, None, :] for change in self.changes.values())
         return np.asarray(_congruent(self.prior_part, prior_covariance) + self.by_others + by_changes)
 
@@ -108,8 +109,10 @@ class WithoutEach(NamedTuple):
 class PooledEstimate(NamedTuple):
     """The solution (k,), and influences (n, k, M) of each group's estimates on it.
 
-    parameters : shared are errors that no residual shows; the floor of `analysis.methods.consider` is not among them
-    prior_part : (k, k) derivative of the solution by an error of the prior's mean     prior_covariance : (k, k)
+    parameters : their `shared` errors are those that no residual shows, without the floor of
+    `analysis.methods.consider`
+    prior_part : (k, k) derivative of the solution with respect to an error of the prior's mean
+    prior_covariance : (k, k)
     """
 
     parameters: Uncertain
@@ -119,9 +122,9 @@ class PooledEstimate(NamedTuple):
 
 
 def remounting_variance(flight: FlightStatistics, *, remounted: bool) -> Array:
-    """Variance (M,) of a flight's own deviations: 0 where the installation has a name.
+    """Return the variance (M,) of a flight's own deviations: 0 if its installation has a name, unless it was remounted.
 
-    remounted : the flight contradicts the name
+    remounted : whether the flight contradicts the installation's name
     """
     if flight.installation and not remounted:
         return np.zeros(M)
@@ -131,7 +134,7 @@ def remounting_variance(flight: FlightStatistics, *, remounted: bool) -> Array:
 
 
 def stacked(flights: Sequence[FlightStatistics], remounted: Collection[int] = ()) -> FlightStack:
-    """Flights as arrays. remounted: numbers of those that were, whatever their files say."""
+    """Return flights as arrays. remounted: numbers of flights to treat as remounted, whatever their files say."""
     normal_matrix, vector, gain, prior_part, own_covariance = (
         np.stack(part)
         for part in zip(
@@ -151,7 +154,7 @@ def stacked(flights: Sequence[FlightStatistics], remounted: Collection[int] = ()
 
 
 def take(stack: FlightStack, numbers: Sequence[int]) -> FlightStack:
-    """Some of the flights, by number."""
+    """Return some of the flights, by number."""
     indices = list(numbers)
     changes = {name: change[indices] for name, change in stack.changes.items()}
     arrays = {name: getattr(stack, name)[indices] for name in FlightStack._fields if name != "changes"}
@@ -159,15 +162,15 @@ def take(stack: FlightStack, numbers: Sequence[int]) -> FlightStack:
 
 
 class _DataInformation(NamedTuple):
-    """Content of the data: information (k, k) without the prior, and the excess (k, k) of the estimate's covariance
-    over that of information and prior (colored residuals, random draws)."""
+    """What the data contribute: information (k, k) without the prior, and the excess (k, k) of the estimate's
+    covariance over what information and prior give (from colored residuals and random draws)."""
 
     information: Array
     excess: Array
 
 
 def _without_prior(covariance: Array, prior: Array) -> _DataInformation:
-    """Information of the data alone, from an estimate whose covariance includes the prior's (k, k)."""
+    """Return the information of the data alone, from an estimate whose covariance includes the prior's (k, k)."""
     scale = np.sqrt(np.diag(covariance))
     own, vectors = np.linalg.eigh(np.linalg.inv(covariance / np.outer(scale, scale)) - prior * np.outer(scale, scale))
     information = (vectors * np.maximum(own, 0.0)) @ vectors.T / np.outer(scale, scale)
@@ -178,11 +181,11 @@ def _without_prior(covariance: Array, prior: Array) -> _DataInformation:
 
 
 def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """The terms of `FlightStack` for one flight. Q: (M,) variances of its own deviations.
+    """Return the terms of `FlightStack` for one flight. Q: (M,) variances of its own deviations.
 
-    s: errors of the installation, the first step, with the covariance S_ss. r: drag and thrust, the second step, which
-    change by `slope` times s and have the covariance S_rr - slope S_ss slope' for given s. Their data and priors were
-    weighed by D, as for white residuals.
+    s: errors of the installation, estimated in the first step, with the covariance S_ss. r: drag and thrust, estimated
+    in the second step; they change by `slope` times s and have the covariance S_rr - slope S_ss slope' for given s. D,
+    the covariance for white residuals, weighted their data and priors.
     """
     P, S = flight.prior_matrix, flight.parameters.own
     s, r = np.flatnonzero(_INSTALLATION), np.flatnonzero(~_INSTALLATION)
@@ -217,7 +220,7 @@ def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array,
 
 
 def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
-    """The prior of the shared parameters; the widest where flights differ. The stand's measurement is taken from the
+    """Return the prior of the shared parameters; the widest if flights differ. The stand's measurement is taken from the
     first flight: flights with one propeller share it."""
     widest = np.min([flight.prior_information for flight in flights], axis=0)
     share = 1.0 if flights[0].installation else 1 - POOLING.remounted**2
@@ -231,7 +234,7 @@ def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
 
 def solve(groups: Sequence[Group], prior: Prior) -> PooledEstimate:
     """Solves for all shared parameters (k,)."""
-    H, b = prior.information.copy(), prior.vector.copy()  # not symmetric: the first step does not see the second
+    H, b = prior.information.copy(), prior.vector.copy()  # not symmetric: the first step ignores the second
     for stack, indices, counts in groups:
         H[np.ix_(indices, indices)] += np.tensordot(counts, stack.normal_matrix, 1)
         b[indices] += counts @ stack.vector
@@ -249,13 +252,13 @@ def solve(groups: Sequence[Group], prior: Prior) -> PooledEstimate:
 
 
 def pooled_estimate(stack: FlightStack, prior: Prior, counts: Sequence[float] = ()) -> PooledEstimate:
-    """The joint estimate (M,) of flights of one aircraft and installation. counts: of `Group`; one where empty."""
+    """Return the joint estimate (M,) of flights of one aircraft and installation. counts: as in `Group`; default 1."""
     repeats = np.array(counts or np.ones(len(stack.values)), dtype=float)
     return solve([Group(stack, np.arange(M), repeats)], prior)
 
 
 def without_each(stack: FlightStack, prior: Prior) -> WithoutEach:
-    """The joint estimates of all flights but one, for each of two flights or more."""
+    """Return the joint estimates that leave out each flight in turn; requires at least two flights."""
     noise = _congruent(stack.gain, stack.own_covariance)
     gained = {name: np.einsum("fij,fj->fi", stack.gain, change) for name, change in stack.changes.items()}
     solution = _inverse(prior.information + _sum_over_others(stack.normal_matrix))
@@ -268,7 +271,7 @@ def without_each(stack: FlightStack, prior: Prior) -> WithoutEach:
 
 
 def _sum_over_others(of_flights: Array) -> Array:
-    """Sum over all flights but one, for each."""
+    """Return, for each flight, the sum over all other flights."""
     return np.asarray(of_flights.sum(axis=0) - of_flights)
 
 
@@ -278,7 +281,7 @@ def _congruent(W: Array, C: Array) -> Array:
 
 
 def _inverse(H: Array) -> Array:
-    """Inverse of matrices (..., k, k) whose parameters have different units."""
+    """Invert matrices (..., k, k) whose parameters have different units."""
     scale = 1 / np.sqrt(np.diagonal(H, axis1=-2, axis2=-1))
     scales = scale[..., :, None] * scale[..., None, :]
     return np.asarray(np.linalg.inv(H * scales) * scales)

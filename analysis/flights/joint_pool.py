@@ -71,7 +71,8 @@ _UNITS = {"alpha_bias": "rad", "beta_bias": "rad", "air_data_lag": "s"}
 class JointPool(Pool):
     """The joint estimate of one or more flights of one aircraft, propeller and installation.
 
-    as_stated, stack : with the installation that the files state; with the flights `remounted` treated as remounted
+    as_stated : the flights with the installation that their files state
+    stack : the same, with the flights `remounted` treated as remounted
     remounted : numbers of the flights that contradict having the same installation as the others
     condition : mean weight and density of the flights, at which curves are given
     flown_CL : lift coefficients that at least one flight covers
@@ -89,7 +90,7 @@ class JointPool(Pool):
 
     @cached_property
     def curve(self) -> PolarCurve:
-        """The curve at mean weight and density; extrapolated where no flight that reached it knows its thrust."""
+        """The curve at mean weight and density; extrapolated where the thrust is outside the table in every flight."""
         curve = polar_curve(self.polar, self.condition, self.flown_CL)
         return replace(curve, extrapolated=~thrust_known(self.flights, lift_coefficient(curve.V_mps, self.condition)))
 
@@ -100,7 +101,7 @@ class JointPool(Pool):
 
     @cached_property
     def differences(self) -> list[Difference]:
-        """Each flight against the pool of all others; empty for one flight. Installations are compared as stated."""
+        """Each flight minus the pool of all others; empty for one flight. Installations are compared as stated."""
         if len(self.flights) < 2:
             return []
         differences, as_declared = (
@@ -134,7 +135,7 @@ class JointPool(Pool):
 
     @property
     def notes(self) -> list[str]:
-        """What else the reader has to know, besides the evidence."""
+        """What the reader has to know besides the evidence."""
         installations = self.installation_homogeneity
         notes = [NOT_NAMED] if len(self.flights) > 1 and not self.flights[0].installation else []
         if self.remounted and installations and not installations.doubtful:
@@ -156,7 +157,7 @@ class JointPool(Pool):
         return self._half_width_percent(self.flights[number].polar_covariance, V)
 
     def half_widths_without_percent(self, V: Array) -> Array:
-        if len(self.flights) == 2:  # the other alone
+        if len(self.flights) == 2:  # leaves the other flight alone
             covariances = [flight.polar_covariance for flight in reversed(self.flights)]
         else:
             total = without_each(self.stack, self.prior).total(self.prior.covariance)
@@ -197,7 +198,7 @@ class JointPool(Pool):
         return curve_result(self.curve, parts=[])
 
     def _percent(self, V: Array) -> Array:
-        """Derivative (n, 3) of the power at V by the polar, in percent of the pooled power."""
+        """Return the derivative (n, 3) of the power at V with respect to the polar, in percent of the pooled power."""
         power, _ = self.power(V)
         return np.asarray(100 * power_gradient(V, self.condition) / power[:, None])
 
@@ -249,11 +250,11 @@ def joint_polars(
     counts: tuple[Array, Array] | None = None,
     same_day: bool = True,
 ) -> Polar:
-    """Polars of A and B (6,) with their joint covariance (6, 6). counts: of `Group`, of A and of B.
+    """Return the polars of A and B (6,) with their joint covariance (6, 6). counts: as in `Group`, for A and for B.
 
-    same_day : whether the errors of thrust are the same to the last. From one flying day to another a share
-    POOLING.remounted of their prior standard deviation moves, as when a probe is remounted: motor pulse errors, dirt on
-    the propeller, the entered weight.
+    same_day : whether the errors of thrust are exactly the same. From one flying day to another a share
+    POOLING.remounted of their prior standard deviation changes, as when a probe is remounted: motor pulse errors, dirt
+    on the propeller, the entered weight.
     """
     prior_a = _prior_of_a(a, b, same_installation, same_propeller)
     at_a, end = np.r_[0:_N_POLAR, 2 * _N_POLAR : _N_POLAR + M], _N_POLAR + M
@@ -287,7 +288,7 @@ def joint_polars(
 
 
 def _alike(prior: Prior, at_a: NDArray[np.intp], at_b: NDArray[np.intp], correlation: float) -> Prior:
-    """The prior in which the parameters of B are correlated with those of A; both have the prior of A."""
+    """Return the prior in which the parameters of B are correlated with those of A; both have the prior of A."""
     J, vector = prior.information[np.ix_(at_a, at_a)], prior.vector[at_a]
     information, vector_sum = prior.information.copy(), prior.vector.copy()
     for rows, columns, factor in ((at_a, at_a, 1.0), (at_b, at_b, 1.0), (at_a, at_b, -correlation),
@@ -298,7 +299,7 @@ def _alike(prior: Prior, at_a: NDArray[np.intp], at_b: NDArray[np.intp], correla
 
 
 def _prior_of_a(a: "JointPool", b: "JointPool", same_installation: bool, same_propeller: bool) -> Prior:
-    """The prior (M,) of the parameters of A; of those that B shares, the prior of both."""
+    """Return the prior (M,) of the parameters of A; parameters that B shares have the prior of both pools."""
     of_both = shared_prior([*a.flights, *b.flights])
     shared = np.zeros(M, dtype=bool)
     shared[_N_POLAR:_INSTALLATION_FROM], shared[_INSTALLATION_FROM:] = (
@@ -312,7 +313,7 @@ def _prior_of_a(a: "JointPool", b: "JointPool", same_installation: bool, same_pr
 
 
 def thrust_known(flights: Sequence[FlightStatistics], CL: Array) -> NDArray[np.bool_]:
-    """Whether the propeller's table covers the thrust of at least one flight that covers this lift coefficient (n,)."""
+    """Whether the propeller's table covers the thrust at CL (n,) in at least one flight that reached it."""
     covered_at = np.zeros(len(CL), dtype=bool)
     for flight in flights:
         points = flight.content.power_required
@@ -334,12 +335,12 @@ def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:
 
 
 def pooled_polar(flights: Sequence[FlightStatistics], estimate: PooledEstimate) -> Polar:
-    """Polar of the pool; a single flight keeps its own, which the joint estimate equals except for rounding."""
+    """Return the pool's polar; a single flight keeps its own, which the joint estimate equals except for rounding."""
     if len(flights) == 1:
         return flights[0].polar
     return Polar(estimate.parameters.value[:_N_POLAR], pooled_covariance(estimate.parameters.covariance))
 
 
 def pooled_covariance(total: Array) -> Array:
-    """Covariance (3, 3) of the pooled polar, everything together. total: of all shared parameters, (M, M)."""
+    """Return the covariance (3, 3) of the pooled polar, including the floor. total: (M, M) of all shared parameters."""
     return np.asarray(total[:_N_POLAR, :_N_POLAR] + covariance.floor())

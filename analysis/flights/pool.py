@@ -1,4 +1,4 @@
-"""The pool of several flights, from their results: of drag, of electrical power, or of both."""
+"""Pools several flights from their results: by drag, by electrical power, or by both."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -27,12 +27,11 @@ __all__ = ["Pool", "joint_pool", "of_kind", "pool", "pool_flights", "pool_result
 
 
 def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
-    """The joint estimate of flights, from the results.json of each: of drag where two have it, or else of electrical
-    power.
+    """Pool flights from the results.json of each, by drag and, if some give electrical power only, also by that.
 
-    If some flights give electrical power only, there are two pools, so an added flight never removes the curve of
-    earlier ones: the second pool is `other_kind`. Raises InputError where there is no pool: for no flights, for results
-    without statistics, for one flight twice, and for flights of two aircraft, propellers or installations.
+    With two pools, an added flight never removes the curve of earlier ones. The second pool is `other_kind`: it is the
+    pool by drag if only one flight has drag. Raises InputError if there are no flights, results without statistics, the
+    same flight twice, or flights of two aircraft, propellers or installations.
     """
     if not results:
         raise InputError("no flights to pool; give the results.json of one or more flights")
@@ -42,14 +41,13 @@ def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
     if any(_has(content, Kind.ELECTRICAL) and not _has(content, Kind.POWER_REQUIRED) for content in contents):
         kinds.insert(1 if with_drag > 1 else 0, Kind.ELECTRICAL)
     if not kinds:
-        read_statistics(results[0])  # it says why
+        read_statistics(results[0])  # raises an error that says why
     return first_of_kinds(kinds, lambda kind: _of_kind(contents, kind))
 
 
 def of_kind(pool: Pool, kind: Kind) -> Pool | None:
-    """The pool of the same flights by a kind of power; None where none has it.
-
-    Raises InputError where they cannot be pooled by it.
+    """Return the pool of the same flights by a kind of power; None if no flight has it. Raises InputError if they
+    cannot be pooled by it.
     """
     if pool.kind is kind or pool.other_kind:
         return pool if pool.kind is kind else pool.other_kind
@@ -62,7 +60,7 @@ def _has(results: Results, kind: Kind) -> bool:
 
 
 def _of_kind(contents: Sequence[Results], kind: Kind) -> Pool:
-    """The pool of the flights that have this kind of power; at least one must."""
+    """Return the pool of the flights that have this kind of power; at least one flight must have it."""
     flights = [content for content in contents if _has(content, kind)]
     left_out = tuple(_left_out(content) for content in contents if not _has(content, kind))
     pooled = joint_pool(flights) if kind is Kind.POWER_REQUIRED else curve_pool([*map(read_curve, flights)])
@@ -77,26 +75,26 @@ _WHY = {
 
 
 def _left_out(results: Results) -> LeftOut:
-    """A flight that lacks one kind of power."""
+    """Return the entry for a flight that lacks one kind of power."""
     reason = LeftOutReason.ELECTRICAL_ONLY if _has(results, Kind.ELECTRICAL) else LeftOutReason.NO_STATISTICS
     reason = LeftOutReason.NO_BATTERY if _has(results, Kind.POWER_REQUIRED) else reason
     return LeftOut(log=results.log, reason=reason, text=_WHY[reason])
 
 
 def pool_flights(flights: Sequence[PoolFlight]) -> Pool:
-    """The joint estimate of flights of one kind. Raises InputError as `pool_results`."""
+    """Pool flights of one kind. Raises InputError as `pool_results` does."""
     curves = [flight for flight in flights if isinstance(flight, FlightCurve)]
     drag = [flight for flight in flights if isinstance(flight, FlightStatistics)]
     return curve_pool(curves) if curves else pool(drag)
 
 
 def joint_pool(results: Sequence[Path | Mapping[str, Any] | Results]) -> JointPool:
-    """The joint estimate of drag. Raises InputError as `pool_results`."""
+    """Pool flights by drag. Raises InputError as `pool_results` does."""
     return pool([read_statistics(path) for path in results])
 
 
 def pool(flights: Sequence[FlightStatistics]) -> JointPool:
-    """The joint estimate of drag, from the statistics of the flights. Raises InputError as above."""
+    """Pool flights by drag, from their statistics. Raises InputError as `pool_results` does."""
     refuse_repeated(flights)
     check_one_aircraft(flights)
     as_stated, prior = stacked(flights), shared_prior(flights)

@@ -7,7 +7,7 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class Pooling(Settings):
-    """How flights are put together, tested for agreement, and compared."""
+    """How flights are pooled, tested for agreement, and compared."""
 
     remounted: float = setting(
         0.3,

@@ -1,6 +1,6 @@
-"""What pools of drag and of electrical power have alike, and the form of their results (docs/understand/pooling.md).
+"""What pools of drag and of electrical power have in common, and how results are written (docs/understand/pooling.md).
 
-Drag: the joint estimate of polar, thrust and installation (`joint_pool`). Electrical power: curves without
+Drag: the joint estimate of polar, thrust and installation (`joint_pool`). Electrical power: curves, without an
 installation (`curve_pool`). Each kind of pool supplies the power at any speeds from any number of its flights, and the
 difference of each flight from the others. Tests, outliers, trends, plans and the record are computed here.
 """
@@ -60,7 +60,7 @@ AnyKind = TypeVar("AnyKind")
 class OfAKind(Generic[AnyKind]):
     """An estimate by one kind of power, plus the estimate by the other kind if that has flights which this one lacks.
 
-    refused : why the other cannot be made though there are such flights; else empty
+    refused : why the other estimate cannot be made although there are such flights; else empty
     """
 
     other_kind: AnyKind | None = field(default=None, kw_only=True)
@@ -71,8 +71,8 @@ Estimate = TypeVar("Estimate", bound=OfAKind[Any])
 
 
 def first_of_kinds(kinds: Sequence[Kind], made_by: Callable[[Kind], Estimate]) -> Estimate:
-    """The estimate by the first kind of power, and the estimate by the other kind. A kind that is refused is left out,
-    and the reason kept. Raises the first InputError where all are.
+    """Estimate by the first kind of power, and by the other kind as `other_kind`. A kind for which InputError is
+    raised is left out, and the reason is kept. Raises the first InputError if every kind fails.
     """
     estimates, refused = [], []
     for kind in kinds:
@@ -90,10 +90,10 @@ def first_of_kinds(kinds: Sequence[Kind], made_by: Callable[[Kind], Estimate]) -
 class Pool(OfAKind["Pool"], ABC):
     """The joint estimate of one or more flights of one aircraft.
 
-    condition : at which curves are given     curve : of all flights
-    left_out : the flights given that have not this kind of power
-    differences : each flight against the pool of all others; empty for one flight, and where one cannot be compared
-    outliers : by number, flights that differ from the pool of those that agree
+    condition : weight and density at which curves are given     curve : of all flights
+    left_out : the flights that lack this kind of power
+    differences : each flight minus the pool of all others; empty for one flight, or if any flight cannot be compared
+    outliers : flights, by number, that differ from the pool of the flights that agree
     """
 
     kind: ClassVar[Kind]
@@ -129,41 +129,41 @@ class Pool(OfAKind["Pool"], ABC):
 
     @property
     def installation_homogeneity(self) -> Test | None:
-        """Test of whether the errors of the installation are as equal as stated; None where there are none."""
+        """Test of whether the errors of the installation are as equal as stated; None if there are no such errors."""
         return None
 
     @abstractmethod
     def reason(self, difference: Compared) -> str:
-        """Why a flight is likely to differ from the others."""
+        """Say why a flight is likely to differ from the others."""
 
     @abstractmethod
     def half_widths_percent(self, counts: Sequence[int], V: Array) -> Array:
-        """Half width (n,) of the 95 % interval at speeds V (n,), in percent of the pooled power.
+        """Return the half width (n,) of the 95 % interval at speeds V (n,), in percent of the pooled power.
 
         counts : how many flights like each flight there are
         """
 
     @abstractmethod
     def half_widths_alone_percent(self, number: int, V: Array) -> Array:
-        """Half widths [%] of one flight, by number; NaN at speeds outside its range."""
+        """Return half widths [%] of one flight, by number; NaN at speeds outside its range."""
 
     @abstractmethod
     def half_widths_without_percent(self, V: Array) -> Array:
-        """Half widths (flights, n) without each of two flights or more, at speeds V (n,); infinite where unknown."""
+        """Return half widths (flights, n) [%] at speeds V (n,) without each flight in turn; infinite where unknown."""
 
     @abstractmethod
     def deviations(self) -> list[tuple[Array, Array]]:
-        """Deviation of each flight's curve from the pool: percent and 95 % limits, each (n,), at `speeds_mps`."""
+        """Return each flight's deviation from the pool in percent and its 95 % limits, each (n,), at `speeds_mps`."""
 
     @abstractmethod
     def deviations_for_trends(self) -> tuple[Array, ErrorParts]:
-        """Deviation of each flight's power from the pool in percent (flights,), at the speed where flights are most
-        certain."""
+        """Return each flight's deviation in power (flights,) [%] at the speed with the least errors, and these
+        errors."""
 
     @abstractmethod
     def planned_difference(self, flights: int) -> Array:
-        """Covariance (n, n) at `speeds_mps` of the difference, as a share of power, of two such configurations by so
-        many flights each, which share all errors that flights share."""
+        """Return the covariance (n, n) at `speeds_mps` of the difference in power, as a share, between two such
+        configurations with so many flights each; the two share all errors that flights share."""
 
     @property
     def notes(self) -> list[str]:
@@ -175,16 +175,16 @@ class Pool(OfAKind["Pool"], ABC):
         """The curve of all flights as results have it."""
 
     def _form(self, results: PooledResults, request: Request) -> PooledResults:
-        """The results with the fields that only this kind has."""
+        """Return the results with the fields that only this kind of pool has."""
         return results
 
     def _form_of_flight(self, _: int, flight: PooledFlight) -> PooledFlight:
-        """The row of one flight, by number, with the fields that only this kind has."""
+        """Return the row of one flight, by number, with the fields that only this kind of pool has."""
         return flight
 
     @cached_property
     def evidence(self) -> list[Evidence]:
-        """Against the flights and the pool, the worst first."""
+        """Evidence against the flights and the pool, worst first."""
         reasons = {i: (outlier, self.reason(outlier)) for i, outlier in self.outliers.items()}
         return worst_first(
             [
@@ -197,14 +197,14 @@ class Pool(OfAKind["Pool"], ABC):
 
     @property
     def outlying_curves(self) -> list[str]:
-        """Names of the flights whose curve differs from those of the others."""
+        """Names of the flights whose curve differs from the other flights' curves."""
         tests = 1 if self.installation_homogeneity is None else len(("curve", "installation"))
         level = TRUST.false_alarm_rate / (tests * len(self.flights))
         return [self.flights[i].name for i, outlier in sorted(self.outliers.items()) if outlier.p < level]
 
     @cached_property
     def agreement(self) -> Agreement | None:
-        """Whether the flights agree, by the evidence; None for one flight."""
+        """Whether the flights agree according to the evidence; None for one flight."""
         kinds = {evidence.kind for evidence in self.evidence}
         if len(self.flights) < 2:
             return None
@@ -213,9 +213,9 @@ class Pool(OfAKind["Pool"], ABC):
         return Agreement.NOT_THE_INSTALLATION if EvidenceKind.INSTALLATIONS_DIFFER in kinds else Agreement.YES
 
     def results(self, failures: Sequence[str] = (), request: Request = Request()) -> PooledResults:
-        """The contents of the pooled results.json.
+        """Return the contents of the pooled results.json. failures: lines about logs that cannot be used
 
-        failures: lines about logs that cannot be used     request: weights and density altitudes to compute
+        request: weights and density altitudes to compute
         """
         flights = self._flights()
         curves, installations = self.homogeneity, self.installation_homogeneity
@@ -258,7 +258,7 @@ class Pool(OfAKind["Pool"], ABC):
         return next((flight.content.battery for flight in reversed(self.flights) if flight.content.battery), None)
 
     def _between_flights(self) -> list[Scatter]:
-        """Scatter of the flights' curves about the pooled one, and what their errors explain of it."""
+        """Return the scatter of the flights' curves about the pooled curve, and how much of it their errors explain."""
         if len(self.flights) == 1:
             return []
         value, limit = (np.array(part) for part in zip(*self.deviations(), strict=True))
@@ -302,7 +302,7 @@ class Pool(OfAKind["Pool"], ABC):
         return flights
 
     def _one_more(self, flights: Sequence[PooledFlight]) -> OneMore:
-        """Half widths now, and with one more flight like the one that contributed most."""
+        """Return half widths as they are, and with one more flight like the one that contributed most."""
         V, n = self.speeds_mps, len(flights)
         best = int(np.argmax([flight.share_of_information for flight in flights]))
         return OneMore(
@@ -318,7 +318,7 @@ class Pool(OfAKind["Pool"], ABC):
         return trends(self.flights, *self.deviations_for_trends())
 
     def _undated(self) -> list[str]:
-        """A line on those that the trend over the date leaves out, where there are enough flights for one."""
+        """Return a line on undated flights, which trends over date leave out, if there are enough flights for trends."""
         if len(self.flights) < POOLING.fewest_for_trend or all(flight.dated for flight in self.flights):
             return []
         return [undated_text(self.flights)]
@@ -333,7 +333,7 @@ def _agreement(test: Test, text: str) -> AgreementTest:
 
 
 def refuse_repeated(flights: Sequence[PoolFlight]) -> None:
-    """Raises InputError where two of the flights are one."""
+    """Raise InputError if two of the flights are the same flight."""
     seen: dict[bytes, str] = {}
     for flight in flights:
         if flight.key in seen:
@@ -345,7 +345,7 @@ def refuse_repeated(flights: Sequence[PoolFlight]) -> None:
 
 
 def mean_air(flights: Sequence[PoolFlight]) -> AirFound:
-    """Temperature and pressure, the mean of the flights that have them."""
+    """Return mean temperature and pressure of the flights that have them."""
     of_flights = [flight.content.air for flight in flights]
     temperatures_K = [air.temperature_K for air in of_flights if air.temperature_K is not None]
     pressures_Pa = [air.pressure_Pa for air in of_flights if air.pressure_Pa is not None]
@@ -356,11 +356,11 @@ def mean_air(flights: Sequence[PoolFlight]) -> AirFound:
 
 
 def flights_to_see(pool: Pool, difference: float) -> int | None:
-    """Flights of each of two configurations by which a difference of power is seen in 9 of 10 campaigns.
+    """Return how many flights each of two configurations needs to show a difference in power in 9 of 10 campaigns.
 
-    difference : fraction of power, at every lift coefficient. The flights are taken to be like those of the pool, with
-    the same shared errors throughout. None for more than `EVIDENCE.most_repetitions`.
-    Raises InputError where the difference is not positive.
+    difference : fraction of power, at every lift coefficient. These flights are assumed to be like the flights of the
+    pool, all with the same shared errors. None for more than `EVIDENCE.most_repetitions`. Raises InputError where the
+    difference is not positive.
     """
     if not difference > 0:
         raise InputError(f"a difference of {difference:g} to be seen; give a fraction above 0, such as 0.02")
@@ -387,9 +387,9 @@ def plans_to_see(pool: Pool) -> list[FlightsToSee]:
 
 
 def _needed_errors(covariance: Array) -> float:
-    """The difference at all speeds, in standard errors at the speed known best, that `agreement.of_difference` sees
-    there as often as `POOLING.detection`. covariance : (n, n); how speeds are correlated hardly depends on how many
-    flights there are"""
+    """Return the difference, equal at all speeds, that `agreement.of_difference` detects with the probability
+    `POOLING.detection`, in standard errors at the speed known best. covariance : (n, n); the correlation between speeds
+    hardly depends on the number of flights"""
     probability = largest_of_errors(covariance)
     limit = brentq(lambda z: probability(z) - EVIDENCE.false_alarms, NORMAL_95 - 0.1, 5.0, xtol=0.01)
     return float(limit + ndtri(POOLING.detection))

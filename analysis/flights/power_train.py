@@ -1,7 +1,7 @@
-"""The inputs for the energy of a mission, from a pool: its polar and thrust, and the mean of its power trains.
+"""A pool's inputs for the energy of a mission: its polar and thrust, and the mean of its flights' power trains.
 
 Flights share the motor, the controller, the battery's meter and the priors of their losses, so their errors are
-correlated, to an unknown degree. Whatever the correlation, the covariance of the mean is at most the mean of the
+correlated to an unknown degree. Whatever the correlation, the covariance of the mean is at most the mean of the
 covariances, which is used here.
 """
 
@@ -35,7 +35,7 @@ NO_FULL_THROTTLE = "No flight of these has two seconds of settled full throttle 
 
 
 class DragPool(Protocol):
-    """What is used here of the joint estimate of drag (`joint_pool`)."""
+    """The part of the joint estimate of drag (`joint_pool`) that is used here."""
 
     @property
     def flights(self) -> Sequence[FlightStatistics]: ...
@@ -52,7 +52,7 @@ class DragPool(Protocol):
 
 
 def pooled_use(pool: DragPool) -> PooledUse | None:
-    """None where no flight has a power train. Measured losses are used if there are any, otherwise assumed ones."""
+    """Pool power trains; None if no flight has one. Measured losses are used if there are any, else assumed ones."""
     candidates = [
         (candidate, candidate.content.use, candidate.content.use.model)
         for candidate in pool.flights
@@ -72,8 +72,8 @@ def pooled_use(pool: DragPool) -> PooledUse | None:
 def pooled_performance(
     pool: DragPool, use: PooledUse, air: AirFound, request: Request = Request()
 ) -> PerformanceResult | None:
-    """Endurance, range and full throttle at the pool's weight and density, and at others as requested; None where
-    the battery or the air is not known, or the propeller's table cannot give the thrust of level flight."""
+    """Compute endurance, range and full throttle at the pool's weight and density, and at any requested; None if
+    battery or air is not known, or if the propeller's table cannot give the thrust of level flight."""
     if pool.battery is None or air.temperature_K is None or air.pressure_Pa is None:
         return None
     condition = FlownCondition(pool.condition, air.pressure_Pa, air.temperature_K)
@@ -123,7 +123,7 @@ def _mean(parts: Sequence[ParameterVector]) -> ParameterVector:
 
 
 def slowest_flown(pool: DragPool) -> SlowestFlown | None:
-    """Slowest speed at the pool's condition, with the largest lift coefficient of any flight; None if unknown."""
+    """Return the slowest speed at the pool's condition and the largest lift coefficient flown; None if unknown."""
     slowest = [
         flight.content.slowest_flown.largest_lift_coefficient for flight in pool.flights if flight.content.slowest_flown
     ]

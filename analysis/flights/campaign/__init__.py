@@ -1,1 +1,1 @@
-"""Analyzes many logs on all processors or a cluster, without repeating finished work."""
+"""Analysis of many logs on all processors or on a cluster, without repeating finished work."""

@@ -1,7 +1,7 @@
-"""Logs where they lie: in folders, and at addresses that fsspec reaches (`s3://`, `gs://`, `https://`).
+"""Logs in folders, and at addresses that fsspec can reach (`s3://`, `gs://`, `https://`).
 
-Each address is listed once. A log is read when it is analyzed, into a copy that goes with the analysis. Credentials
-are found by the library of the address in its own ways, such as the environment or a file in the home folder.
+Each address is listed once. A log at an address is copied when it is analyzed, and the copy is deleted afterwards. The
+library for the address finds credentials in its own ways, such as the environment or a file in the home folder.
 """
 
 import hashlib
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 ADDRESS = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
-# Fields by which a store shows that an object was rewritten: the first one it has is used.
+# Fields that show whether a store's object was rewritten; the first one that the store provides is used.
 VERSIONS = (
     "ETag",
     "etag",
@@ -38,12 +38,12 @@ VERSIONS = (
     "created",
 )
 RESULTS_HERE = ", but results of `analyze`: give the logs again, with this folder after -o; no flight is analyzed twice"
-FOR_GOOD = (FileNotFoundError, PermissionError, IsADirectoryError, ImportError, ValueError)  # asking again is no help
+FOR_GOOD = (FileNotFoundError, PermissionError, IsADirectoryError, ImportError, ValueError)  # retrying does not help
 
 
 @dataclass(frozen=True)
 class RemoteLog:
-    """A log as its address was listed. version: changes when it is rewritten; empty where the store says none."""
+    """A log as listed at its address. version: changes when the log is rewritten; empty if the store gives none."""
 
     address: str
     size: int | None
@@ -63,9 +63,9 @@ Log = Path | RemoteLog
 
 @dataclass
 class FoundLogs:
-    """Logs in the order of what was given. failures: a line for each place that cannot be listed or has no logs.
+    """Logs in the order of the arguments. failures: a line for each argument that cannot be listed or has no logs.
 
-    in_folders: whether any of the given arguments is a folder.
+    in_folders: whether any of the arguments is a folder.
     """
 
     logs: list[Log] = field(default_factory=list)
@@ -78,12 +78,12 @@ def is_address(text: str) -> bool:
 
 
 def printable(address: str) -> str:
-    """The address to print: without the signature that follows a question mark."""
+    """Return the address without the signature that follows a question mark, so that it can be printed."""
     return address.split("?", 1)[0] if address.startswith("http") else address
 
 
 def place(log: Log) -> PurePath:
-    """Absolute."""
+    """Return the absolute path of a log, or its address as a path."""
     return log.absolute() if isinstance(log, Path) else log.place
 
 
@@ -92,7 +92,7 @@ def _has_results(folder: Path) -> bool:
 
 
 def find_logs(arguments: Sequence[str]) -> FoundLogs:
-    """Files as given; for a folder or a folder's address, all logs in it and below, recognized by suffix."""
+    """Return files as given, and all logs in and below each folder or folder's address, recognized by suffix."""
     listing = FoundLogs()
     for argument in arguments:
         try:
@@ -116,7 +116,7 @@ def find_logs(arguments: Sequence[str]) -> FoundLogs:
 
 
 def file_system(address: str) -> tuple["AbstractFileSystem", str]:
-    """The file system of an address, and the path in it. Raises InputError."""
+    """Return the file system of an address, and the path in it. Raises InputError."""
     try:
         from fsspec.core import url_to_fs
     except ModuleNotFoundError:
@@ -131,7 +131,7 @@ def file_system(address: str) -> tuple["AbstractFileSystem", str]:
 
 
 def _listed(address: str) -> list[RemoteLog]:
-    """The log at an address, or those below it. Raises InputError."""
+    """Return the log at an address, or the logs below it. Raises InputError."""
     if "@" in address.split("://", 1)[1].split("/", 1)[0]:
         raise InputError(
             "the address contains a password: put the password where the library looks for it, such as ~/.netrc"
@@ -171,7 +171,7 @@ def _version(info: Mapping[str, Any]) -> str:
 
 
 def _answer_of(address: str, ask: Callable[[], T]) -> T:
-    """What a store answers; it is asked again where it fails or wants to be asked less often. Raises InputError."""
+    """Return a store's answer; a failed request, or one made too often, is retried after a pause. Raises InputError."""
     pause_s, left_s = 1.0, CAMPAIGN.connect_s
     while True:
         try:
@@ -211,7 +211,7 @@ def content_digest(log: RemoteLog) -> str:
 
 
 def name_by_address(folder: Path, copy: Path, log: Log) -> None:
-    """Replaces the path of a log's copy by its address in the results below a folder."""
+    """Replace the path of a log's copy by the log's address in the results below a folder."""
     for path in folder.rglob("*") if copy != log else ():
         if path != copy and path.is_file() and str(copy).encode() in (content := path.read_bytes()):
             path.write_bytes(content.replace(str(copy).encode(), str(log).encode()))
@@ -219,10 +219,10 @@ def name_by_address(folder: Path, copy: Path, log: Log) -> None:
 
 @contextmanager
 def as_file(log: Log, folder: Path) -> Iterator[tuple[Path, str]]:
-    """A log as a local file with its own name, and its digest if it was copied. The copy is below `folder` until the
-    end.
+    """Yield a log as a local file with the log's name, and its digest if it was copied. The copy stays below `folder`
+    until the end.
 
-    Raises InputError when it cannot be copied. Errors raised meanwhile name the log, not its copy.
+    Raises InputError when it cannot be copied. InputErrors raised while the copy is in use name the log, not the copy.
     """
     if isinstance(log, Path):
         yield log, ""

@@ -1,5 +1,5 @@
-"""Analyzes many logs into many folders: finished ones stay, the rest run, and each failure is one line; then reads all
-for the pool."""
+"""Analyzes many logs, each into its own folder: finished folders stay, the other logs are analyzed, and each failure is
+one line. Then reads all results for the pool."""
 
 import contextlib
 import shutil
@@ -41,8 +41,8 @@ from flightpower.flight.errors import InputError, StorageError
 class Work:
     """The work for each log. settings: the values that results depend on, as text.
 
-    files: by log, (option, file) of every other file that its analysis reads; of a log at an address, only those that
-    options name. Raises InputError. preload: modules that all need.
+    files: returns (option, file) for every other file that the analysis of a log reads; for a log at an address, only
+    the files that options name. Raises InputError. preload: modules that all analyses need.
     """
 
     analyze: Analyze
@@ -65,19 +65,19 @@ class Monitor(Protocol):
 
 @dataclass
 class Campaign:
-    """folders: of the flights that are complete, in order of their names. failures, notes: one line each."""
+    """folders: the folders of complete flights, sorted by name. failures, notes: one line each."""
 
     folders: list[Path] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    completed: int = 0  # folders that were complete before
-    processor_seconds: float = 0.0  # of all analyses
-    peak_bytes: int = 0  # the most memory of a process
+    completed: int = 0  # number of folders that were complete before
+    processor_seconds: float = 0.0  # sum over all analyses
+    peak_bytes: int = 0  # the most memory used by any process
 
 
 class Planned(NamedTuple):
     job: Job
-    inputs: str  # digest of what the results depend on besides the log
+    inputs: str  # digest of everything except the log that the results depend on
     log: LogFile  # as it was before the analysis
 
 
@@ -128,7 +128,7 @@ def run(
 
 
 def _plan(logs: Sequence[Log], output: Path, work: Work, jobs: int, campaign: Campaign) -> list[Planned]:
-    """The remaining jobs. Folders that are complete, unreadable logs and repeated ones go into `campaign`."""
+    """Return the jobs that remain. `campaign` receives complete folders, and lines on unreadable or repeated logs."""
     by_digest: dict[str, Log] = {}
     earlier = records(output)
     earlier_digest = _known_digest(logs, earlier.values())
@@ -140,7 +140,7 @@ def _plan(logs: Sequence[Log], output: Path, work: Work, jobs: int, campaign: Ca
         else:
             by_digest[digest] = log
     named = list(zip(by_digest.items(), names([place(log) for log in by_digest.values()]), strict=True))
-    with contextlib.suppress(OSError, InputError):  # what cannot be renamed is refused below
+    with contextlib.suppress(OSError, InputError):  # a folder that cannot be renamed is rejected below
         campaign.notes += _rename(output, {name: LogFile.of(log, digest) for (digest, log), name in named}, earlier)
     planned = []
     for (file_digest, log), name in named:
@@ -165,10 +165,10 @@ def _plan(logs: Sequence[Log], output: Path, work: Work, jobs: int, campaign: Ca
 
 
 def _rename(output: Path, logs: Mapping[str, LogFile], earlier: Mapping[Path, Record]) -> list[str]:
-    """Give the earlier folders of the logs the names they have now: a log was moved, or has got a namesake.
+    """Rename the logs' earlier folders to their current names, which change when a log is moved or gets a namesake.
 
-    logs : by name. A folder with that name from another log is moved aside and reported.
-    Raises OSError, InputError.
+    logs : by folder name. A folder that has one of these names but is from another log is moved aside. The notes
+    returned report this unless that log is also in `logs`. Raises OSError, InputError.
     """
     notes = []
     records, wanted = dict(earlier), {log.digest for log in logs.values()}
@@ -190,16 +190,16 @@ def _rename(output: Path, logs: Mapping[str, LogFile], earlier: Mapping[Path, Re
 
 
 def _belongs(folder: Path, record: Record, log: LogFile) -> bool:
-    """Whether a folder is of this log, or of an earlier content of the same file, without a list of runs by hand."""
+    """Whether a folder is from this log, or from earlier content of the same file with no hand-edited list of runs."""
     same_file = record.log.path == log.path and edited_runs(folder, record) is None
     return record.log.digest == log.digest or same_file
 
 
 def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[Log], str | None]:
-    """Returns a function that knows the digest of every log analyzed before and unchanged since.
+    """Return a function that gives the digest of each log that was analyzed before and is unchanged since, else None.
 
-    A log at an address that differs from all others in its size is no copy of one, and need not be read for that: what
-    stands for its digest is unlike any until its analysis reads it.
+    A log at an address whose size differs from all others cannot be a copy of another log. It is not read just for its
+    digest: a unique placeholder stands for the digest until the analysis reads the log.
     """
     by_path = {record.log.path: record.log for record in records}
     sizes = Counter(log.size for log in by_path.values())
@@ -222,17 +222,17 @@ def _known_digest(logs: Iterable[Log], records: Iterable[Record]) -> Callable[[L
 
 
 def read_flights(folders: Sequence[Path]) -> list[Results]:
-    """The results in flights' folders, `log` in them being the folder's name. Raises InputError for a damaged file."""
+    """Return the results in flights' folders, with the folder's name as `log`. Raises InputError for a damaged file."""
     flights = []
     for folder in folders:
         content = read_results(folder / RESULTS)
-        values = content.autopilot_parameters  # a pool has their mean instead
+        values = content.autopilot_parameters  # kept for the pool, which takes their mean
         flights.append(structs.replace(without_details(content), log=folder.name, autopilot_parameters=values))
     return flights
 
 
 def flight_folders_of(folder: Path) -> list[Path]:
-    """The flights' folders of a pool, of a folder with several, or the folder itself where it is that of one flight.
+    """Return the flights' folders of a pool or of a folder with several flights, or a single flight's folder itself.
 
     Raises InputError when there are no results.
     """

@@ -1,6 +1,5 @@
-"""Jobs on a Dask cluster. Logs and files travel with them: its computers need the software, but no common folder.
-
-A log at an address does not travel: the worker reads it, with its own credentials.
+"""Jobs on a Dask cluster. Logs and files travel with them: its computers need the software, but no common folder. A log
+at an address is not sent: the worker reads it with its own credentials.
 """
 
 import os
@@ -20,7 +19,7 @@ from flightpower.flight.errors import InputError
 
 
 class Parcel(NamedTuple):
-    """A job for another computer. files: contents by absolute path. folder: in which relative paths begin."""
+    """A job for another computer. files: contents by absolute path. folder: where relative paths start."""
 
     analyze: Analyze
     job: Job
@@ -31,7 +30,7 @@ class Parcel(NamedTuple):
 
 @contextmanager
 def cluster(address: str, analyze: Analyze, step: Callable[[Job, str], None]) -> Iterator[Computers]:
-    """The cluster of a scheduler. A job whose worker dies runs again on another.
+    """Connect to the cluster of a scheduler. A job whose worker dies runs again on another worker.
 
     Raises InputError when there is no such scheduler.
     """
@@ -68,14 +67,14 @@ def _parcel(analyze: Analyze, job: Job) -> Parcel:
 
 
 def _absolute(path: Path) -> Path:
-    """`..` is resolved but symbolic links are not: they are part of the requested name."""
+    """Make a path absolute. `..` is resolved but symbolic links are not: they are part of the requested name."""
     return Path(os.path.normpath(path.absolute()))
 
 
 def analyze_parcel(parcel: Parcel) -> Returned:
-    """Runs on the worker: the job in its own process, as on one computer.
+    """Run the job on the worker, in its own process, as on a single computer.
 
-    Paths are those of the sender below a temporary folder, whose name is taken out of everything that returns.
+    The sender's paths are recreated below a temporary folder, whose name is removed from everything returned.
     """
     if parcel.software != software():
         other = "the cluster's worker has another version of flightpower or its libraries; install the same"

@@ -1,4 +1,4 @@
-"""The folders of the flights: one for each log, complete or not there.
+"""The folders of the flights: one for each log, either complete or absent.
 
 Each has a record of what its results were computed from, as digests: files, options, version of the software.
 """
@@ -24,13 +24,13 @@ from flightpower.analysis.flights.campaign.addresses import Log, content_digest
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import write_error
 
-PACKAGES = ("analysis", "flight")  # their files, data included, count as part of the version
+PACKAGES = ("analysis", "flight")  # all their files, including data, determine the version
 LIBRARIES = ("casadi", "numpy", "pandas", "scipy")
 SKIPPED_SUFFIXES = {".pyc", ".pyi"}
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of the content of a file. Raises InputError when it cannot be read."""
+    """Return the SHA-256 of the content of a file. Raises InputError when it cannot be read."""
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -40,7 +40,7 @@ def digest(path: Path) -> str:
 
 
 def digests(logs: Iterable[Log], earlier_digest: Callable[[Log], str | None], jobs: int) -> list[str | InputError]:
-    """`digest` of each log, `jobs` at a time, where it is not known; the error where one cannot be read."""
+    """Return the `digest` of each log, or the error if it cannot be read; compute new ones `jobs` at a time."""
 
     def digest_or_error(log: Log) -> str | InputError:
         try:
@@ -53,12 +53,12 @@ def digests(logs: Iterable[Log], earlier_digest: Callable[[Log], str | None], jo
 
 
 def key(log_digest: str, inputs: str) -> str:
-    """Digest of everything that the results of one flight depend on: its log, and `inputs_digest`."""
+    """Return a digest of everything that the results of one flight depend on: its log, and `inputs_digest`."""
     return hashlib.sha256(f"{log_digest} {inputs}".encode()).hexdigest()
 
 
 def inputs_digest(settings: str, files: Iterable[tuple[str, Path]], runs: Path | None) -> str:
-    """Digest of what the results depend on besides the log.
+    """Return a digest of everything except the log that the results depend on.
 
     settings: the options' values. files: (option, file that it names). runs: the edited list of runs, if there is one.
     Raises InputError when a file cannot be read.
@@ -74,7 +74,7 @@ def inputs_digest(settings: str, files: Iterable[tuple[str, Path]], runs: Path |
 
 @cache
 def software() -> str:
-    """Digest of the software: its own files, and the versions of the libraries that compute."""
+    """Return a digest of the software: its own files, and the versions of the libraries that compute."""
     total = hashlib.sha256()
     for package in PACKAGES:
         spec = find_spec(f"flightpower.{package}")
@@ -100,12 +100,12 @@ PARTIAL, REPLACED = ".partial", ".replaced"  # ends of the names of folders that
 
 
 class LogFile(msgspec.Struct, frozen=True, kw_only=True):
-    """A log when it was analyzed. While all but the digest are the same, its content is not read again."""
+    """A log as it was when analyzed. Its content is not read again while all fields but the digest stay the same."""
 
     path: str  # absolute, or the address
     size: int
-    changed_ns: int  # 0 at an address
-    version: str = ""  # at an address, its ETag or what the store has in place of one
+    changed_ns: int  # time of the last change; 0 at an address
+    version: str = ""  # at an address, the ETag or the store's equivalent
     digest: str
 
     @classmethod
@@ -122,14 +122,14 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 
     key: str  # digest of everything that the results depend on (`key`)
     log: LogFile
-    runs_edited: bool  # the results use the folder's own runs.toml
-    runs_digest: str | None  # of that file when the folder was written
-    results_digest: str | None = None  # of results.json; None in folders of earlier versions
-    files: list[str]  # that the analysis wrote
+    runs_edited: bool  # whether the results use the folder's own runs.toml
+    runs_digest: str | None  # digest of runs.toml when the folder was written
+    results_digest: str | None = None  # digest of results.json; None in folders of earlier versions
+    files: list[str]  # files that the analysis wrote
 
 
 def names(absolute: Sequence[PurePath]) -> list[str]:
-    """A folder's name for each log: its own without suffix, with as many parents before it as distinguish the logs."""
+    """Name a folder for each log: the log's stem, preceded by as many parents as are needed to distinguish the logs."""
     repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # one flight logged in two formats
     own = [log.name if str(log.with_suffix("")).casefold() in repeated else log.stem for log in absolute]
     names = own
@@ -145,7 +145,7 @@ def names(absolute: Sequence[PurePath]) -> list[str]:
 
 
 def _numbered(names: Sequence[str]) -> list[str]:
-    """The names; a number follows one that occurred before, as `a-b/x` and `a/b-x` make one."""
+    """Add a number to each name that occurred before; `a-b/x` and `a/b-x`, for example, give the same name."""
     used, out = set[str](), []
     for name in names:
         number, own = 2, name
@@ -157,15 +157,15 @@ def _numbered(names: Sequence[str]) -> list[str]:
 
 
 def _repeated(texts: Sequence[str]) -> set[str]:
-    """Texts that occur more than once, without regard to case, which some file systems do not have."""
+    """Return the texts, case-folded, that occur more than once; some file systems do not distinguish case."""
     counts = Counter(text.casefold() for text in texts)
     return {text for text, count in counts.items() if count > 1}
 
 
 def record_of(folder: Path) -> Record | None:
-    """The record in a flight's folder; None where there is no folder.
+    """Return the record in a flight's folder; None if there is no such folder.
 
-    Raises InputError when there is something else of that name, which must not be replaced.
+    Raises InputError when something else has that name, which must not be replaced.
     """
     if not folder.exists():
         return None
@@ -179,7 +179,7 @@ def record_of(folder: Path) -> Record | None:
 
 
 def records(output: Path) -> dict[Path, Record]:
-    """The records of all flights' folders below `output`."""
+    """Return the records of all flights' folders below `output`."""
     records = {}
     for path in output.glob(f"*/{RECORD}"):
         try:
@@ -192,7 +192,7 @@ def records(output: Path) -> dict[Path, Record]:
 
 
 def intact(folder: Path, record: Record) -> bool:
-    """Whether the results in a flight's folder are those that were written with the record."""
+    """Whether the results in a flight's folder are unchanged since they were written with the record."""
     results = folder / RESULTS
     if record.results_digest is None:
         return True
@@ -200,7 +200,7 @@ def intact(folder: Path, record: Record) -> bool:
 
 
 def put_aside(folder: Path) -> Path:
-    """Rename a flight's folder, whose name another log has now. Returns the new one. Raises InputError."""
+    """Rename a flight's folder whose name another log needs. Returns the new folder. Raises InputError."""
     number = 2
     while (aside := folder.with_name(f"{folder.name}-{number}")).exists():
         number += 1
@@ -210,7 +210,7 @@ def put_aside(folder: Path) -> Path:
 
 
 def edited_runs(folder: Path, record: Record | None) -> Path | None:
-    """The list of runs in a flight's folder where the user edited it since it was written; None otherwise."""
+    """Return the list of runs in a flight's folder if the user has edited it since it was written; None otherwise."""
     runs = folder / RUNS
     if record is None or not runs.is_file():
         return None
@@ -218,16 +218,16 @@ def edited_runs(folder: Path, record: Record | None) -> Path | None:
 
 
 def partial_folder(output: Path, name: str) -> Path:
-    """A new folder next to the flight's folder, for incomplete results. Raises InputError."""
+    """Make a folder for incomplete results next to the flight's folder. Raises InputError."""
     with _as_input_error(output):
         return Path(mkdtemp(prefix=f".{name}-", suffix=PARTIAL, dir=output))
 
 
 def complete(partial: Path, folder: Path, *, key: str, log: LogFile, runs: Path | None) -> None:
-    """Turns a partial folder into the flight's folder, replacing an earlier one.
+    """Turn a partial folder into the flight's folder, replacing an earlier one.
 
-    runs: the edited list of runs that was used. It and files that the user put into the earlier folder are kept.
-    Raises InputError when the folder cannot be written.
+    runs: the edited list of runs that was used. This list is kept, and so are files that the user put into the earlier
+    folder. Raises InputError when the folder cannot be written.
     """
     earlier = record_of(folder)
     with _as_input_error(folder):
@@ -257,7 +257,7 @@ def complete(partial: Path, folder: Path, *, key: str, log: LogFile, runs: Path 
 
 
 def _carry_over(folder: Path, partial: Path, ours: set[str]) -> None:
-    """Copy what is not ours: files, links and empty folders."""
+    """Copy what the analysis did not write: files, links and empty folders."""
     for path in folder.rglob("*"):
         name = path.relative_to(folder)
         if name.as_posix() in ours or os.path.lexists(partial / name):
@@ -271,9 +271,9 @@ def _carry_over(folder: Path, partial: Path, ours: set[str]) -> None:
 
 @contextlib.contextmanager
 def exclusive(output: Path) -> Iterator[None]:
-    """Make the folder, take it for this process, and remove what a killed run left behind.
+    """Make the folder, lock it for this process, and remove what a killed run left behind.
 
-    Raises InputError when it cannot be written or another process is at work in it.
+    Raises InputError when it cannot be written or another process is working in it.
     """
     if output.exists() and not output.is_dir():
         raise InputError(f"{output}: is a file; give the folder for the results with -o")
@@ -300,7 +300,7 @@ def exclusive(output: Path) -> Iterator[None]:
 
 
 def _mend(output: Path) -> None:
-    """Remove what is not complete; put back a folder that was to be replaced, where its replacement is missing."""
+    """Remove incomplete folders; restore a folder that was about to be replaced if its replacement is missing."""
     for replaced in output.glob(f".*{REPLACED}"):
         complete = output / replaced.name[1 : -len(REPLACED)]
         if not complete.exists():  # killed between the two renames

@@ -1,4 +1,4 @@
-"""A job in a new interpreter: the worker of a cluster may not start processes by `multiprocessing`."""
+"""A job in a new interpreter: the worker of a cluster may not start processes with `multiprocessing`."""
 
 import os
 import pickle
@@ -14,7 +14,7 @@ OUTCOME = "outcome.pickle"
 
 
 def run_apart(analyze: Analyze, job: Job, working: Path, results: Path) -> Outcome:
-    """Run a job in a process that begins in the folder `working` and writes into `results`."""
+    """Run a job in a process that starts in the folder `working` and writes into `results`."""
     outcome = results.with_name(OUTCOME)
     environment = {"OMP_NUM_THREADS": "1"} | dict(os.environ) | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-m", __name__]
@@ -22,7 +22,7 @@ def run_apart(analyze: Analyze, job: Job, working: Path, results: Path) -> Outco
         assert process.stdin is not None
         pickle.dump((analyze, job, results, outcome), process.stdin)
         process.stdin.flush()
-        code = process.wait()  # before stdin is closed, by whose end the process sees that nobody waits any more
+        code = process.wait()  # keeps stdin open: its end tells the process that nobody is waiting
     if not outcome.is_file():
         return Outcome(f"{job.log}: its process ended with exit code {code}; is there enough memory? Analyze it alone")
     result: Outcome = pickle.loads(outcome.read_bytes())
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def _end_with_parent(temporary: Path) -> None:
-    while os.read(sys.stdin.fileno(), 4096):  # not a buffered read, whose lock would block the end of this process
+    while os.read(sys.stdin.fileno(), 4096):  # not a buffered read: its lock would keep this process from exiting
         pass
     shutil.rmtree(temporary, ignore_errors=True)
     os._exit(1)

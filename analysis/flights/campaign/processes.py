@@ -1,4 +1,4 @@
-"""One analysis among many, and how it ended; where many run: on the processors of this computer."""
+"""One analysis among many, and its outcome; also runs many of them on the processors of this computer."""
 
 import multiprocessing
 import multiprocessing.forkserver
@@ -34,13 +34,13 @@ class Analyze(Protocol):
     def __call__(self, log: Path, folder: Path, runs: Path | None, progress: Progress) -> None: ...
 
     def under(self, root: Path) -> "Analyze":
-        """This analysis with the files it reads copied to the same paths below `root`."""
+        """Return this analysis with its files read from the same paths below `root`."""
         ...
 
 
 @dataclass(frozen=True)
 class Job:
-    """An analysis to be run. name: of its folder. runs: an edited list of runs. files: others that it reads."""
+    """An analysis to be run. name: of its folder. runs: an edited list of runs. files: other files that it reads."""
 
     name: str
     log: Log
@@ -49,9 +49,9 @@ class Job:
 
 
 class Outcome(NamedTuple):
-    """How a job ended: elapsed and processor time, the most memory of its process, and one line where it failed.
+    """How a job ended: elapsed and processor time, peak memory of its process, and one line if it failed.
 
-    digest: SHA-256 of a log that was at an address. storage: the error is that nothing more can be written.
+    digest: SHA-256 of a log that was at an address. storage: whether it failed because nothing more can be written.
     """
 
     error: str = ""
@@ -63,7 +63,7 @@ class Outcome(NamedTuple):
 
 
 def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Outcome:
-    """Run one job in this process, which is its own: the memory of the process is limited. Never raises."""
+    """Run one job in this process, which runs nothing else, and limit the memory of the process. Never raises."""
     start, processor_start = time.monotonic(), time.process_time()
     limit_memory(round(CAMPAIGN.memory_GB * 2**30))
     error, digest, storage = "", "", False
@@ -86,12 +86,12 @@ def run_job(analyze: Analyze, job: Job, folder: Path, progress: Progress) -> Out
 
 
 def below(root: Path, path: Path) -> Path:
-    """An absolute path below `root`; a relative one as it is, for a process that works below `root`."""
+    """Move an absolute path below `root`; keep a relative one, for a process that works below `root`."""
     return root / path.relative_to(path.anchor) if path.is_absolute() else path
 
 
 def limit_memory(limit_bytes: int) -> None:
-    """Allocations of this process beyond the limit raise MemoryError. On Linux only."""
+    """Limit the memory of this process: allocations beyond the limit raise MemoryError. Works on Linux only."""
     if sys.platform == "linux":
         import resource
 
@@ -101,7 +101,7 @@ def limit_memory(limit_bytes: int) -> None:
 
 
 def peak_bytes() -> int:
-    """The most memory that this process had; 0 where the system does not say."""
+    """Return the peak memory of this process in bytes; 0 if the system does not report it."""
     if os.name != "posix":
         return 0
     import resource
@@ -117,7 +117,7 @@ class Returned(NamedTuple):
 
 
 class Computers(NamedTuple):
-    """Where jobs run. submit: begins a job that writes into a folder. at_once: jobs that keep them busy."""
+    """Where jobs run. submit: starts a job that writes into a folder. at_once: how many jobs keep them busy."""
 
     submit: Callable[[Job, Path], "Future[Returned]"]
     at_once: Callable[[], int]
@@ -126,9 +126,9 @@ class Computers(NamedTuple):
 def run_jobs(
     jobs: Iterable[Job], computers: Computers, new_folder: Callable[[str], Path]
 ) -> Iterator[tuple[Job, Path, Outcome]]:
-    """Run jobs; yields each with its folder when it ends. new_folder: by name, the folder of a job's results.
+    """Run jobs, and yield each with its folder when it ends. new_folder: makes the results folder of a job by its name.
 
-    No more jobs are begun than keep the computers busy: logs and results of the others need no memory.
+    Only as many jobs are started as keep the computers busy, so that waiting jobs need no memory.
     """
     waiting, running = deque(jobs), dict[Future[Returned], tuple[Job, Path]]()
     while waiting or running:
@@ -157,7 +157,7 @@ START_METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_met
 
 
 def load_ahead(modules: Sequence[str]) -> None:
-    """Begin to load modules that all jobs need, once for all of them, and return meanwhile."""
+    """Start loading the modules that all jobs need, once for all of them, and return without waiting."""
     if START_METHOD == "forkserver":
         multiprocessing.set_forkserver_preload(list(modules))
         multiprocessing.forkserver.ensure_running()
@@ -165,9 +165,9 @@ def load_ahead(modules: Sequence[str]) -> None:
 
 @contextmanager
 def processors(analyze: Analyze, count: int, step: Callable[[Job, str], None]) -> Iterator[Computers]:
-    """This computer: `count` threads, each of which waits for the process of one job.
+    """Yield this computer: `count` threads, each of which waits for the process of one job.
 
-    Not a ProcessPoolExecutor: a process that dies breaks the whole pool there, and fails the jobs of all others.
+    A ProcessPoolExecutor would not do: there, a process that dies breaks the whole pool and fails all other jobs.
     step: called with each step of a job. Jobs that still run at the end are killed.
     """
     processes = OwnProcesses(analyze, step)
@@ -190,7 +190,7 @@ class OwnProcesses:
         """Start the process of a job, and wait for its end."""
         receiver, sender = self._context.Pipe(duplex=False)
         process = self._context.Process(target=_in_process, args=(self._analyze, job, folder, sender), daemon=True)
-        with self._lock:  # multiprocessing looks at all processes when it starts one, and not from several threads
+        with self._lock:  # starting a process checks all others, which is not thread-safe
             if self._ended:
                 raise CancelledError
             process.start()
@@ -205,7 +205,7 @@ class OwnProcesses:
         return Returned(message or Outcome(f"{job.log}: {_death(process.exitcode)}"))
 
     def kill(self) -> None:
-        """Ends all running jobs and starts no more."""
+        """Kill all running jobs, and start no more."""
         with self._lock:
             self._ended = True
             for process in self._running:
@@ -213,15 +213,15 @@ class OwnProcesses:
 
 
 def _in_process(analyze: Analyze, job: Job, folder: Path, sender: Connection) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits for this one
-    # Where that process was killed, sending fails, and this one ends.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent process
+    # If the parent was killed, sending fails, and this process ends.
     outcome = run_job(analyze, job, folder, sender.send)
     with suppress(OSError):
         sender.send(outcome)
 
 
 def _received(receiver: Connection) -> Any:
-    """A step, an outcome, or None when the process ended without either."""
+    """Return a step, an outcome, or None when the process ended without sending either."""
     try:
         return receiver.recv()
     except (EOFError, OSError):

@@ -1,4 +1,4 @@
-"""Settings of analyses of many logs (docs/use/many-flights.md)."""
+"""Settings for the analysis of many logs (docs/use/many-flights.md)."""
 
 from dataclasses import dataclass
 
