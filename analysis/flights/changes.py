@@ -113,9 +113,9 @@ def flight_shares(of_flights: Series, changes: Sequence[Change]) -> FlightShares
 
 def least_gain(flights_per_false_alarm: float) -> float:
     """Return the drop in the weighted sum of squared residuals that chance exceeds once in so many flights."""
-    # The improvement at one flight is chi-square with two degrees of freedom and exceeds a level h at the rate exp(-h / 2).
-    # The best improvement over all flights and both shapes does so h / 2 times as often, as the extremes of
-    # chi-square fields do (Siegmund and Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
+    # The improvement at one flight is chi-square with two degrees of freedom: it exceeds h at the rate exp(-h / 2). The
+    # best improvement over all flights and both shapes does so h / 2 times as often, as the extremes of chi-square
+    # fields do (Siegmund and Venkatraman 1995): h / 2 exp(-h / 2) is the rate of false alarms.
     return -2 * float(lambertw(-1 / max(flights_per_false_alarm, math.e), -1).real)
 
 

@@ -1,8 +1,8 @@
 """Tests whether configuration B differs from A, by the difference of two pools without the errors they share.
 
 Two pools of drag are compared in one joint estimate with two polars. Flights of one installation share its errors, and
-flights with one propeller share errors of thrust: such an error moves both curves alike and cancels in the difference. The errors that
-flights of one aircraft share cancel likewise between two pools of electrical power.
+flights with one propeller share errors of thrust: such an error moves both curves alike and cancels in the
+difference. The errors that flights of one aircraft share cancel likewise between two pools of electrical power.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,8 @@
 """Statistics of flights as rows of a Parquet dataset, partitioned by airframe, at any place that fsspec can reach.
 
 A row holds a few kilobytes of a flight's `results.json`, which a pool reads, and the columns by which flights are
-chosen.
-Files are added and never changed: an addition writes one file for each airframe, named by its content. A flight added
-twice counts once, and the order of additions does not matter.
+chosen. Files are added and never changed: an addition writes one file for each airframe, named by its content. A flight
+added twice counts once, and the order of additions does not matter.
 """
 
 import hashlib

@@ -220,8 +220,8 @@ def _normal_equations(flight: FlightStatistics, Q: Array) -> tuple[Array, Array,
 
 
 def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
-    """Return the prior of the shared parameters; the widest if flights differ. The stand's measurement is taken from the
-    first flight: flights with one propeller share it."""
+    """Return the prior of the shared parameters; the widest if flights differ. The stand's measurement is taken from
+    the first flight: flights with one propeller share it."""
     widest = np.min([flight.prior_information for flight in flights], axis=0)
     share = 1.0 if flights[0].installation else 1 - POOLING.remounted**2
     own = np.where(_INSTALLATION, widest / share, widest)

@@ -318,7 +318,7 @@ class Pool(OfAKind["Pool"], ABC):
         return trends(self.flights, *self.deviations_for_trends())
 
     def _undated(self) -> list[str]:
-        """Return a line on undated flights, which trends over date leave out, if there are enough flights for trends."""
+        """Return a line on undated flights, which the trend over date leaves out, if flights suffice for a trend."""
         if len(self.flights) < POOLING.fewest_for_trend or all(flight.dated for flight in self.flights):
             return []
         return [undated_text(self.flights)]

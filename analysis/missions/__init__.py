@@ -1,1 +1,1 @@
-"""What to fly and what it costs: plans for the narrowest interval, their card, and the energy of a mission in wind."""
+"""Plans for the narrowest interval, the card that shows them to the pilot, and the energy of a mission in wind."""

@@ -1,4 +1,4 @@
-"""The flying card, one A4 page in black on white to be read in sunlight, and the plan's lines on the terminal."""
+"""The flying card, one A4 page in black on white that is readable in sunlight, and the plan's lines on the terminal."""
 
 from collections.abc import Sequence
 from html import escape
@@ -38,7 +38,7 @@ from flightpower.flight.units import FOOT_M
 
 
 class Row(NamedTuple):
-    """One line of the card."""
+    """One row of the card's table."""
 
     times: str
     title: str
@@ -47,7 +47,7 @@ class Row(NamedTuple):
 
 
 def rows(plan: FlightPlan, unit: SpeedUnit = SpeedUnit.KNOT) -> list[Row]:
-    """The flight in order: pieces that follow each other unchanged are one row."""
+    """Return the flight in order; consecutive identical pieces share one row."""
     first, last = len(before(plan.aircraft)), len(after(plan.aircraft))
     starts_s = plan.history.starts_s
     rows = [Row("", "on the ground, then take off", _steps(plan.maneuvers[:first], unit), float(starts_s[first]))]
@@ -63,7 +63,7 @@ def _steps(maneuvers: Sequence[Maneuver], unit: SpeedUnit) -> str:
 
 
 def _words(maneuver: Maneuver, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
-    """The pilot's action, one line of the card."""
+    """Return what the pilot does in a maneuver, as one line of the card."""
     match maneuver:
         case Stand(duration_s):
             return f"stand still {duration_s:.0f} s, motor off"
@@ -92,7 +92,7 @@ def _words(maneuver: Maneuver, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
 
 
 def margin(plan: FlightPlan, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
-    """The slowest speeds planned, and their margin over the stall."""
+    """State the slowest speeds planned, and their margin over the stall."""
     stall, kt = plan.aircraft.stall_mps, plan.request.wind_kt
     slow = slowest_mps(plan.aircraft, kt)
     slowest_hold = MARGINS.hold * slow
@@ -104,7 +104,7 @@ def margin(plan: FlightPlan, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
 
 
 def warnings(plan: FlightPlan) -> list[str]:
-    """Problems to fix before flight day: propeller table, battery, wind, height."""
+    """Return problems to fix before flight day: propeller table, battery, wind, height."""
     warnings = []
     propeller, dashed = plan.aircraft.propeller, uncovered_mps(plan)
     if len(dashed):
@@ -139,7 +139,7 @@ def warnings(plan: FlightPlan) -> list[str]:
 
 
 def uncovered_mps(plan: FlightPlan) -> Array:
-    """The speeds asked for [m/s] at which most of the runs lie outside the propeller's table."""
+    """Return the speeds [m/s] of the plan's question at which most of the runs lie outside the propeller's table."""
     runs, propeller, speeds = _runs(plan), plan.aircraft.propeller, np.array(plan.question.speeds)
     inside = propeller.covers(*_propeller_in(runs, propeller))
     covered = thrust_known(pd.DataFrame({"V_mps": runs["V_mps"].to_numpy(), "propeller_covered": inside}), speeds)
@@ -147,13 +147,13 @@ def uncovered_mps(plan: FlightPlan) -> Array:
 
 
 def _propeller_in(history: pd.DataFrame, propeller: Propeller) -> tuple[Array, Array]:
-    """Advance ratio and rpm (n,)."""
+    """Return advance ratio and rpm, each (n,)."""
     rpm = 60 * history["n_revps"].to_numpy()
     return 60 * history["V_mps"].to_numpy() / (rpm * propeller.diameter_m), rpm
 
 
 def _runs(plan: FlightPlan) -> pd.DataFrame:
-    """The rows of the history in which a run is flown."""
+    """Return the rows of the history in which a run is flown."""
     table = plan.history.table
     maneuver = np.searchsorted(plan.history.starts_s, table.index.to_numpy(), side="right") - 1
     in_run = np.array([isinstance(maneuver, Run) for maneuver in plan.maneuvers])
@@ -161,19 +161,19 @@ def _runs(plan: FlightPlan) -> pd.DataFrame:
 
 
 def energy_Wh(plan: FlightPlan) -> float:
-    """Battery energy of the plan, with the efficiency typical of small electric aircraft."""
+    """Return the battery energy of the plan, with the efficiency typical of small electric aircraft."""
     table = plan.history.table
     power_W = np.nan_to_num(np.maximum(table["thrust_N"].to_numpy() * table["V_mps"].to_numpy(), 0.0))
     return float(power_W.sum()) * PATH.step_s / PRIOR.efficiency.mean / 3600
 
 
 def farthest_m(plan: FlightPlan) -> float:
-    """Largest distance from the place of take-off."""
+    """Return the largest distance from the place of take-off."""
     return float(np.hypot(*plan.history.position_m.T).max())
 
 
 def runs_to_tick_off(plan: FlightPlan) -> str:
-    """The runs of the plan, as the daemon ticks them off (`card.toml`, `daq.flight_card`)."""
+    """Return the runs of the plan in the form that the daemon ticks off (`card.toml`, `daq.flight_card`)."""
     times: dict[tuple[str, str, str], int] = {}
     speed_mps = 0.0
     for maneuver in plan.maneuvers:
@@ -191,17 +191,17 @@ def runs_to_tick_off(plan: FlightPlan) -> str:
 
 
 def side_m(plan: FlightPlan) -> float:
-    """Room [m] that the widest turn needs to the side of a leg, in still air."""
+    """Return the room [m] that the widest turn needs to the side of a leg, in still air."""
     return max((turn.width_m for turn in plan.maneuvers if isinstance(turn, Turn)), default=0.0)
 
 
 def expected_interval(plan: FlightPlan, unit: SpeedUnit = SpeedUnit.KNOT) -> list[tuple[str, str]]:
-    """Speed, and half width of the 95 % interval there."""
+    """Return each speed of the question with the half width of the 95 % interval there."""
     return [(speed_text(V, unit), f"±{w:.1f} %") for V, w in zip(plan.question.speeds, plan.half_widths, strict=True)]
 
 
 def losses(plan: FlightPlan) -> list[str]:
-    """How much wider the interval at the worst speed is by missing keys, without each piece, and by an autopilot."""
+    """Say how much missing keys, leaving out a piece, or using an autopilot widen the interval at the worst speed."""
     worst = float(max(plan.half_widths))
     losses = []
     if plan.worst_with_keys is not None and plan.worst_with_keys < (1 - EVIDENCE.negligible) * worst:
@@ -250,7 +250,7 @@ ul { margin: 0; padding-left: 5mm; font-size: 9pt; font-weight: 500; }
 
 
 def card(plan: FlightPlan, name: str, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
-    """The HTML page, without anything from a network."""
+    """Return the HTML page, which loads nothing from a network."""
     space = plan.request.space
     minutes, seconds = divmod(round(plan.seconds), 60)
     head = (
@@ -283,12 +283,12 @@ def card(plan: FlightPlan, name: str, unit: SpeedUnit = SpeedUnit.KNOT) -> str:
 
 
 def _boxes(times: str) -> str:
-    """One to tick for each time."""
+    """Return one box to tick for each repetition."""
     return f'{escape(times)}<br><span class="boxes">{"☐" * int(times.split()[0])}</span>' if times else "☐"
 
 
 def _air(plan: FlightPlan) -> str:
-    """The wind that the plan is made for, with its direction where that was given, and what that means for times."""
+    """Describe the wind that the plan is made for, its direction, given or assumed, and what it means for times."""
     request = plan.request
     if not request.wind_kt:
         return "In still air."
@@ -323,9 +323,9 @@ def _to_fill_in(plan: FlightPlan) -> str:
 
 
 def _map(plan: FlightPlan) -> str:
-    """The way over the ground, north up, with the place of take-off and a scale; nothing where no heading was given.
+    """Draw the path over the ground, north up, with take-off place and scale; return nothing if no heading was given.
 
-    The wind is drawn where its direction was given.
+    The wind is drawn if its direction was given.
     """
     request = plan.request
     if request.heading_deg is None:

@@ -1,9 +1,9 @@
-"""Energy and time of legs in wind: one leg after another in steady flight, with turns, circles, climbs and descents.
+"""Energy and time of legs in wind: steady flight along one leg after another, with turns, circles, climbs and descents.
 
-A leg's airspeed and the wind make its ground speed (wind triangle). Height changes evenly over the leg; if that exceeds
-the aircraft's rate of climb, the rest is climbed in circles. Turns between legs and circles are flown at a load factor.
-A change of speed counts as a change of height of the same energy. Components of the wind are those of where it blows to
-[m/s].
+A leg's airspeed and the wind give its ground speed (wind triangle). Height changes evenly over the leg; if that exceeds
+the aircraft's rate of climb, the rest is climbed in circles. Turns between legs, and circles, are flown at a load
+factor. A change of speed counts as the change of height with the same energy. Wind components point where the wind
+blows to, in m/s.
 """
 
 from dataclasses import dataclass, replace
@@ -19,9 +19,10 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 
 class Battery(NamedTuple):
-    """energy_J : when new and full     health, health_sd : share that is left of it, and its standard deviation
+    """energy_J : when new and full     health, health_sd : share of it still available, with standard deviation
 
-    open_circuit_V, resistance_ohm : their loss counts where both are known     reserve : share to be left
+    open_circuit_V, resistance_ohm : give the loss in the battery if both are known
+    reserve : share to keep at the end
     """
 
     energy_J: float
@@ -32,8 +33,8 @@ class Battery(NamedTuple):
     resistance_ohm: float = 0.0
 
     def drawn_W(self, power_W: Array) -> Array:
-        """Power that the cells give up, with their own loss: V_oc I, where V_oc I - R I^2 = P. Infinite where they
-        cannot deliver the power P."""
+        """Return the power [W] drawn from the cells: V_oc I, where V_oc I - R I^2 = P. Infinite if they cannot deliver
+        P."""
         if self.open_circuit_V is None or not self.resistance_ohm:
             return power_W
         V, R = self.open_circuit_V, self.resistance_ohm
@@ -44,9 +45,10 @@ class Battery(NamedTuple):
 
 @dataclass(frozen=True)
 class Legs:
-    """Arrays (k,). climb_m : with the change of speed     turn_rad : at the leg's begin, at `turn_load`
+    """Arrays (k,). climb_m : including the change of speed     turn_rad : at the start of the leg, at `turn_load`
 
-    circle_s, turns, radius_m : at its end; a radius of 0 is that of `turn_load`     rate_mps : of the steepest climb
+    circle_s, turns, radius_m : of circles at its end; radius 0 means the radius at `turn_load`
+    rate_mps : of the steepest climb
     """
 
     distance_m: Array
@@ -66,9 +68,10 @@ class Legs:
 
 @dataclass(frozen=True)
 class World:
-    """What is uncertain, at n draws. wind_east_mps, wind_north_mps : (n, 1) or (n, k) [m/s]
+    """Uncertain quantities, at n draws. wind_east_mps, wind_north_mps : (n, 1) or (n, k) [m/s]
 
-    airspeed : (n, 1) true speed flown over that commanded     energy : (n, 1) power over that of steady flight
+    airspeed : (n, 1) ratio of airspeed flown to airspeed commanded
+    energy : (n, 1) ratio of power to the power of steady flight
     """
 
     power: SteadyPower
@@ -79,7 +82,7 @@ class World:
 
 
 def straight_legs(distance_m: Array, course_rad: Array, condition: Condition, like: Legs) -> Legs:
-    """Level legs without turns. condition: of arrays (k,)"""
+    """Return level legs without turns. condition: its fields are arrays (k,)"""
     zero = np.zeros(len(distance_m))
     return replace(
         like,
@@ -96,7 +99,7 @@ def straight_legs(distance_m: Array, course_rad: Array, condition: Condition, li
 
 
 def ground_speed(V: Array, course_rad: Array, wind_east_mps: Array, wind_north_mps: Array) -> Array:
-    """Speed along the course [m/s]; NaN where the wind across it exceeds the airspeed, or no progress is made."""
+    """Return the speed along the course [m/s]; NaN if the crosswind exceeds the airspeed, or no progress is made."""
     along = wind_east_mps * np.sin(course_rad) + wind_north_mps * np.cos(course_rad)
     across = wind_east_mps * np.cos(course_rad) - wind_north_mps * np.sin(course_rad)
     with np.errstate(invalid="ignore"):
@@ -105,9 +108,9 @@ def ground_speed(V: Array, course_rad: Array, wind_east_mps: Array, wind_north_m
 
 
 def energy_and_time(legs: Legs, V: Array, world: World, battery: Battery) -> tuple[Array, Array]:
-    """Energy from the cells [J] and time [s], (n, k), at commanded true airspeeds V (k,) or (n, k) [m/s].
+    """Compute energy from the cells [J] and time [s], (n, k), at commanded true airspeeds V (k,) or (n, k) [m/s].
 
-    Infinite where the aircraft cannot arrive against the wind.
+    Both are infinite where the aircraft cannot make headway against the wind.
     """
     V = V * world.airspeed
     over_ground = ground_speed(V, legs.course_rad, world.wind_east_mps, world.wind_north_mps)
@@ -133,24 +136,24 @@ def energy_and_time(legs: Legs, V: Array, world: World, battery: Battery) -> tup
 
 
 class SpeedLimits(NamedTuple):
-    """True airspeeds (k,) between which legs may be flown [m/s]."""
+    """Lowest and highest true airspeeds (k,) at which legs may be flown [m/s]."""
 
     slowest: Array
     fastest: Array
 
 
 def speed_limits(source: RoutePower, condition: Condition, stall_CL: float, margin: float) -> SpeedLimits:
-    """Limits at the lift coefficients flown, and never below `margin` times the stall speed."""
+    """Return the speed limits: those of the lift coefficients flown, and never below `margin` times the stall speed."""
     smallest_CL, largest_CL = source.flown_CL
     slowest = np.maximum(speed_at(largest_CL, condition), margin * speed_at(stall_CL, condition))
     return SpeedLimits(slowest, np.maximum(speed_at(smallest_CL, condition), slowest))
 
 
 def best_speeds(legs: Legs, limits: SpeedLimits, world: World, battery: Battery) -> Array:
-    """The true airspeeds (k,) of least energy within the limits, in the world without errors (n = 1).
+    """Find the true airspeeds (k,) of least energy within the limits, in the world without errors (n = 1).
 
-    Searched on a grid three times, each time between the neighbors of the best point before. If no speed can reach the
-    point against the wind, the fastest is used.
+    A grid is searched three times, each time between the neighbors of the previous best point. If the wind allows no
+    speed to reach the end of a leg, the fastest speed is used.
     """
     low, high = limits
     points = 41

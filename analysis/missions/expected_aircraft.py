@@ -19,11 +19,12 @@ from flightpower.flight.propeller_search import with_table_error
 
 @dataclass(frozen=True)
 class ExpectedAircraft:
-    """Speeds, drag and thrust that a plan is computed with, at the height of the flight.
+    """Speeds, drag and thrust with which a plan is computed, at the height of the flight.
 
     A : (3,) drag polar C_D = A0 + A1 C_L + A2 C_L^2       rho : air density [kg/m^3]
-    stall_mps, fastest_mps : level flight, wings level; where the propeller's table ends sooner, what is planned (92 %
-    of the fastest) lies in it      acceleration_throttle : of runs; full_throttle : whether the table covers that
+    stall_mps, fastest_mps : level flight, wings level; fastest_mps is lower if the propeller's table ends sooner, so
+    that the fastest speed planned (92 % of it) lies in the table
+    acceleration_throttle : of runs     full_throttle : whether the table covers full throttle
     basis : where drag and thrust come from, in words
     stall_basis : where the stall speed comes from, in words
     """
@@ -38,17 +39,17 @@ class ExpectedAircraft:
     full_throttle: bool
     basis: str
     stall_basis: str
-    _grid_V: Array = field(repr=False)  # even steps
+    _grid_V: Array = field(repr=False)  # evenly spaced
     _grid_thrust_N: Array = field(repr=False)  # (throttles, speeds)
 
     @property
     def cruise_mps(self) -> float:
-        """Speed between maneuvers, and of the turn after a run."""
+        """Speed between maneuvers, and in the turn after a run."""
         return min(MARGINS.cruise * self.stall_mps, MARGINS.fastest * self.fastest_mps)
 
     @property
     def least_mps(self) -> float:
-        """Below it no forces are computed; an aircraft without enough thrust stays at that speed."""
+        """Forces are not computed below this speed; an aircraft without enough thrust stays at it."""
         return 0.5 * self.stall_mps
 
     @property
@@ -63,7 +64,7 @@ class ExpectedAircraft:
         return np.asarray(2 * load_factor * self.aircraft.mass.weight_N / (self.rho * np.square(V) * S))
 
     def alpha_rad(self, V: Array | float, load_factor: Array | float = 1.0) -> Array:
-        """Angle of attack of the body axes."""
+        """Angle of attack of the body axes [rad]."""
         return np.asarray((self.lift_coefficient(V, load_factor) - TRAINER.CL_at_zero_alpha) / self.lift_slope)
 
     def drag_N(self, V: Array | float, load_factor: Array | float = 1.0) -> Array:
@@ -100,10 +101,10 @@ def expected_aircraft(
     stall_mps: float | None = None,
     fastest_mps: float | None = None,
 ) -> ExpectedAircraft:
-    """The aircraft assumed in a plan. A: polar of an earlier flight.
+    """Return the aircraft assumed in a plan. A: polar of an earlier flight.
 
-    Raises InputError where the file has no propeller, where weight, wing and stall speed contradict each other, and
-    where full throttle does not carry the aircraft.
+    Raises InputError if the file has no propeller, if weight, wing and stall speed contradict each other, or if full
+    throttle cannot hold level flight.
     """
     if aircraft.propulsion.propeller is None:
         raise InputError(
@@ -154,7 +155,7 @@ def expected_aircraft(
 
 
 def _check_stall(aircraft: Aircraft, rho: float, stall_mps: float, least: float = 0.25, most: float = 4.0) -> None:
-    """least, most: largest lift coefficients that may be: a stall speed off by a factor of two from that of 1.2"""
+    """Raise InputError for an impossible stall speed. least, most: limits of the largest lift coefficient"""
     S, W = aircraft.geometry.wing_area_m2, aircraft.mass.weight_N
     CL = 2 * W / (rho * S * stall_mps**2)
     if not least <= CL <= most:
@@ -166,9 +167,9 @@ def _check_stall(aircraft: Aircraft, rho: float, stall_mps: float, least: float 
 
 
 def _inside_the_table(expected: ExpectedAircraft) -> ExpectedAircraft:
-    """No faster, and in runs no more throttle, than the propeller's table covers: in level flight, in turns, and in
-    porpoising by 1 g, whose mean drag is that of a turn. Where the table does not reach a speed that leaves room for
-    runs, nothing is limited: the card says what is not covered."""
+    """Limit the speed, and the throttle in runs, to what the propeller's table covers: in level flight, in turns, and
+    in porpoising by 1 g, which has the mean drag of a turn. If the table does not reach a speed that leaves room for
+    runs, nothing is limited, and the card says what is not covered."""
     slowest = MARGINS.slowest * expected.stall_mps
     V = np.linspace(slowest, MARGINS.fastest * expected.fastest_mps, 41)
     level = expected.revps_of_thrust(V, expected.drag_N(V))
@@ -176,7 +177,7 @@ def _inside_the_table(expected: ExpectedAircraft) -> ExpectedAircraft:
     turning = expected.revps_of_thrust(V, expected.drag_N(V, load))
     spare = np.minimum(turning / MARGINS.fastest, _revps(expected, 1.0, V))  # to hold the speed in gusts
     covered = _covered(expected, V, level) & _covered(expected, V, spare)
-    first = int(np.argmax(covered))  # slower flight may turn the propeller slower than the table does
+    first = int(np.argmax(covered))  # in slower flight the propeller may be too slow for the table
     full = bool(np.all(_covered(expected, V[-1:], _revps(expected, 1.0, V[-1:]))))
     slower = V[: first + int(np.argmin(covered[first:]))] if not covered[first:].all() else V
     if not covered[first] or not V[first] < 1.3 * slowest <= slower[-1]:
@@ -214,7 +215,7 @@ def _drag_N(aircraft: Aircraft, rho: float, A: Array, V: Array | float, load_fac
 
 
 def _motor_thrust(aircraft: Aircraft, propeller: Propeller, V: Array, rho: float) -> Array:
-    """Thrust [N] (throttles, speeds): an ideal step-down converter, a motor, a battery with its resistance."""
+    """Return thrust [N] (throttles, speeds) of an ideal step-down converter, a motor, and a battery with resistance."""
     p = aircraft.propulsion
     assert p.motor_kv_rpm_per_volt and p.motor_resistance_ohm and p.battery_voltage_V
     k = 60 / (2 * np.pi * p.motor_kv_rpm_per_volt)
@@ -233,7 +234,7 @@ def _motor_thrust(aircraft: Aircraft, propeller: Propeller, V: Array, rho: float
 def _assumed_thrust(
     aircraft: Aircraft, propeller: Propeller, V: Array, rho: float, A: Array, *, fastest_mps: float
 ) -> Array:
-    """Thrust [N] (throttles, speeds) of a motor whose speed is as the throttle, and that just gives `fastest_mps`."""
+    """Return thrust [N] (throttles, speeds) of a motor with speed proportional to throttle, fit to `fastest_mps`."""
     needed = float(_drag_N(aircraft, rho, A, fastest_mps))
     low, high = 5.0, 400.0
     for _ in range(40):

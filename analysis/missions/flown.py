@@ -1,7 +1,7 @@
-"""What the items of a mission make an aircraft fly: steps, one after another, with jumps carried out.
+"""Converts the items of a mission to the steps that the aircraft flies, one after another, with jumps carried out.
 
-What an item does to the energy is taken over; items that do nothing to it (cameras) are named in a note; any other is
-refused, with what to do instead.
+Items that affect the energy become steps or change them. Items that do not (cameras) are named in a note. Any other
+item is rejected with a message that says what to do instead.
 """
 
 import math
@@ -36,7 +36,7 @@ from flightpower.analysis.missions.mission import (
 )
 from flightpower.flight.errors import InputError
 
-# What to do with an item that is not understood: two ways to go on; the mission decides which is right.
+# What to do about an item that is not understood, mostly two choices; which one is right depends on the mission.
 VERTICAL = "flies vertically, and its power is not known; use 22 and 21 for take-off and landing, or remove it"
 INSTEAD: dict[int, str] = {
     Command.LOITER_UNLIMITED: "circles without end; give a time (19) or a number of turns (18)",
@@ -56,7 +56,7 @@ ACTION = "is not understood; remove it if it moves nothing, otherwise use circle
 
 
 def flown(read: ReadMission, where: str, assumed: Assumed) -> Mission:
-    """The mission of items. Raises InputError beginning with `where`, and naming the item that is not understood."""
+    """Return the mission. Raises InputError that begins with `where` and names the item that is not understood."""
     start = read.start
     if assumed.home_deg is not None:
         start = Start(*assumed.home_deg, start.above_sea_m if start else None)
@@ -79,14 +79,14 @@ def flown(read: ReadMission, where: str, assumed: Assumed) -> Mission:
 
 
 class _Steps:
-    """Steps from items, one after another."""
+    """Makes steps from items, one after another."""
 
     def __init__(self, where: str, start: Start, assumed: Assumed, notes: Sequence[str]):
         self.where, self.start, self.assumed = where, start, assumed
         self.place = HOME
         self.speed: Speed | None = None
         self.steps: list[Step] = []
-        self.notes = dict.fromkeys(notes)  # in order, each once
+        self.notes = dict.fromkeys(notes)  # in order, without duplicates
         self.ignored: Counter[str] = Counter()
 
     def mission(self, items: Sequence[Item]) -> Mission:
@@ -102,7 +102,7 @@ class _Steps:
         )
 
     def note_left_out(self, items: Sequence[Item]) -> None:
-        """Notes the items after a landing or return: way-points of an aborted approach, or of another flight."""
+        """Note the items after a landing or return: waypoints of an aborted approach, or of another flight."""
         items = [item for item in items if item.command not in EQUIPMENT]
         if not items:
             return
@@ -161,7 +161,7 @@ class _Steps:
         self._append(Step(f"{item.number} {kind}", self._to(item), self.speed, **more))
 
     def _to(self, item: Item) -> Place:
-        """The item's place; over the place before where it has none, and at its height where that is zero, too."""
+        """Return the item's place. Without a position: the previous place, and its height if the item has none."""
         in_place = not item.has_place and item.command != Command.LAND
         if in_place and (item.height_m == 0 or math.isnan(item.height_m)):
             return self.place
@@ -171,7 +171,7 @@ class _Steps:
         return Place(*local_m(item.latitude_deg, item.longitude_deg, self.start, self._name(item)), height_m)
 
     def _height_m(self, item: Item) -> float:
-        """Above home."""
+        """Return an item's height above home [m]. Raises InputError if it is unknown, or too far below home."""
         height_m, advice, allowed_m = item.height_m, "check its height", ALLOWED.above_home_m
         if not math.isfinite(height_m):
             raise InputError(f"{self._name(item)} has no height")
@@ -217,7 +217,7 @@ class _Steps:
 
 
 def _title(command: int) -> str:
-    """Its name in MAVLink, for a message; imported only then."""
+    """Return the command's name in MAVLink, for a message; pymavlink is imported only then."""
     from pymavlink.dialects.v20 import ardupilotmega
 
     command_entry = ardupilotmega.enums["MAV_CMD"].get(command)
@@ -229,10 +229,10 @@ def _or_zero(value: float) -> float:
 
 
 def unrolled(items: Sequence[Item], where: str) -> list[Item]:
-    """The items up to the first landing or return as they are flown, with jumps carried out, to items or to tags.
+    """Return the items up to the first landing or return in the order flown, with jumps to items or tags carried out.
 
-    A jump counts over the whole mission, as in ArduPilot and PX4: an inner jump is not restarted by an outer one.
-    Raises InputError for one that is endless, or whose end is not in the file.
+    A jump's repetitions count over the whole mission, as in ArduPilot and PX4: an outer jump does not restart an inner
+    one. Raises InputError for a jump that is endless, or whose target is not in the file.
     """
     index: dict[float, int] = {}
     tags: dict[float, int] = {}

@@ -40,7 +40,7 @@ COMMANDS = {
 
 
 def read_inav(root: Element, where: str) -> ReadMission:
-    """Raises InputError beginning with `where`, and naming the item."""
+    """Read a mission of INAV. Raises InputError with a message that begins with `where` and names the item."""
     elements = [element for element in root.iter() if _name(element) == ITEM]
     items = [_item(element, where) for element in elements]
     if len({item.number for item in items}) < len(items):

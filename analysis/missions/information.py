@@ -1,11 +1,11 @@
-"""What a flight will show, before it is flown: the expected covariance of the curve, from the estimator's equations.
+"""Predicts what a flight will show: the expected covariance of the curve, from the estimator's equations.
 
 The equations are linearized along the planned flight. The covariance of the sensor errors, the sensitivity of the
-trajectory and the random errors of the states are those of `analysis.trajectory`, at the gust intensity expected; drag
-is regressed as in `analysis.methods.dynamic`, and its noise is that of `analysis.methods.consider`: by errors of the
-states, and by what else the residuals contain. The latter is taken as white, of the size that flights of this kind have
-shown. Earlier flights add their information on drag and on the installation's sensor errors. A `Question` names the
-half width to minimize.
+trajectory and the random errors of the states are those of `analysis.trajectory`, at the expected gust intensity. Drag
+is regressed as in `analysis.methods.dynamic`, with the noise of `analysis.methods.consider`: from errors of the states,
+and from everything else in the residuals. The latter is taken as white, and as large as flights of this kind have
+shown. Earlier flights add their information on the installation's sensor errors; their drag polar is used where it is
+known. A `Question` names the half width to minimize.
 """
 
 import math
@@ -63,7 +63,7 @@ from flightpower.flight.errors import InputError
 
 
 def read_results(path: Path) -> Results:
-    """A results.json. Raises InputError when it is something else, or not to be trusted."""
+    """Read a results.json. Raises InputError if it is something else, or not to be trusted."""
     results = read.read_results(path)
     if results.trust is Trust.NOT_TO_BE_TRUSTED:
         raise InputError(f"{path}: not to be trusted ({results.evidence[0].kind}); plan without it")
@@ -71,15 +71,15 @@ def read_results(path: Path) -> Results:
 
 
 def polar(results: Sequence[Results]) -> Array | None:
-    """A0, A1, A2 of the last flight that has a drag polar; None without one."""
+    """Return A0, A1, A2 of the last flight that has a drag polar; None if no flight has one."""
     polars = [flight_results.drag_polar for flight_results in results if flight_results.drag_polar is not None]
     return np.array([polars[-1].A0, polars[-1].A1, polars[-1].A2]) if polars else None
 
 
 def information(results: Sequence[Results]) -> Array | None:
-    """Information (m, m) of the flights about the errors that stay with the installation; None without any.
+    """Return the flights' information (m, m) on the errors that stay with the installation; None without flights.
 
-    The information each flight adds to the prior, error by error: results.json has no correlations.
+    It is the information that each flight adds to the prior, error by error, since results.json has no correlations.
     """
     total = np.zeros((len(SENSOR_ERRORS), len(SENSOR_ERRORS)))
     for flight_results in results:
@@ -95,13 +95,14 @@ def information(results: Sequence[Results]) -> Array | None:
     return total if results else None
 
 
-INSTALLATION = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")  # common to two flights of a day
+INSTALLATION = ("alpha_bias", "alpha_scale", "beta_bias", "V_scale", "air_data_lag")  # shared by two flights on one day
 
 
 class Covariances(NamedTuple):
-    """Covariances of sensor errors (m, m) and A0, A1, A2 (3, 3): by noise, and by consider terms and floor.
+    """Covariances of sensor errors (m, m) and A0, A1, A2 (3, 3): from noise, and from consider terms and floor.
 
-    shared : (3, m) derivative of A0, A1, A2 by the sensor errors     assumed : values that the aircraft file lacks
+    shared : (3, m) derivative of A0, A1, A2 with respect to the sensor errors
+    assumed : effects of the values that the aircraft file lacks
     """
 
     errors: Array
@@ -120,11 +121,11 @@ class Covariances(NamedTuple):
 
 
 class AssumedErrors(NamedTuple):
-    """What k values assumed for missing keys, each wrong by one standard deviation, do to the estimate.
+    """Effects on the estimate of k values assumed for missing keys, each wrong by one standard deviation.
 
-    scores : (k, m) gradients of the log likelihood by the sensor errors, whose change is covariance times score. Scores
-        add over the pieces of a flight, as information does.
-    direct : (k, 3) change of A0, A1, A2 beyond that by the sensor errors
+    scores : (k, m) gradients for the sensor errors; covariance times score gives the change of the sensor errors.
+        Scores add up over the pieces of a flight, as information does.
+    direct : (k, 3) change of A0, A1, A2 that does not come from the sensor errors
     """
 
     scores: Array
@@ -132,12 +133,12 @@ class AssumedErrors(NamedTuple):
 
     @property
     def none(self) -> "AssumedErrors":
-        """No effect; it cancels in the difference of two flights of one installation."""
+        """Zero effects, since they cancel in the difference of two flights of one installation."""
         return AssumedErrors(0 * self.scores, 0 * self.direct)
 
 
 class Question(NamedTuple):
-    """speeds: where half widths are reported [m/s]. cost: what the plan makes small [%]."""
+    """speeds: where half widths are reported [m/s]. cost: what the plan minimizes [%]."""
 
     name: str
     title: str
@@ -156,7 +157,7 @@ QUESTION_TITLES = {
 
 
 def question(name: str, expected: ExpectedAircraft, slowest_mps: float, fastest_mps: float) -> Question:
-    """One of QUESTION_TITLES, for the speeds that are planned."""
+    """Return the question with a name in QUESTION_TITLES, for the speeds that are planned."""
     V = np.linspace(slowest_mps, fastest_mps, 5)
     center = {"endurance": minimum_power_lift, "range": best_range_lift}.get(name)
     if center is not None:
@@ -181,13 +182,13 @@ def condition(expected: ExpectedAircraft) -> Condition:
 
 
 def half_widths(covariances: Covariances, expected: ExpectedAircraft, V: Array) -> Array:
-    """Half widths of the 95 % interval of power [%] at speeds V (n,) [m/s]."""
+    """Return half widths of the 95 % interval of power [%] at speeds V (n,) [m/s]."""
     power, sigma = power_required(V, Polar(expected.A, covariances.polar), condition(expected))
     return np.asarray(100 * NORMAL_95 * sigma / power)
 
 
 def _of_difference(covariances: Covariances) -> Covariances:
-    """Covariances of the difference of two such flights, which share the errors of the installation."""
+    """Return the covariances of the difference between two such flights, which share the errors of the installation."""
     errors = covariances.errors.copy()
     same = [SENSOR_ERRORS.index(error) for error in INSTALLATION]
     errors[same] = errors[:, same] = 0.0
@@ -200,15 +201,15 @@ def _of_difference(covariances: Covariances) -> Covariances:
 
 
 def _probe_cost(errors: Array) -> float:
-    """95 % half widths of offset [0.1 deg], slope [%] and airspeed scale [%], the root of their mean square."""
+    """Return the root mean square of the 95 % half widths of offset [0.1 deg], slope [%] and airspeed scale [%]."""
     i = [SENSOR_ERRORS.index(name) for name in ("alpha_bias", "alpha_scale", "V_scale")]
     sigma = np.sqrt(np.diag(errors)[i]) * np.array([10 * np.degrees(1), 100, 100])
     return float(NORMAL_95 * np.sqrt(np.mean(sigma**2)))
 
 
 class Expected(NamedTuple):
-    """errors: covariance (m, m) of the sensor errors. noise, systematic: of A0, A1, A2, (3, 3). shared: (3, m)
-    derivative of A0, A1, A2 by the sensor errors. runs: what the analysis will find."""
+    """errors: covariance (m, m) of the sensor errors. noise, systematic: covariances (3, 3) of A0, A1, A2. shared: (3,
+    m) derivative of A0, A1, A2 with respect to the sensor errors. runs: the runs that the analysis will find."""
 
     errors: Array
     noise: Array
@@ -239,7 +240,7 @@ class _Linearized(NamedTuple):
 def _linearized(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, alpha_scale_sigma: float
 ) -> _Linearized:
-    """The estimator's last step along the history."""
+    """Compute the estimator's last step along the history."""
     uncertainty = aircraft.aircraft.uncertainty
     if uncertainty.updraft_mps == STILL_MPS and not aircraft.aircraft.has("uncertainty.updraft"):
         lasting_mps = by_waves(float(history.starts_s[-1] - history.starts_s[0]))
@@ -272,8 +273,7 @@ class SensorErrors(NamedTuple):
 def sensor_errors(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> SensorErrors:
-    """Covariance and scores of the sensor errors after a flight like this: the part of `expected` that needs least
-    time."""
+    """Compute covariance and scores of the sensor errors after such a flight: the fastest part of `expected`."""
     linearized = _linearized(history, aircraft, gust_mps, alpha_scale_sigma)
     covariance = _sensor_errors(linearized, aircraft, gust_mps)
     moved = [step for _, step in _with_other_values(history, aircraft, gust_mps, alpha_scale_sigma)]
@@ -283,7 +283,7 @@ def sensor_errors(
 def _with_other_values(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, alpha_scale_sigma: float
 ) -> list[tuple[Aircraft, _Linearized]]:
-    """The estimator's last step with each assumed value wrong by one standard deviation, and the aircraft with it."""
+    """Return the aircraft and the estimator's last step for each assumed value wrong by one standard deviation."""
     steps = []
     for assumed in missing_values(aircraft.aircraft):
         other = assumed.perturbed(aircraft.aircraft)
@@ -311,7 +311,7 @@ def _sensor_errors(linearized: _Linearized, aircraft: ExpectedAircraft, gust_mps
 def linearized_trajectory(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> Trajectory:
-    """The trajectory that the estimator would find without noise, with its covariance and sensitivities."""
+    """Return the trajectory that the estimator would find without noise, with its covariance and sensitivities."""
     return _trajectory(_linearized(history, aircraft, gust_mps, alpha_scale_sigma), aircraft, gust_mps)
 
 
@@ -341,9 +341,9 @@ def _predicted_flow(inputs: EquationInputs) -> Array:
 def expected(
     history: TimeHistory, aircraft: ExpectedAircraft, gust_mps: float, *, alpha_scale_sigma: float
 ) -> Expected:
-    """Covariances of the sensor errors and of the drag polar after a flight like this.
+    """Compute the covariances of the sensor errors and of the drag polar after such a flight.
 
-    Raises InputError where none of its maneuvers would be taken for a run.
+    Raises InputError if none of its maneuvers would be taken for a run.
     """
     linearized = _linearized(history, aircraft, gust_mps, alpha_scale_sigma)
     trajectory = _trajectory(linearized, aircraft, gust_mps)
@@ -366,7 +366,7 @@ def expected(
     residual_mps2 = float(np.interp(gust_mps, *np.transpose(NOISE.residuals_in_gusts)))
 
     def regression(f: pd.DataFrame) -> tuple[Array, Array]:
-        """Regressors (n, 6) and drag over mass (n,) inside the runs, over the residuals' size."""
+        """Return regressors (n, 6) and drag over mass (n,) inside the runs, both divided by the residuals' size."""
         f = f[inside]
         qS, CL = f["qS_over_m_mps2"].to_numpy(), f["CL"].to_numpy()
         T = f["thrust_along_V_over_m_mps2"].to_numpy()

@@ -1,4 +1,4 @@
-"""What a route reads of `results.json`, of one flight or of a pool."""
+"""The part of `results.json`, of one flight or of a pool, that a route reads."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from flightpower.analysis.results.read import FORMATS, read_file
 
 
 class PowerModel(msgspec.Struct, frozen=True, kw_only=True):
-    """losses_of : logs of a pool, of whose power trains the mean is taken; empty of one flight"""
+    """losses_of : logs of a pool whose power trains are averaged; empty for one flight"""
 
     model: ComputationModel | None = None
     losses_of: list[str] = []
@@ -21,9 +21,9 @@ class PooledLog(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RouteInput(WithCurves, frozen=True, kw_only=True):
-    """Some fields of `Results` and of the results of pools; each stands where it is explained.
+    """Some fields of `Results` and of the results of pools, where each of them is explained.
 
-    flights : of a pool; empty of one flight
+    flights : of a pool; empty for one flight
     """
 
     use: PowerModel | None = None
@@ -31,5 +31,5 @@ class RouteInput(WithCurves, frozen=True, kw_only=True):
 
 
 def read_route_input(path: Path) -> RouteInput:
-    """Raises InputError where the file is something else."""
+    """Read what a route needs. Raises InputError if the file is something else."""
     return read_file(path, RouteInput, (*FORMATS, POOLED_FORMAT, *EARLIER_POOLED_FORMATS))

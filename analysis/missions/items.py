@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class Command(IntEnum):
-    """MAV_CMD of items that take energy, or change what those after them take."""
+    """MAV_CMD of items that use energy, or change the energy that later items use."""
 
     WAYPOINT = 16
     LOITER_UNLIMITED = 17
@@ -40,7 +40,7 @@ class Command(IntEnum):
 
 
 class Equipment(IntEnum):
-    """MAV_CMD of items that take no energy here: cameras, gimbals, marks in the mission, servos, relays."""
+    """MAV_CMD of items that are assumed to use no energy: cameras, gimbals, marks in the mission, servos, relays."""
 
     CONDITION_DELAY = 112
     CONDITION_DISTANCE = 114
@@ -85,7 +85,7 @@ EQUIPMENT = frozenset(Equipment)
 
 
 class Frame(IntEnum):
-    """MAV_FRAME of heights; the second of each pair is for integers. MISSION: the frame of items without a position."""
+    """MAV_FRAME of heights; the second of a pair is for integer degrees. MISSION: frame of items without a position."""
 
     ABOVE_SEA = 0
     MISSION = 2
@@ -123,9 +123,9 @@ class Autopilot(IntEnum):
 
 
 class Item(NamedTuple):
-    """A mission item. number: by which jumps name it     params: the first four; NaN where not given
+    """A mission item. number: the target number that jumps use     params: the first four; NaN if not given
 
-    latitude_deg, longitude_deg : None where the item has no place     height_m : in the frame; NaN where not given
+    latitude_deg, longitude_deg : None if the item has no position     height_m : in its frame; NaN if not given
     """
 
     number: int
@@ -142,7 +142,7 @@ class Item(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Where the mission begins: latitude, longitude [deg], height above sea level; None where the file lacks it."""
+    """Where the mission begins: latitude, longitude [deg], height above sea level [m] or None if not in the file."""
 
     latitude_deg: float
     longitude_deg: float
@@ -150,7 +150,7 @@ class Start(NamedTuple):
 
 
 class ReadMission(NamedTuple):
-    """What a file says: items, home, and notes on it."""
+    """The content of a file: items, home, and notes."""
 
     items: list[Item]
     start: Start | None
@@ -158,7 +158,7 @@ class ReadMission(NamedTuple):
 
 
 def item_of(number: int, command: int, frame: int, params: Sequence[float]) -> Item:
-    """params: seven; the last ones are the position. Latitude and longitude of zero, or missing, mean no position."""
+    """Make an item. params: seven, the last three its position; latitude and longitude 0 or missing mean none."""
     first = (params[0], params[1], params[2], params[3])
     placed = math.isfinite(params[4]) and math.isfinite(params[5]) and (params[4] != 0 or params[5] != 0)
     return Item(number, command, frame, first, params[4] if placed else None, params[5] if placed else None, params[6])

@@ -1,4 +1,4 @@
-"""Lines of maps (OGC KML 2.3, `LineString`) as missions: of Google Earth, and the flight path of QGroundControl."""
+"""Lines of maps (OGC KML 2.3, `LineString`) as missions: from Google Earth, or a flight path of QGroundControl."""
 
 import math
 from xml.etree.ElementTree import Element
@@ -7,13 +7,13 @@ from flightpower.analysis.missions.items import Start
 from flightpower.analysis.missions.mission import Assumed, Mission, Place, Step, check_height, local_m, with_return
 from flightpower.flight.errors import InputError
 
-GROUND_STATION = "Flight Path"  # the name that QGroundControl gives to its line, which begins at home on the ground
+GROUND_STATION = "Flight Path"  # QGroundControl's name for its line, which begins at home on the ground
 
 
 def read_line(root: Element, where: str, assumed: Assumed) -> Mission:
-    """A line as a route from its first point on, which is home unless another is given.
+    """Read a line as a route that starts at its first point, which is home unless another home is given.
 
-    Raises InputError beginning with `where`.
+    Raises InputError that begins with `where`.
     """
     lines = [element for element in root.iter() if _name(element) == "LineString"]
     if len(lines) != 1:

@@ -31,7 +31,7 @@ HOME = Place()
 
 
 class Speed(NamedTuple):
-    """A speed that a mission asks for [m/s]: equivalent airspeed, or speed over the ground."""
+    """A speed that a mission requests [m/s]: equivalent airspeed, or speed over the ground."""
 
     mps: float
     over_ground: bool = False
@@ -40,8 +40,8 @@ class Speed(NamedTuple):
 class Step(NamedTuple):
     """Straight flight to a point, then circles there.
 
-    speed: None where the mission leaves it open     circle_s, turns: of the circles     radius_m: None: by the bank
-    launched: it begins at rest     dropped_kg: payload that leaves the aircraft at the end
+    speed: None if the mission does not set it     circle_s, turns: of the circles     radius_m: None: set by the bank
+    launched: whether it begins at rest     dropped_kg: payload that leaves the aircraft at the end
     """
 
     name: str
@@ -55,7 +55,7 @@ class Step(NamedTuple):
 
 
 class Mission(NamedTuple):
-    """The steps from `start` on. notes: which items are taken to cost no energy, and what was assumed."""
+    """The steps from `start` on. notes: which items are assumed to use no energy, and other assumptions."""
 
     start: Place
     steps: tuple[Step, ...]
@@ -63,8 +63,7 @@ class Mission(NamedTuple):
 
 
 class Assumed(NamedTuple):
-    """Values that a file may lack: home [deg], height of a line without heights, payload of one release [kg].
-
+    """Values that a file may lack: home [deg], height of a line without heights [m], payload of one release [kg].
     elevation_m : of home above the sea
     """
 
@@ -75,9 +74,10 @@ class Assumed(NamedTuple):
 
 
 class Allowance(NamedTuple):
-    """How far below home the ground may lie [m]: of heights that are stated above home, and of those above the sea.
+    """How far below home a height may lie [m], if it is stated above home, or above the sea.
 
-    The latter are mistaken for the former; who flies down a valley can state them above home.
+    The latter limit is small because heights above home are often marked as above the sea; to fly down into a valley,
+    state heights above home.
     """
 
     above_home_m: float = 300.0
@@ -88,15 +88,15 @@ ALLOWED = Allowance()
 
 
 def check_height(height_m: float, where: str, advice: str, allowed_m: float = ALLOWED.above_home_m) -> None:
-    """Raises InputError beginning with `where` for a height [m] so far below home that no ground is there."""
+    """Raise InputError, which begins with `where`, for a height [m] so far below home that it must be wrong."""
     if height_m < -allowed_m:
         raise InputError(f"{where}: {-height_m:.0f} m below home; {advice}")
 
 
 def local_m(latitude_deg: float, longitude_deg: float, start: Start, where: str) -> tuple[float, float]:
-    """Meters east and north of the start, on a plane that touches the earth there.
+    """Return meters east and north of the start, on a flat earth.
 
-    Raises InputError beginning with `where` for what is no place, or so far away that the earth is not flat.
+    Raises InputError that begins with `where` for an invalid position, or one too far away for a flat earth.
     """
     farthest_m = 500_000.0
     if not (abs(latitude_deg) <= 90 and abs(longitude_deg) <= 360):
@@ -111,9 +111,9 @@ def local_m(latitude_deg: float, longitude_deg: float, start: Start, where: str)
 
 
 def with_return(mission: Mission, ends_by_landing: bool, at_home_m: float = 100.0) -> Mission:
-    """The mission, and straight home at its last height where it ends neither there nor by landing.
+    """Return the mission, with a straight flight home at its last height unless it ends there or by landing.
 
-    at_home_m: from home, within which it counts as ended there: circles of a landing are wider
+    at_home_m: distance from home within which the mission counts as ended at home, to allow for circles before landing
     """
     last = mission.steps[-1]
     if ends_by_landing or last.to.distance_m(HOME) < at_home_m:
@@ -131,7 +131,7 @@ DROP = re.compile(r"drop\s+(?P<weight>.+)")
 
 
 def parse_legs(text: str, height_m: float) -> Mission:
-    """The mission of "3 km 045, 2 km 135 +50 m at 17 m/s, drop 0.5 kg, 3 km 225", from `height_m` above home on.
+    """Parse legs like "3 km 045, 2 km 135 +50 m at 17 m/s, drop 0.5 kg, 3 km 225", from `height_m` above home.
 
     Raises InputError naming the leg.
     """
@@ -179,7 +179,7 @@ WIND = re.compile(r"(?P<speed>.+?)\s+from\s+(?P<direction>[\d.]+)\s*(?:deg|degre
 
 
 class Wind(NamedTuple):
-    """Mean wind at the height of the flight: where it blows to [m/s], and the standard deviation of each component."""
+    """Mean wind at the height of the flight: the velocity of the air [m/s], and each component's standard deviation."""
 
     east_mps: float
     north_mps: float
@@ -191,7 +191,7 @@ class Wind(NamedTuple):
 
 
 def parse_wind(text: str, sd_mps: float) -> Wind:
-    """The wind of "5 m/s from 270 deg", or "0" for calm. Raises InputError."""
+    """Parse a wind such as "5 m/s from 270 deg", or "0" for calm. Raises InputError."""
     calm = re.fullmatch(r"0(?:\.0*)?\s*(?:m/s|kt|km/h)?", text.strip())
     match = WIND.fullmatch(text.strip())
     if calm:
@@ -204,7 +204,7 @@ def parse_wind(text: str, sd_mps: float) -> Wind:
 
 
 def courses_rad(mission: Mission) -> list[float | None]:
-    """Course of each step over the ground, clockwise from north; None where it covers no distance."""
+    """Return the course of each step over the ground [rad], clockwise from north; None if it covers no distance."""
     places: Sequence[Place] = (mission.start, *(step.to for step in mission.steps))
     return [
         atan2(b.east_m - a.east_m, b.north_m - a.north_m) if a.distance_m(b) > 0 else None for a, b in pairwise(places)
@@ -212,5 +212,5 @@ def courses_rad(mission: Mission) -> list[float | None]:
 
 
 def course_text(course_rad: float | None) -> str:
-    """ "045", or nothing."""
+    """Return a course such as "045"; empty for None."""
     return "" if course_rad is None else f"{round(degrees(course_rad)) % 360:03d}"

@@ -1,4 +1,4 @@
-"""Missions from files, recognized by content: plans, waypoints, missions of INAV, lines of maps."""
+"""Reads missions from files, recognized by content: plans, waypoints, missions of INAV, lines of maps."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,7 +17,7 @@ FORMATS = "a plan of QGroundControl, MAVLink waypoints (QGC WPL 110), a mission 
 
 
 def load_mission(path: Path, assumed: Assumed = Assumed()) -> Mission:
-    """Raises InputError naming the file and the item that is not understood."""
+    """Read a mission. Raises InputError that names the file and the item that is not understood."""
     text, where = read_text(path), str(path)
     if not text.lstrip().startswith("<"):
         return flown(_items(text, where), where, assumed)

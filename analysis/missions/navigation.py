@@ -1,9 +1,9 @@
-"""A plan over the ground: headings and durations by which a flight stays, in wind, where it is watched from.
+"""A plan over the ground: headings and durations with which a flight in wind stays near its observer.
 
-Dead reckoning in the mean wind. A plan is a row of straight parts with turns between them. A straight part is crabbed
-so that it ends on the line of the legs. What is held or porpoised in it becomes shorter where the part would be longer
-over the ground than a leg, and longer until the next part, with the turn after it, will lie about the take-off: the
-flight takes longer against the wind than with it. The landing is into the wind.
+Positions come from dead reckoning in the mean wind. A plan is a series of straight parts with turns between them. A
+straight part is crabbed so that it ends on the line of the legs. Its held or porpoised maneuver is shortened if the
+part would be longer over the ground than a leg, and lengthened so that the next part and the turn after it are centered
+on the take-off: the flight takes longer against the wind than with it. The landing is into the wind.
 
 x is along the first leg, y to its right, from the place of take-off [m].
 """
@@ -26,8 +26,8 @@ from flightpower.flight.arrays import Array
 class _Part:
     """A straight part through the air, and the turn after it.
 
-    adjusted : number of the maneuver that becomes longer or shorter, the fastest one     turn : of the turn; None: none
-    spare_s : by how much it can become shorter        held_mps : its speed           turn_s : the turn takes
+    adjusted : index of the maneuver that is lengthened or shortened, the fastest one     turn : its index or None
+    spare_s : by how much `adjusted` can be shortened     held_mps : its speed     turn_s : duration of the turn
     """
 
     through_air_m: float
@@ -39,8 +39,8 @@ class _Part:
     turn_s: float
 
     def reached_m(self, direction: float, wind_x_mps: float, leg_m: float) -> tuple[float, float]:
-        """Distances along x from the start of a part: to its end, shortened to a leg if possible, and to the end of its
-        turn.
+        """Return distances along x from the start of a part to its end, shortened to a leg if possible, and to its
+        turn's end.
 
         direction : 1 along x, -1 back
         """
@@ -57,15 +57,15 @@ def kept_in_place(
     wind_mps: float,
     wind_from_deg: float = PATH.wind_from_deg,
 ) -> list[Maneuver]:
-    """Adjusts angles of turns and durations of held or porpoised maneuvers to keep the flight in place.
+    """Adjust angles of turns and durations of held or porpoised maneuvers to keep the flight in place.
 
     wind_from_deg : clockwise from the first leg
     """
     flown, maneuvers = paths(plan, expected, space.height_m), list(plan)
     wind = wind_vector(wind_mps, wind_from_deg)
     parts = list(_parts(plan, flown))
-    place, heading, direction, before = np.zeros(2), 0.0, 1.0, None  # of x, the turn before
-    turned = place  # where the part begins, if the turn before is flown as planned first
+    place, heading, direction, before = np.zeros(2), 0.0, 1.0, None  # direction along x; index of the turn before
+    turned = place  # where the part begins if the turn before it is flown as first planned
     for part, after in pairwise([*parts, None]):
         assert part is not None
         headwind_mps = -direction * float(wind[0])
@@ -86,7 +86,7 @@ def kept_in_place(
         else:
             turn, begun_mps = maneuvers[before], float(flown[before].V[0])
             assert isinstance(turn, Turn)
-            for _ in range(3):  # a turn through another angle takes another time
+            for _ in range(3):  # a turn through a different angle takes a different time
                 crab = _crab_rad(part, turned, wind)
                 turn = _turned_to(turn, (crab if direction > 0 else pi - crab) - heading)
                 turned = place + _moved(turn_path(expected, begun_mps, turn), heading, wind)
@@ -123,7 +123,7 @@ def _parts(plan: Sequence[Maneuver], flown: Sequence[Path]) -> Iterator[_Part]:
 
 
 def _turned_to(turn: Turn, angle_rad: float) -> Turn:
-    """The turn, to the same side and by about as much, that ends after this angle or whole circles more."""
+    """Return the turn to the same side, by about as much, that ends at this angle plus any number of whole circles."""
     turn_rad = 2 * pi
     more = (angle_rad - turn.angle_rad + pi) % turn_rad - pi
     angle = turn.angle_rad + more
@@ -133,48 +133,48 @@ def _turned_to(turn: Turn, angle_rad: float) -> Turn:
 
 
 def _crab_rad(part: _Part, begun: Array, wind: Array) -> float:
-    """Heading relative to the line of the legs with which a part that begins at a position (2,) ends on that line."""
+    """Return the heading, relative to the legs' line, with which a part that begins at (2,) ends on that line."""
     across = -float(begun[1] + wind[1] * part.seconds) / max(part.through_air_m, 1.0)
-    steepest = 0.64  # 40 deg: above it a leg hardly advances
+    steepest = 0.64  # sine of 40 deg; beyond this angle a leg hardly advances
     return asin(min(max(across, -steepest), steepest))
 
 
 def _longer_s(part: _Part, adjusted: Hold | Porpoise, headwind_mps: float, until_m: tuple[float, float]) -> float:
-    """How much longer to fly the held maneuver. until_m: distance to the turning point, and longest leg"""
+    """Return how much longer to fly the held maneuver [s]. until_m: distance to the turning point, and longest leg"""
     ground_m = part.through_air_m - headwind_mps * part.seconds
     turn_m, leg_m = until_m
     longer_m = max(turn_m - ground_m, min(leg_m - ground_m, 0.0))
-    least_mps = 0.1 * adjusted.speed_mps  # slower over the ground, a longer leg leads nowhere
+    least_mps = 0.1 * adjusted.speed_mps  # below this ground speed a longer leg leads nowhere
     if adjusted.speed_mps - headwind_mps < least_mps and longer_m > 0:
         return 0.0
-    most_s = 120.0  # in wind nearly as fast as the aircraft
+    most_s = 120.0  # limit for wind nearly as fast as the aircraft
     return min(max(longer_m / max(adjusted.speed_mps - headwind_mps, least_mps), -part.spare_s), most_s)
 
 
 def _until_a_leg_away_s(part: _Part, wind: Array, leg_m: float) -> float:
-    """How long what is held after take-off, which is not crabbed, can last until the flight is a leg away."""
+    """Return how much longer [s] the uncrabbed hold after take-off can last until the flight is a leg away."""
     place = np.array([part.through_air_m, 0.0]) + part.seconds * wind
     return max(leg_m - float(np.hypot(*place)), 0.0) / float(np.hypot(part.held_mps + wind[0], wind[1]))
 
 
 def _turn_x_m(turn: Path, after: _Part, direction: float, space: Space, wind_x_mps: float) -> float:
-    """The place x where a turn is begun for what follows to lie about the take-off: circles themselves, or the part
-    after the turn with the turn after that. direction: before the turn"""
+    """Return the place x where a turn must begin to center what follows on the take-off: circles, or the part after the
+    turn together with the next turn. direction: before the turn"""
     drift_m = wind_x_mps * len(turn.V) * PATH.step_s
     if _circles(turn):
         return -drift_m / 2
     next_way = _way_back(after, direction, wind_x_mps)
     passed_m = (0.0, *after.reached_m(next_way, wind_x_mps, space.leg_m))
-    return -(max(passed_m) + min(passed_m)) / 2 - drift_m * (2 if direction == next_way else 1)  # twice: a whole circle
+    return -(max(passed_m) + min(passed_m)) / 2 - drift_m * (2 if direction == next_way else 1)  # twice: full circle
 
 
 def _way_back(after: _Part, direction: float, wind_x_mps: float) -> float:
-    """Along x or back after a turn: into the wind to land."""
+    """Return the direction after a turn: into the wind to land, else reversed; 1 along x, -1 back."""
     return -copysign(1.0, wind_x_mps) if after.turn is None and wind_x_mps else -direction
 
 
 def _way_after(turn: Path, after: _Part, direction: float, x_m: float, wind_x_mps: float) -> float:
-    """Along x or back after a turn or circles that end at x: after circles, to where less far is flown."""
+    """Return the direction after a turn or circles that end at x; after circles, the one that stays closer."""
     if not _circles(turn) or (after.turn is None and wind_x_mps):
         return _way_back(after, direction, wind_x_mps)
     return min((1.0, -1.0), key=lambda sense: max(abs(x_m + m) for m in after.reached_m(sense, wind_x_mps, inf)))
@@ -185,7 +185,7 @@ def _circles(turn: Path) -> bool:
 
 
 def _moved(path: Path, heading: float, wind: Array) -> Array:
-    """Displacement over the ground (2,) [m]."""
+    """Return the displacement over the ground (2,) [m]."""
     along = heading + np.cumsum(turn_rate(path.bank, path.V)) * PATH.step_s
     air = np.array([path.V @ np.cos(along), path.V @ np.sin(along)])
     return np.asarray((air + wind * len(path.V)) * PATH.step_s)

@@ -32,7 +32,7 @@ class TakeOff:
 
 @dataclass(frozen=True)
 class Hold:
-    """Hold height, heading and speed; the change to this speed is part of the duration."""
+    """Hold height, heading and speed; the duration includes the change to this speed."""
 
     duration_s: float
     speed_mps: float
@@ -48,7 +48,7 @@ class Turn:
 
     @property
     def width_m(self) -> float:
-        """Across the flight path before it, in still air: two radii V^2/(g tan(bank))."""
+        """Width across the preceding flight path, in still air: two radii V^2/(g tan(bank))."""
         return 2 * self.speed_mps**2 / (GRAVITY_MPS2 * tan(self.bank_rad))
 
 
@@ -85,8 +85,8 @@ Maneuver = Stand | TakeOff | Hold | Turn | Run | Porpoise | Land
 
 @dataclass(frozen=True)
 class Space:
-    """Where the flight may go. leg_m: longest straight flight over the ground. height_m: of the flight.
-    side_m: room for the turns to each side of the legs, in still air."""
+    """Where the flight may go. leg_m: longest straight flight over the ground. height_m: height of the flight. side_m:
+    room for turns on each side of the legs, in still air."""
 
     leg_m: float
     height_m: float
@@ -102,7 +102,7 @@ class Pilot:
 
 
 class PieceKind(StrEnum):
-    """What a piece of a plan is, in the order of the flight: runs while the battery is full, full throttle last."""
+    """Kinds of pieces, in the order of the flight: runs while the battery is full, full throttle last."""
 
     RUNS = "runs"
     CIRCUIT = "circuit"
@@ -112,13 +112,13 @@ class PieceKind(StrEnum):
 
     @property
     def manual_only(self) -> bool:
-        """Whether an autopilot's mission cannot express it."""
+        """Whether an autopilot's mission cannot express this kind."""
         return self is PieceKind.PORPOISE
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A piece of a plan. title: for the card."""
+    """A piece of a plan. title: text for the card."""
 
     title: str
     maneuvers: tuple[Maneuver, ...]
@@ -126,29 +126,29 @@ class Piece:
 
 
 def margin_over_stall(wind_kt: float) -> float:
-    """Speed margin at the largest lift planned: at the end of a deceleration, in a turn, in porpoising."""
+    """Return the ratio to stall speed at the largest lift planned: ends of decelerations, turns, porpoising."""
     return MARGINS.slowest + MARGINS.slowest_per_kt * wind_kt
 
 
 def slowest_mps(expected: ExpectedAircraft, wind_kt: float) -> float:
-    """The slowest speed that is planned [m/s]."""
+    """Return the slowest speed that is planned [m/s]."""
     return margin_over_stall(wind_kt) * expected.stall_mps
 
 
 def before(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
-    """The beginning of every flight. `kept_in_place` holds on into the wind, for the first piece to begin there."""
+    """Return the beginning of every flight. `kept_in_place` extends the hold upwind, where the first piece begins."""
     V = expected.cruise_mps
     return Stand(MANEUVERS.stand_s[0]), TakeOff(V), Hold(2.0, V), Turn(V)
 
 
 def after(expected: ExpectedAircraft) -> tuple[Maneuver, ...]:
-    """The end of every flight."""
+    """Return the end of every flight."""
     V = expected.cruise_mps
     return Turn(V), Land(V), Stand(MANEUVERS.stand_s[1])
 
 
 def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Iterator[Piece]:
-    """An acceleration and a deceleration, with a turn at the end; on two legs where one is too short for both."""
+    """Yield an acceleration and a deceleration, with a turn at the end; on two legs if one is too short for both."""
     slow, fast = slowest_mps(expected, wind_kt), MARGINS.fastest * expected.fastest_mps
     turn = Turn(expected.cruise_mps, pi, BANK_RAD)
     for ramp_s, settle_s, hold_s in ((13.0, 16.0, 5.0), (8.0, 10.0, 3.0)):
@@ -167,7 +167,7 @@ def run_pairs(expected: ExpectedAircraft, space: Space, wind_kt: float) -> Itera
 
 
 def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float, longest_s: float = inf) -> Iterator[Piece]:
-    """A leg at one speed and a turn back at the same speed."""
+    """Yield a leg at one speed and a turn back at the same speed."""
     slow, stall, fastest = slowest_mps(expected, wind_kt), expected.stall_mps, expected.fastest_mps
     fast = MARGINS.fastest * fastest
     for V in (MARGINS.hold * slow, 1.3 * stall, 1.6 * stall, 0.77 * fastest, 0.85 * fastest, fast):
@@ -179,7 +179,7 @@ def circuits(expected: ExpectedAircraft, space: Space, wind_kt: float, longest_s
 
 
 def circles(expected: ExpectedAircraft, wind_kt: float) -> Iterator[Piece]:
-    """Two full circles at one speed."""
+    """Yield two full circles at one speed."""
     fastest = expected.fastest_mps
     for bank in MANEUVERS.banks_rad:
         slowest = _turning_mps(expected, bank, wind_kt)
@@ -192,7 +192,7 @@ def circles(expected: ExpectedAircraft, wind_kt: float) -> Iterator[Piece]:
 def porpoising(
     expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float, longest_s: float = inf
 ) -> Iterator[Piece]:
-    """Stick fore and aft along a leg, and a turn back."""
+    """Yield porpoising, with the stick fore and aft along a leg, and a turn back."""
     stall, fast = expected.stall_mps, MARGINS.fastest * expected.fastest_mps
     for V in (1.5 * stall, 1.6 * stall, 1.75 * stall, 1.95 * stall, fast):
         if V < margin_over_stall(wind_kt) * (1 + pilot.load) ** 0.5 * stall or V > fast:
@@ -206,7 +206,7 @@ def porpoising(
 
 
 def full_throttle(expected: ExpectedAircraft) -> Piece:
-    """One acceleration at full throttle: power available, climb, ceiling."""
+    """Return one acceleration at full throttle, for power available, climb and ceiling."""
     run = Run(1.0, 1.0, 0.95 * expected.fastest_mps)
     hold = Hold(8.0, 1.3 * expected.stall_mps)
     return Piece("accelerate at full throttle", (hold, run), PieceKind.FULL_THROTTLE)
@@ -215,9 +215,9 @@ def full_throttle(expected: ExpectedAircraft) -> Piece:
 def catalog(
     expected: ExpectedAircraft, space: Space, pilot: Pilot, wind_kt: float, longest_s: float = inf
 ) -> list[Piece]:
-    """All pieces that this pilot can fly here; longest_s: of level flight and porpoising, where there is little time.
+    """Return all pieces that this pilot can fly here. longest_s: limit for level flight and porpoising.
 
-    Raises InputError where there is no room for the turns.
+    Raises InputError if there is no room for the turns.
     """
     pieces = [
         *run_pairs(expected, space, wind_kt),
@@ -239,8 +239,8 @@ def catalog(
 
 
 def _with_room(piece: Piece, narrowest_mps: float, side_m: float) -> Piece | None:
-    """The piece with turns that fit: steeper, and slower where that is not enough. None if none fits; circles stay
-    unchanged, since their speed and bank are their purpose."""
+    """Return the piece with turns that fit: steeper, and if necessary slower. None if no turn fits, or if circles do
+    not fit as they are: their speed and bank are their purpose."""
     maneuvers: list[Maneuver] = []
     for maneuver in piece.maneuvers:
         if isinstance(maneuver, Turn) and maneuver.width_m > side_m:
@@ -255,7 +255,7 @@ def _with_room(piece: Piece, narrowest_mps: float, side_m: float) -> Piece | Non
 def sequence(
     pieces: Sequence[Piece], expected: ExpectedAircraft, wind_from_deg: float = PATH.wind_from_deg
 ) -> list[Maneuver]:
-    """The whole plan, from standing to standing; turns to the right and to the left alternate, all into the wind.
+    """Return the whole plan from standing to standing; right and left turns alternate, so that all turn into the wind.
 
     wind_from_deg : clockwise from the first leg
     """
@@ -270,6 +270,6 @@ def sequence(
 
 
 def _turning_mps(expected: ExpectedAircraft, bank_rad: float, wind_kt: float) -> float:
-    """The slowest speed of a turn: 15 % above that which has the margin over the stall."""
+    """Return the slowest speed for a turn: 15 % above the speed that keeps the margin over the stall at this bank."""
     load = 1 / max(1e-3, cos(bank_rad))
     return float(load**0.5 * 1.15 * slowest_mps(expected, wind_kt))

@@ -1,8 +1,8 @@
-"""A flight plan as a mission for an autopilot: the part of it that PX4 or ArduPilot can hold.
+"""A flight plan as a mission for an autopilot: the part of the plan that PX4 or ArduPilot can express.
 
 Speeds are changed by MAV_CMD_DO_CHANGE_SPEED (airspeed), legs end at waypoints, circles are MAV_CMD_NAV_LOITER_TURNS. A
-run is a leg with a changed speed: an autopilot moves the throttle as its own speed controller does, not along a ramp.
-Porpoising is left out.
+run is a leg with a new speed: an autopilot moves the throttle by its own speed controller, not along a ramp. Porpoising
+is left out.
 """
 
 from math import asin, atan2, cos, degrees, nan, pi, radians, sin
@@ -26,22 +26,22 @@ class Home(NamedTuple):
 
     @property
     def start(self) -> Start:
-        """The height of home is not known; all heights are relative to it."""
+        """Position of home. Its height is unknown and set to 0; all heights are relative to it."""
         return Start(self.latitude_deg, self.longitude_deg, 0)
 
 
 def qgroundcontrol_plan(plan: FlightPlan, home: Home, firmware: str) -> str:
-    """The text of a .plan file. firmware: "px4" or "ardupilot". The fence is the space of the request."""
+    """Return the text of a .plan file. firmware: "px4" or "ardupilot". The fence is the space of the request."""
     return plan_text(_items(plan, home), home.start, Vehicle(firmware, plan.aircraft.cruise_mps, _fence(plan, home)))
 
 
 def waypoint_file(plan: FlightPlan, home: Home) -> str:
-    """The mission as plain text (QGC WPL 110), which Mission Planner and MAVProxy load."""
+    """Return the mission as plain text (QGC WPL 110), which Mission Planner and MAVProxy load."""
     return waypoints_text(_items(plan, home), home.start)
 
 
 def left_out(plan: FlightPlan) -> list[str]:
-    """Titles of the pieces that the mission does not hold."""
+    """Return titles of the pieces that are not in the mission."""
     return [piece.title for piece in dict.fromkeys(plan.pieces) if piece.kind.manual_only]
 
 
@@ -95,7 +95,7 @@ def _items(plan: FlightPlan, home: Home) -> list[Item]:
 
 
 def _place(home: Home, along_m: float, across_m: float) -> tuple[float, float]:
-    """Latitude and longitude [deg] of a point along and to the right of the first leg (great circle)."""
+    """Return latitude and longitude [deg] of a point along and to the right of the first leg (great circle)."""
     distance = (along_m**2 + across_m**2) ** 0.5 / EARTH_RADIUS_M
     bearing = home.heading_rad + atan2(across_m, along_m)
     latitude = radians(home.latitude_deg)
@@ -105,7 +105,7 @@ def _place(home: Home, along_m: float, across_m: float) -> tuple[float, float]:
 
 
 def _fence(plan: FlightPlan, home: Home) -> list[tuple[float, float]]:
-    """A box about the legs, with room for the turns: what the request leaves, else for turns at the fastest speed."""
+    """Return a box about the legs with the requested room for turns, or what turns at the fastest speed need."""
     widest_m = 1.5 * Turn(plan.aircraft.fastest_mps).width_m
     side = min(plan.request.space.side_m, widest_m)
     half = plan.request.space.leg_m / 2 + side

@@ -1,4 +1,4 @@
-"""What a plan assumes of aircraft, pilot and air, and its margins."""
+"""What a plan assumes about aircraft, pilot and air, and its margins."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ MARGINS = Margins()
 
 @dataclass(frozen=True)
 class Leg(Settings):
-    """Straight flight over the ground, where the user gives no length."""
+    """Length of straight flight over the ground, if the user gives none."""
 
     length_m: tuple[float, float] = setting(
         (500.0, 1300.0),
@@ -66,7 +66,7 @@ MANEUVERS = Maneuvers()
 
 @dataclass(frozen=True)
 class PlannedPath(Settings):
-    """Kinematics of a plan flown as written."""
+    """Kinematics of a plan that is flown exactly as written."""
 
     step_s: float = setting(0.04, "s", "that of the logger")
     take_off_s: float = setting(12.0, "s", "from standing to the least height at which anything is measured")
@@ -82,7 +82,7 @@ PATH = PlannedPath()
 
 @dataclass(frozen=True)
 class ExpectedNoise(Settings):
-    """The uncertainty that a flight would leave, computed before it is flown."""
+    """Assumptions for the uncertainty that a flight will leave, which is computed before the flight."""
 
     residuals_in_gusts: tuple[tuple[float, float], ...] = setting(
         ((0.0, 0.029), (0.15, 0.040), (0.75, 0.060)),
@@ -99,7 +99,7 @@ NOISE = ExpectedNoise()
 
 @dataclass(frozen=True)
 class Search(Settings):
-    """Choice of the pieces."""
+    """How the pieces are chosen."""
 
     mean_share: float = setting(0.1, "1", "of the mean half width over speeds, besides the worst")
     fewest_run_pairs: int = setting(2, "1", "a single one does not show repeatability")

@@ -1,9 +1,10 @@
-"""Battery power of steady flight at any weight, density, climb angle and load factor, at draws of what is uncertain.
+"""Battery power in steady flight at any weight, density, climb angle and load factor, with draws of its errors.
 
-Two sources. The model of performance (`analysis.performance`): balance of forces, propeller's table, losses of the
-power train. Or a curve of electrical power in level flight: at another weight, density or load factor the same lift
-coefficient is flown at another speed (PIW and VIW, 2.3 and 2.5), and a climb takes the power of the weight's rise
-through the efficiency from battery to thrust. In a descent steeper than a glide the idle power remains.
+There are two sources. One is the model of performance (`analysis.performance`): balance of forces, propeller's table,
+losses of the power train. The other is a curve of electrical power in level flight: at a different weight, density or
+load factor the same lift coefficient is flown at a different speed (PIW and VIW, 2.3 and 2.5), and a climb adds the
+power that lifts the weight, divided by the efficiency from battery to thrust. In a descent steeper than a glide, the
+idle power remains.
 """
 
 from dataclasses import dataclass
@@ -31,13 +32,13 @@ class SteadyPower(Protocol):
     def battery_W(self, V: Array, condition: Condition, sine: Floats, load_factor: Floats) -> Array: ...
 
     def best_climb_mps(self, V: Array, condition: Condition) -> Array:
-        """Best climb at full throttle; infinite if unknown."""
+        """Return the best rate of climb at full throttle [m/s]; infinite if unknown."""
         ...
 
 
 @dataclass(frozen=True)
 class AerodynamicPower:
-    """Power by the model of performance. parameters : each (n, 1)     idle_W : with the motor off"""
+    """Power from the model of performance. parameters : each (n, 1)     idle_W : power with the motor off"""
 
     parameters: SigmaPoints
     model: PerformanceModel
@@ -69,7 +70,10 @@ def _correction(parameters: SigmaPoints) -> SigmaPoints:
 
 @dataclass(frozen=True)
 class ElectricalPower:
-    """Power by a level curve. V_mps : (g,) even steps     power_W : (n, g), with idle_W     efficiency : (n, 1)"""
+    """Power from a curve of level flight.
+
+    V_mps : (g,) evenly spaced     power_W : (n, g), including idle_W     efficiency : (n, 1) from battery to thrust
+    """
 
     V_mps: Array
     power_W: Array
@@ -87,7 +91,7 @@ class ElectricalPower:
         return np.full(V.shape, np.inf)
 
     def _curve_W(self, V: Array) -> Array:
-        """(n, k); the first and last parts of the curve go on as straight lines."""
+        """Return the curve at V (n, k); its first and last segments are extended as straight lines."""
         V = np.broadcast_to(V, (len(self.power_W), V.shape[-1])) if len(self.power_W) > 1 else V
         grid_place = (V - self.V_mps[0]) / (self.V_mps[1] - self.V_mps[0])
         low = np.clip(np.floor(grid_place).astype(int), 0, len(self.V_mps) - 2)
@@ -100,9 +104,9 @@ class ElectricalPower:
 
 @dataclass(frozen=True)
 class RoutePower:
-    """What results give: power without errors and at draws, conditions flown, and lift coefficients.
+    """What results provide: power without errors and at draws, the condition flown, and lift coefficients.
 
-    flown_CL : smallest and largest of level flight     largest_CL : that the wing has carried for a moment
+    flown_CL : smallest and largest in level flight     largest_CL : the largest that the wing has carried, even briefly
     """
 
     reference: Condition
@@ -113,9 +117,9 @@ class RoutePower:
 
 
 def source_of(results: RouteInput, idle_W: float | None, draws: int, rng: np.random.Generator) -> RoutePower:
-    """Power from an aerodynamic model if the results have one, else from a curve of electrical power.
+    """Return power from a model of performance if the results have one, else from a curve of electrical power.
 
-    idle_W: None: from the results, or zero. Raises InputError where they have neither.
+    idle_W: None means the value in the results, or zero. Raises InputError if the results have neither source.
     """
     reference = Condition(results.test.weight_N, results.test.air_density_kgpm3, results.aircraft.wing_area_m2)
     idle = results.main.idle_power_W if idle_W is None else idle_W
@@ -158,10 +162,10 @@ def aerodynamic_source(
     *,
     idle_W: float = 0.0,
 ) -> RoutePower:
-    """Power from a model of performance. draws: number of draws, random generator
+    """Return power from a model of performance. draws: number of draws, random generator
 
-    largest_CL: that the wing has carried. 0 if it is not known: then that of level flight, which the low airspeed of a
-    gust may make larger than the wing ever carried.
+    largest_CL: the largest lift coefficient that the wing has carried; 0 means unknown, and the largest in level flight
+    is used instead. That may exceed what the wing ever carried, as it may come from the low airspeed of a gust.
     """
     parameters = model.parameters
     parameter_draws = _draw(parameters.values, parameters.covariance, draws)
@@ -184,7 +188,7 @@ def _as_columns(parameters: ParameterVector, values: Array) -> SigmaPoints:
 
 
 def _overall_efficiency(required: list[PowerPoint], battery: list[PowerPoint], idle_W: float) -> float:
-    """Power required over the motor's electrical power, the mean over the speeds that both curves have."""
+    """Return power required over the motor's electrical power, the mean over the speeds of `required`."""
     V = np.array([power_point.speed_mps for power_point in required])
     drawn_W = (
         np.interp(
@@ -196,6 +200,6 @@ def _overall_efficiency(required: list[PowerPoint], battery: list[PowerPoint], i
 
 
 def interval_of(draws: Array) -> Interval:
-    """Median and 95 % interval of draws (n,), some of which may be infinite."""
+    """Return median and 95 % interval of draws (n,), some of which may be infinite."""
     low, middle, high = np.quantile(draws, [0.025, 0.5, 0.975], method="inverted_cdf")
     return Interval(value=float(middle), lo=float(low), hi=float(high))

@@ -1,9 +1,9 @@
-"""What a mission takes: speeds by leg, energy and time, charge left, the probability of coming home, the way back.
+"""Predicts a mission: speed of each leg, energy, time, charge left, probability of coming home, point of no return.
 
 The curve's parameters (joint covariance), the mean wind, its mean over each leg in Dryden turbulence (MIL-F-8785C), the
 autopilot's airspeed, the power in gusts and the battery's capacity are drawn at random, always with the same seed.
-Values are medians of the draws, intervals contain 95 % of them; a probability is a share of them. Speeds are chosen in
-the world without errors, as a mission is planned before they are known.
+Values are medians of the draws, and intervals contain 95 % of the draws; a probability is a share of the draws. Speeds
+are chosen for a world without errors, as a mission is planned before the errors are known.
 """
 
 from dataclasses import dataclass, replace
@@ -41,7 +41,7 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 
 class Resolution(NamedTuple):
-    """How finely: draws of what is uncertain, directions of the map, points of a leg for the way home."""
+    """Numbers of draws of the uncertain quantities, directions of the map, and points per leg for the way home."""
 
     draws: int = 1000
     directions: int = 36
@@ -52,7 +52,7 @@ RESOLUTION = Resolution()
 
 
 class Objective(StrEnum):
-    """The goal by which airspeeds are chosen."""
+    """The goal that determines the airspeeds."""
 
     ENERGY = "energy"
     TIME = "time"
@@ -74,10 +74,12 @@ class Air(NamedTuple):
 class Flight:
     """How the mission is flown.
 
-    weight_N : at the start     stall_mps : equivalent airspeed at this weight; None: by the largest lift coefficient
-    speed : of all legs, instead of the mission's; an objective leaves the choice to the wind
-    power_sd : relative, of the mean power over the route: gusts, control, speed and height held by an autopilot
-    climb_mps : of steep climbs and descents; None: by the stall speed     sure : probability that counts as safe
+    weight_N : at the start     stall_mps : equivalent airspeed at this weight; None means from the largest lift
+    coefficient
+    speed : of all legs, instead of the mission's speeds; with an objective, each leg's speed depends on the wind
+    power_sd : relative standard deviation of the mean power over the route, from gusts and the autopilot's control of
+    speed and height
+    climb_mps : of steep climbs and descents; None means from the stall speed     sure : probability that counts as safe
     """
 
     wind: Wind
@@ -94,7 +96,7 @@ class Flight:
 
 
 class LegResult(msgspec.Struct, frozen=True, kw_only=True):
-    """One leg. Airspeed is equivalent, ground speed that in the mean wind; charge_left at its end, a share (0 to 1)."""
+    """One leg. Airspeed is equivalent; ground speed is in the mean wind; charge_left is a share (0 to 1) at its end."""
 
     name: str
     course_deg: float | None
@@ -105,7 +107,7 @@ class LegResult(msgspec.Struct, frozen=True, kw_only=True):
     time_s: Interval
     energy_Wh: Interval
     charge_left: Interval
-    probability_home: float  # directly from its end, with the reserve left
+    probability_home: float  # of flying straight home from its end, with the reserve left
 
 
 class NoReturn(msgspec.Struct, frozen=True, kw_only=True):
@@ -117,7 +119,7 @@ class NoReturn(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Direction(msgspec.Struct, frozen=True, kw_only=True):
-    """How far out and back: by the median, and safely."""
+    """How far the aircraft can go and return in one direction: the median, and the safe distance."""
 
     course_deg: float
     radius_m: float
@@ -125,7 +127,7 @@ class Direction(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RouteResult(msgspec.Struct, frozen=True, kw_only=True):
-    """The energy of a route; intervals of 95 %."""
+    """The energy of a route; intervals are 95 % intervals."""
 
     format: str = "flightpower-route-1"
     legs: list[LegResult]
@@ -138,15 +140,15 @@ class RouteResult(msgspec.Struct, frozen=True, kw_only=True):
     no_return: NoReturn | None  # null where the direct way home is safe everywhere
     headwind_Wh_per_km: Interval
     directions: list[Direction]
-    slowest_airspeed_mps: float  # allowed, equivalent
+    slowest_airspeed_mps: float  # lowest allowed, equivalent
     fastest_airspeed_mps: float
     notes: list[str]
-    flights: list[str] = []  # whose pool gives the curve; empty where one flight does
-    losses_of: list[str] = []  # of these, whose power trains' losses count
+    flights: list[str] = []  # flights whose pool gives the curve; empty for one flight
+    losses_of: list[str] = []  # those of `flights` whose power-train losses are used
 
 
 def predict(results: RouteInput, mission: Mission, flight: Flight, seed: int = 0) -> RouteResult:
-    """Raises InputError where the results do not give the power, or a leg cannot be flown as the mission asks."""
+    """Predict a route. Raises InputError if the results give no power, or a leg cannot be flown as requested."""
     rng = np.random.default_rng(seed)
     prediction = Route(source_of(results, flight.idle_W, RESOLUTION.draws, rng), mission, flight, rng).result()
     return msgspec.structs.replace(
@@ -157,10 +159,10 @@ def predict(results: RouteInput, mission: Mission, flight: Flight, seed: int = 0
 
 
 class Route:
-    """The legs of a mission with their speeds, and draws of what is uncertain."""
+    """The legs of a mission with their speeds, and draws of the uncertain quantities."""
 
     def __init__(self, source: RoutePower, mission: Mission, flight: Flight, rng: np.random.Generator):
-        """source: with RESOLUTION.draws draws. Raises InputError where a leg cannot be flown as the mission asks."""
+        """source: with RESOLUTION.draws draws. Raises InputError if a leg cannot be flown as the mission requires."""
         self.source, self.mission, self.flight = source, mission, flight
         if flight.stall_mps is None:
             self.stall_CL = self.source.largest_CL
@@ -182,7 +184,7 @@ class Route:
     def _legs(self) -> Legs:
         steps, courses = self.mission.steps, courses_rad(self.mission)
         before = [self.mission.start, *(step.to for step in steps)]
-        flown: list[float] = []  # course while a step covers no distance: that before
+        flown: list[float] = []  # courses; a step without distance keeps the previous one
         for course in courses:
             flown.append(course if course is not None else flown[-1] if flown else 0.0)
         turns = np.abs(np.diff(flown, prepend=flown[0]))
@@ -215,11 +217,11 @@ class Route:
         return speed_limits(self.source, legs.condition, self.stall_CL, self.flight.stall_margin)
 
     def _equivalent(self) -> Array:
-        """Equivalent over true airspeed, (k,)."""
+        """Return the ratio (k,) of equivalent to true airspeed."""
         return np.asarray(np.sqrt(self.legs.condition.rho / SEA_LEVEL_DENSITY))
 
     def _speeds(self) -> Array:
-        """True airspeeds (k,). Raises InputError for one outside the limits, or beyond full throttle."""
+        """Return true airspeeds (k,). Raises InputError for a speed outside the limits, or beyond full throttle."""
         wanted = self.flight.speed
         best = self._fastest() if wanted is Objective.TIME else self._best(self.legs)
         V, to_equivalent = best.copy(), self._equivalent()
@@ -251,7 +253,7 @@ class Route:
         return V
 
     def _check_progress(self, V: Array) -> None:
-        """Raises InputError for a leg on which the mean wind leaves no speed over the ground."""
+        """Raise InputError for a leg on which the mean wind leaves no speed over the ground."""
         wind, course = self.flight.wind, self.legs.course_rad
         over_ground = ground_speed(V, course, self.nominal.wind_east_mps, self.nominal.wind_north_mps)[0]
         head = -(wind.east_mps * np.sin(course) + wind.north_mps * np.cos(course))
@@ -265,7 +267,7 @@ class Route:
             )
 
     def _check_circles(self, V: Array) -> None:
-        """Raises InputError for a circle so tight that its load factor takes the stall margin of a turn."""
+        """Raise InputError for a circle so tight that its load factor uses up the stall margin of a turn."""
         tightest = np.sqrt((self.legs.turn_load * np.maximum(V / self.limits.slowest, 1.0) ** 2) ** 2 - 1)
         for step, v, most in zip(self.mission.steps, V, tightest, strict=True):
             radius_m = step.radius_m
@@ -276,7 +278,7 @@ class Route:
                 )
 
     def _over_ground(self, mps: float, i: int) -> float:
-        """The true airspeed that makes this ground speed in the mean wind."""
+        """Return the true airspeed that gives this ground speed in the mean wind."""
         course, wind = self.legs.course_rad[i], self.flight.wind
         return float(np.hypot(mps * np.sin(course) - wind.east_mps, mps * np.cos(course) - wind.north_mps))
 
@@ -284,7 +286,7 @@ class Route:
         return best_speeds(legs, self._limits(legs), self.nominal, self.flight.battery)
 
     def _fastest(self) -> Array:
-        """The fastest flown speed that full throttle can hold."""
+        """Return the fastest speeds (k,) within the limits that full throttle can hold."""
         low, high = self.limits
         V = high + np.linspace(0.0, 1.0, 201)[:, None] * (low - high)
         holds = self.source.nominal.best_climb_mps(V, self.legs.condition) > 0
@@ -312,7 +314,7 @@ class Route:
         )
 
     def left(self) -> tuple[Array, Array, Array]:
-        """Energy [J] and time [s] by leg, and the charge left at the end of each, a share; each (n, k)."""
+        """Energy [J] and time [s] of each leg, and the charge left at its end as a share; each (n, k)."""
         energy_J, seconds = energy_and_time(self.legs, self.V, self.world_draws, self.flight.battery)
         return energy_J, seconds, np.maximum(1 - np.cumsum(energy_J, axis=1) / self.capacity_J[:, None], -np.inf)
 
@@ -359,7 +361,7 @@ class Route:
         )
 
     def _straight_J(self, distance_m: Array, course_rad: Array, condition: Condition) -> Array:
-        """Energy (n, k) of straight level flight at the best speeds, in the mean wind of each draw."""
+        """Return the energy (n, k) [J] of straight level flight at the best speeds, in the mean wind of each draw."""
         legs = straight_legs(distance_m, course_rad, condition, self.legs)
         mean = {
             name: getattr(self.world_draws, name).mean(axis=1, keepdims=True)
@@ -368,14 +370,14 @@ class Route:
         return energy_and_time(legs, self._best(legs), replace(self.world_draws, **mean), self.flight.battery)[0]
 
     def _home_J(self, places: list[Place], weight_N: Array) -> Array:
-        """Energy (n, k) to fly straight home from each place, at its height."""
+        """Return the energy (n, k) [J] to fly straight home from each place at its height."""
         distance_m = np.array([place.distance_m(HOME) for place in places])
         course_rad = np.array([np.arctan2(-place.east_m, -place.north_m) for place in places])
         heights = np.array([place.height_m for place in places])
         return self._straight_J(distance_m, course_rad, self._condition(weight_N, heights))
 
     def _no_return(self, energy_J: Array) -> NoReturn | None:
-        """The last point before the first one from which the direct way home is not safe."""
+        """Return the last point before the first one from which the direct way home is unsafe; None if all are safe."""
         share = np.arange(1, RESOLUTION.points_per_leg + 1) / RESOLUTION.points_per_leg
         before = [self.mission.start, *(step.to for step in self.mission.steps)]
         places = [
@@ -384,8 +386,8 @@ class Route:
             for s in share
         ]
         weight_N = np.repeat(np.asarray(self.legs.condition.weight_N), RESOLUTION.points_per_leg)
-        spent_J = np.cumsum(np.pad(energy_J[:, :-1], ((0, 0), (1, 0))), axis=1)[:, :, None]  # before each leg
-        spent_J = spent_J + energy_J[:, :, None] * share  # infinite in draws in which a leg cannot be flown
+        spent_J = np.cumsum(np.pad(energy_J[:, :-1], ((0, 0), (1, 0))), axis=1)[:, :, None]  # spent before each leg
+        spent_J = spent_J + energy_J[:, :, None] * share  # infinite in draws where a leg cannot be flown
         need_J = spent_J.reshape(RESOLUTION.draws, -1) + self._home_J(places, weight_N)
         usable_J = (1 - self.flight.battery.reserve) * self.capacity_J[:, None]
         safe = np.mean(need_J <= usable_J, axis=0) >= self.flight.sure
@@ -403,7 +405,7 @@ class Route:
         )
 
     def _cruise(self, count: int) -> Condition:
-        """Weight at the start, at the mean height of the legs, `count` times."""
+        """Return the condition with the start weight at the mean height of the legs, `count` times."""
         height_m = float(np.mean([step.to.height_m for step in self.mission.steps]))
         return self._condition(np.full(count, self.flight.weight_N), np.full(count, height_m))
 
@@ -425,10 +427,10 @@ class Route:
 
 
 def mean_wind_sigma(wind_mps: float, height_m: Array, V: Array, seconds: Array) -> Array:
-    """Standard deviation (k,) [m/s] of each wind component's mean over a leg, about that over the flight.
+    """Return the standard deviation (k,) [m/s] of a wind component's mean over a leg, about its mean over the flight.
 
-    Dryden's turbulence in a wind at these heights above ground: sigma_w is a tenth of the wind at 20 ft, which the
-    logarithmic profile relates to the wind given.
+    The turbulence is Dryden's for the wind at these heights above ground: sigma_w is a tenth of the wind at 20 ft,
+    which follows from the given wind by the logarithmic profile.
     """
     at_20_ft = wind_mps * dryden.mean_wind_profile(6.1) / dryden.mean_wind_profile(height_m)
     gust = dryden.longitudinal(0.1 * np.asarray(at_20_ft), height_m, V)  # type: ignore[arg-type]  # elementwise

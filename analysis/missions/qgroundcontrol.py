@@ -1,7 +1,8 @@
-"""Plans of QGroundControl (.plan, and the .mission before it), read and written.
+"""Reads and writes plans of QGroundControl (.plan; also reads its predecessor .mission).
 
-Format: docs.qgroundcontrol.com, Plan File Format (version 1, mission version 2). A survey before QGroundControl 3.4 has
-no transects in the file, and a landing pattern of version 1 says of each of its heights what it is above.
+Format: docs.qgroundcontrol.com, Plan File Format (version 1, mission version 2). A survey from before QGroundControl
+3.4 has no transects in the file. A landing pattern of version 1 states for each of its heights whether it is above home
+or above the sea.
 """
 
 import json
@@ -15,7 +16,7 @@ from flightpower.flight.errors import InputError
 
 
 def read_plan(text: str, where: str) -> ReadMission:
-    """Raises InputError beginning with `where` for what is no plan, or has items without their waypoints."""
+    """Read a plan. Raises InputError that begins with `where` for other content, or for items without waypoints."""
     try:
         content = json.loads(text)
         mission = content if "items" in content and "mission" not in content else content["mission"]
@@ -40,8 +41,8 @@ OLD_SURVEY = (
 
 
 def _home(place: Any) -> Start | None:
-    """A position, possibly without height; latitude and longitude zero mean no position."""
-    if isinstance(place, dict):  # an item of a .mission
+    """Return home from a position, possibly without height; latitude and longitude both zero mean no position."""
+    if isinstance(place, dict):  # in a .mission, home is an item
         place = place.get("coordinate")
     if not place or place[0] is None or place[1] is None or (place[0] == 0 and place[1] == 0):
         return None
@@ -50,7 +51,7 @@ def _home(place: Any) -> Start | None:
 
 
 def _of_speed(cruise_mps: Any, items: Sequence[Item]) -> tuple[str, ...]:
-    """What to say of the speed of a plan that asks for none: that it is for QGroundControl's times, which it shows."""
+    """Return a note for a plan that sets no speed: the cruise speed in the file only gives QGroundControl's times."""
     if not cruise_mps or any(item.command == Command.CHANGE_SPEED for item in items):
         return ()
     return (
@@ -60,7 +61,7 @@ def _of_speed(cruise_mps: Any, items: Sequence[Item]) -> tuple[str, ...]:
 
 
 class Wingless(IntEnum):
-    """MAV_TYPE of vehicles that do not fly on a wing."""
+    """MAV_TYPE of vehicles without a wing."""
 
     QUADROTOR = 2
     COAXIAL_HELICOPTER = 3
@@ -74,7 +75,7 @@ class Wingless(IntEnum):
 
 
 def _of_vehicle(kind: Any) -> tuple[str, ...]:
-    """The message on a plan for an aircraft without wings."""
+    """Return the message for a plan whose vehicle has no wings."""
     if kind not in list(Wingless):
         return ()
     name = Wingless(kind).name.lower().replace("_", " ")
@@ -85,7 +86,7 @@ def _of_vehicle(kind: Any) -> tuple[str, ...]:
 
 
 def _simple(entry: dict[str, Any], where: str) -> Iterator[dict[str, Any]]:
-    """The simple items of an entry: of a survey those of its transects, of a landing pattern approach and touchdown."""
+    """Yield the simple items of an entry: the transects of a survey, or approach and touchdown of a landing pattern."""
     if entry["type"] in ("SimpleItem", "missionItem"):
         yield entry
         return
@@ -103,7 +104,7 @@ def _simple(entry: dict[str, Any], where: str) -> Iterator[dict[str, Any]]:
 
 
 def _landing(entry: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Approach, by circles down to its height where it has some, and touchdown."""
+    """Yield approach and touchdown; if the pattern has circles, the approach circles down to its height."""
     relative = entry.get("altitudesAreRelative", True)
     circles = "loiterCoordinate" in entry or entry.get("useLoiterToAlt", False)
     first = Command.LOITER_TO_HEIGHT if circles else Command.WAYPOINT
@@ -117,7 +118,7 @@ def _landing(entry: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _item(position: int, item: dict[str, Any], where: str) -> Item:
-    """Jumps name an item by its `doJumpId`, or by its position if it has none."""
+    """Make an item. Jumps refer to it by its `doJumpId`, or by its place in the list if it has none."""
     parameters = item["params"] if "params" in item else [item[f"param{i}"] for i in range(1, 5)]
     parameters = [*parameters, *item["coordinate"]] if len(parameters) == 4 and "coordinate" in item else parameters
     params = [math.nan if value is None else float(value) for value in parameters]
@@ -127,7 +128,7 @@ def _item(position: int, item: dict[str, Any], where: str) -> Item:
 
 
 class Vehicle(NamedTuple):
-    """The vehicle that flies the plan. cruise_mps: for QGroundControl's times     fence_deg: corners"""
+    """The vehicle that flies the plan. cruise_mps: gives QGroundControl's times     fence_deg: corners"""
 
     firmware: str
     cruise_mps: float
@@ -135,7 +136,7 @@ class Vehicle(NamedTuple):
 
 
 def plan_text(items: Sequence[Item], home: Start, vehicle: Vehicle) -> str:
-    """The text of a .plan file. Items without a place have the frame `MISSION`."""
+    """Return the text of a .plan file. Items without a position have the frame `MISSION`."""
     fence = {"inclusion": True, "polygon": [list(corner) for corner in vehicle.fence_deg], "version": 1}
     content = {
         "fileType": "Plan",

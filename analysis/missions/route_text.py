@@ -11,7 +11,7 @@ HEAD = ("leg", "course", "km", "height m", "m/s", "ground m/s", "min", "Wh", "ch
 
 
 def lines(result: RouteResult) -> Iterator[str]:
-    """The table, then conclusions from it."""
+    """Return the table, then conclusions from it."""
     rows = [HEAD, *(_row(leg) for leg in result.legs)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEAD))]
     for row in rows:
@@ -67,14 +67,14 @@ def _row(leg: LegResult) -> tuple[str, ...]:
 
 
 def percent(probability: float) -> str:
-    """A fraction of draws, printed to a tenth of a percent, which is what the number of draws resolves."""
+    """Print a fraction of draws to a tenth of a percent, the resolution of the number of draws."""
     if probability >= 1:
         return "> 99.8 %"
     return "< 0.2 %" if probability <= 0 else f"{100 * probability:.1f} %"
 
 
 def _with_ends(interval: Interval, unit: float, digits: int) -> str:
-    """ "40 (35 to 44)"."""
+    """Return text such as "40 (35 to 44)"."""
     value, lo, hi = (_number(value_SI / unit, digits) for value_SI in (interval.value, interval.lo, interval.hi))
     return f"{value} ({lo} to {hi})"
 

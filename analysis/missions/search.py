@@ -1,9 +1,9 @@
-"""The sequence of pieces that makes the interval smallest in the time available: an exchange algorithm.
+"""Finds the sequence of pieces that makes the interval smallest in the time available, by an exchange algorithm.
 
-Information about the sensor errors and about the polar adds over the pieces of a flight. The information of a piece is
-what it adds to a short flight (`information.expected` with and without it). Pieces are added as long as there is time,
-each time the one that lowers the cost most for its duration; then single pieces are exchanged as long as that lowers
-the cost. The result is computed once more as a whole.
+Information about the sensor errors and about the polar adds up over the pieces of a flight. The information of a piece
+is what it adds to a short flight (`information.expected` with and without it). While time remains, the piece that
+lowers the cost most for its duration is added; then single pieces are exchanged as long as that lowers the cost.
+Finally the whole flight is computed once more.
 """
 
 from collections import Counter
@@ -51,9 +51,9 @@ from flightpower.flight.units import FOOT_M, KNOT_MPS
 
 @dataclass(frozen=True)
 class Request:
-    """minutes: from standing to standing. wind_kt: W20, the wind at 20 ft. earlier: of flights before.
+    """A request for a plan. minutes: from standing to standing. wind_kt: W20, the wind at 20 ft.
 
-    heading_deg : of the first leg; None where not given     wind_from_deg : clockwise from north; None likewise
+    heading_deg : of the first leg; None if not given     wind_from_deg : clockwise from north; None if not given
     """
 
     minutes: float
@@ -68,24 +68,24 @@ class Request:
 
     @property
     def wind_from_leg_deg(self) -> float:
-        """Clockwise from the first leg, from -180 to 180; the usual one where heading or wind are not known."""
+        """Wind direction, clockwise from the first leg, -180 to 180; PATH.wind_from_deg if it cannot be computed."""
         if self.heading_deg is None or self.wind_from_deg is None:
             return PATH.wind_from_deg
         return (self.wind_from_deg - self.heading_deg + 180) % 360 - 180
 
     @property
     def gust_mps(self) -> float:
-        return max(SOLVER.least_gust_mps, 0.1 * self.wind_kt * KNOT_MPS)  # of W20 (MIL-F-8785C sec. 3.7.3.4)
+        return max(SOLVER.least_gust_mps, 0.1 * self.wind_kt * KNOT_MPS)  # 0.1 W20 (MIL-F-8785C sec. 3.7.3.4)
 
     @property
     def wind_mps(self) -> float:
-        """Mean wind at the height of the flight."""
+        """Mean wind [m/s] at the height of the flight."""
         higher = dryden.mean_wind_profile(self.space.height_m) / dryden.mean_wind_profile(20 * FOOT_M)
         return self.wind_kt * KNOT_MPS * float(higher)
 
 
 class Contribution(NamedTuple):
-    """One kind of piece in a plan: how often, its time in the plan, and the worst half width without it [%]."""
+    """One kind of piece in a plan: how often it is flown, its total time, and the worst half width without it [%]."""
 
     title: str
     times: int
@@ -95,7 +95,7 @@ class Contribution(NamedTuple):
 
 @dataclass(frozen=True)
 class FlightPlan:
-    """pieces, maneuvers: in order. half_widths: [%] at question.speeds. history: as expected."""
+    """A plan. pieces, maneuvers: in order. half_widths: [%] at question.speeds. history: expected time history."""
 
     request: Request
     aircraft: ExpectedAircraft
@@ -106,8 +106,8 @@ class FlightPlan:
     covariances: Covariances
     half_widths: Array
     contributions: tuple[Contribution, ...]
-    worst_with_keys: float | None = None  # the worst half width, did the aircraft file have all keys [%]
-    worst_with_porpoising: float | None = None  # for an autopilot, which cannot: the worst half width by a pilot [%]
+    worst_with_keys: float | None = None  # the worst half width if the aircraft file had all keys [%]
+    worst_with_porpoising: float | None = None  # autopilot plans only: the worst with a pilot [%]
 
     @property
     def seconds(self) -> float:
@@ -115,18 +115,18 @@ class FlightPlan:
 
     @property
     def piece_seconds(self) -> list[float]:
-        """Duration of each piece in the plan, in its wind."""
+        """Duration [s] of each piece in the plan, in the plan's wind."""
         return seconds_by_piece(self.pieces, self.history, self.aircraft)
 
 
 def seconds_by_piece(pieces: Sequence[Piece], history: TimeHistory, aircraft: ExpectedAircraft) -> list[float]:
-    """How long each piece takes in the history of a whole plan."""
+    """Return how long each piece takes [s] in the history of a whole plan."""
     ends = np.cumsum([len(before(aircraft)), *(len(piece.maneuvers) for piece in pieces)])
     return [float(seconds) for seconds in np.diff(history.starts_s[ends])]
 
 
 class _Increment(NamedTuple):
-    """seconds: of one piece. Contribution of a piece: errors, polar to information, scores to `AssumedErrors`."""
+    """What one piece adds. seconds: its duration. errors, polar: information. scores: of `AssumedErrors`."""
 
     seconds: float
     errors: Array
@@ -137,9 +137,9 @@ class _Increment(NamedTuple):
 def plan_flight(
     aircraft: ExpectedAircraft, request: Request, progress: Callable[[str], None] = lambda _: None
 ) -> FlightPlan:
-    """The plan. progress: called with the name of each step; for a long flight a step takes seconds.
+    """Find the plan. progress: called with the name of each step; for a long flight a step takes seconds.
 
-    Raises InputError where the time is too short for any, and where no speed is left to fly.
+    Raises InputError if the time is too short for any plan, or if no range of speeds is left to fly.
     """
     slow, fast = slowest_mps(aircraft, request.wind_kt), MARGINS.fastest * aircraft.fastest_mps
     if slow >= fast:
@@ -163,7 +163,7 @@ def plan_flight(
             f"{request.minutes:g} minutes are too short: standing, take-off, {SEARCH.fewest_run_pairs} pairs of runs"
             f" and landing take {_seconds_of(history) / 60:.1f}"
         )
-    # Room for as many of the others as of pairs; besides its straight part a piece has turns that take as long.
+    # Leave room for as many other pieces as pairs; the turns of a piece take about as long as its straight part.
     others = catalog(*kinds, left / (2 * SEARCH.fewest_run_pairs))
     candidates = [*pairs, *(piece for piece in others if piece.kind is not PieceKind.RUNS)]
     pieces = [piece for piece in candidates if not (request.pilot.autopilot and piece.kind.manual_only)]
@@ -177,7 +177,7 @@ def plan_flight(
     shortest_s = min(increment.seconds for increment in increments)
     room_s, base_s = left, _seconds_of(history)
     fits_s, exceeds_s = 0.0, inf
-    for _ in range(8):  # a piece takes another time among others, or kept over the field, than alone
+    for _ in range(8):  # among other pieces and kept over the field, a piece takes a different time than alone
         progress(f"a flight of {request.minutes:g} minutes from them")
         counts = _exchanged(increments, left, start, objective)
         alone_s = sum(n * increment.seconds for n, increment in zip(counts, increments, strict=True))
@@ -230,15 +230,15 @@ def plan_flight(
 
 
 def predicted(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> Covariances:
-    """The covariances after any sequence of maneuvers."""
+    """Return the covariances after any sequence of maneuvers."""
     history = _flown(maneuvers, aircraft, request)
     expectation = expected(history, aircraft, request.gust_mps, alpha_scale_sigma=request.alpha_scale_sigma)
     return _covariances(expectation, request)
 
 
 def _without_gentle_runs(pieces: list[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Piece]:
-    """The pairs of runs without those that the analysis would not take for runs: where motor or propeller's table leave
-    little to accelerate with, a slow throttle is too gentle. All pairs, if none would be left."""
+    """Return the pairs of runs that the analysis would recognize as runs, or all pairs if it would recognize none. If
+    motor or propeller table leave little thrust to accelerate, moving the throttle slowly is too gentle."""
     pairs = [piece for piece in pieces if piece.kind is PieceKind.RUNS]
     return [piece for piece in pairs if _taken_for_runs(piece, aircraft, request)] or pairs
 
@@ -266,7 +266,7 @@ def _flown(
 
 
 def _placed(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> list[Maneuver]:
-    """The maneuvers as they are flown in the wind of the request."""
+    """Return the maneuvers as they are flown in the wind of the request."""
     from_deg = request.wind_from_leg_deg
     return kept_in_place(sequence(pieces, aircraft, from_deg), aircraft, request.space, request.wind_mps, from_deg)
 
@@ -276,7 +276,7 @@ def _seconds_of(history: TimeHistory) -> float:
 
 
 def _by_itself(pieces: Sequence[Piece], aircraft: ExpectedAircraft, request: Request) -> TimeHistory:
-    """Not kept over the field, since the information in a piece must not depend on where it begins."""
+    """Return a history not kept over the field, since a piece's information must not depend on where it begins."""
     return _flown(sequence(pieces, aircraft, request.wind_from_leg_deg), aircraft, request)
 
 
@@ -302,11 +302,12 @@ def _increment(
     aircraft: ExpectedAircraft,
     request: Request,
 ) -> _Increment:
-    """What one piece adds to the information of the base: a difference of two flights. base: that of one and its time
-    [s].
+    """Return what one piece adds to a base flight, by the difference of two flights.
+
+    base: expectation and time [s] of the base flight
     """
     alone, alone_s = base
-    repeated = 2  # times that a piece is in the flight from which its information is computed
+    repeated = 2  # times that the piece is flown in the flight that gives its information
     planned = [*[pair] * SEARCH.fewest_run_pairs, *[piece] * repeated, *last]
     if piece.kind is PieceKind.RUNS:
         expectation, seconds = _evaluated(planned, aircraft, request)
@@ -321,7 +322,7 @@ def _increment(
 
 
 def _gain(after: Array, before: Array) -> Array:
-    """Difference of two information matrices, without its negative part, which comes from rounding and random draws."""
+    """Subtract information matrices; drop the difference's negative part, which comes from rounding and draws."""
     scale = np.sqrt(np.diag(before))
     gain = np.linalg.inv(after / np.outer(scale, scale)) - np.linalg.inv(before / np.outer(scale, scale))
     values, vectors = np.linalg.eigh((gain + gain.T) / 2)
@@ -339,7 +340,7 @@ def _with_pieces(start: Covariances, increments: Sequence[_Increment], counts: S
 
 
 def _exchanged(increments: Sequence[_Increment], left_s: float, start: Covariances, question: Question) -> list[int]:
-    """How often each piece is flown."""
+    """Return how often each piece is flown."""
     counts = [0] * len(increments)
 
     def cost(counts: Sequence[int]) -> float:
@@ -393,7 +394,7 @@ def _contributions(
     covariances: Covariances,
     question: Question,
 ) -> tuple[Contribution, ...]:
-    """Each kind of piece, and the worst half width of the plan without it. seconds: duration of each chosen piece"""
+    """List each kind of piece with the worst half width without it. seconds: duration of each chosen piece"""
     listed = []
     for piece, n in Counter(chosen).items():
         increment = increments.get(piece)
@@ -411,7 +412,7 @@ def _contributions(
 
 
 def _without_information(covariance: Array, information: Array) -> Array:
-    """The covariance without some information."""
+    """Return the covariance after some information is removed."""
     root = np.linalg.cholesky(covariance)
     values, vectors = np.linalg.eigh(root.T @ information @ root)
     vectors = root @ vectors

@@ -13,7 +13,7 @@ from flightpower.flight.units import KNOT_MPS
 
 
 def simulator_plan(maneuvers: Sequence[Maneuver], aircraft: ExpectedAircraft, request: Request) -> str:
-    """The text of the file, in the wind and the turbulence that the plan was made for."""
+    """Return the text of the file, with the wind and the turbulence that the plan was made for."""
     kt = request.wind_kt
     lines = [
         f'title = "Planned for {QUESTION_TITLES[request.question]}, {request.minutes:g} min"',
@@ -76,7 +76,7 @@ def _segments(maneuver: Maneuver, aircraft: ExpectedAircraft, height_m: float) -
                     "kind": "porpoise",
                     "duration": f"{maneuver.duration_s:.1f} s",
                     "speed": f"{maneuver.speed_mps:.2f} m/s",
-                    "elevator": "8 deg",  # at first; the simulator's pilot adapts to the load asked
+                    "elevator": "8 deg",  # initially; the simulator's pilot adapts it to the requested load factor
                     "load": round(maneuver.load, 3),
                     "first_period": f"{maneuver.first_period_s:g} s",
                     "last_period": f"{maneuver.last_period_s:g} s",

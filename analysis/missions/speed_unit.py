@@ -15,7 +15,7 @@ class SpeedUnit(StrEnum):
 
 
 def speed_text(speed_mps: float, unit: SpeedUnit) -> str:
-    """A speed in m/s, and in the pilot's unit."""
+    """Return a speed in m/s and in the pilot's unit."""
     text = f"{speed_mps:.1f} m/s"
     if unit is SpeedUnit.MPS:
         return text

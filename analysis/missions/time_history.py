@@ -1,7 +1,7 @@
-"""Time history of a plan flown as written, in air without gusts: kinematics only, no controls, no pilot.
+"""Time history of a plan flown exactly as written in air without gusts: kinematics only, no controls, no pilot.
 
-Speed follows from drag and thrust along the plan; attitude and load factor from the path; sensors measure exactly. The
-columns are those of `air_data`, so the estimator can treat the history like a flight.
+Speed follows from drag and thrust along the plan, attitude and load factor from the path; sensors are exact in flight.
+The columns are those of `air_data`, so the estimator can treat the history like a flight.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from flightpower.flight.units import GRAVITY_MPS2 as g
 
 
 class Path(NamedTuple):
-    """Airspeed [m/s], bank and angle of climb [rad] of a maneuver, each (n,), PATH.step_s apart."""
+    """Airspeed [m/s], bank and angle of climb [rad] of a maneuver, each (n,), at steps of PATH.step_s."""
 
     V: Array
     bank: Array
@@ -32,8 +32,8 @@ class Path(NamedTuple):
 
 
 class TimeHistory(NamedTuple):
-    """table: from `air_data`, PATH.step_s apart. wind: (n, 2) [m/s]. attitude, velocity: (n, 3). rest: on the ground.
-    starts_s : (k + 1,) when each maneuver begins, and the end. position_m : (n, 2) north, east"""
+    """table: like `air_data`'s, PATH.step_s apart. wind: (n, 2) [m/s]. attitude, velocity: (n, 3). rest: at standstill.
+    starts_s : (k + 1,) start of each maneuver, and the end. position_m : (n, 2) north, east"""
 
     table: pd.DataFrame
     attitude: Array
@@ -53,7 +53,7 @@ def fly(
     wind_from_deg: float = PATH.wind_from_deg,
     airborne: bool = False,
 ) -> TimeHistory:
-    """The time history of a plan. airborne: it begins in the air. wind_from_deg: clockwise from the first leg."""
+    """Compute the history of a plan. airborne: starts in the air. wind_from_deg: clockwise from the first leg."""
     flown = paths(plan, expected, height_m, airborne=airborne)
     V_path, bank, climb = (np.concatenate(parts) for parts in zip(*flown, strict=True))
     starts_s = np.cumsum([0, *(len(path.V) for path in flown)]) * PATH.step_s
@@ -64,7 +64,7 @@ def fly(
 def paths(
     plan: Sequence[Maneuver], expected: ExpectedAircraft, height_m: float, *, airborne: bool = False
 ) -> list[Path]:
-    """The time history of each maneuver, begun with the speed and the throttle at which the one before ends."""
+    """Compute the path of each maneuver, starting with the speed and throttle at which the previous one ends."""
     V, throttle = 1.6 * expected.stall_mps if airborne else 0.0, 0.5
     paths = []
     for maneuver in plan:
@@ -76,17 +76,17 @@ def paths(
 
 
 def wind_vector(wind_mps: float, wind_from_deg: float = PATH.wind_from_deg) -> Array:
-    """Where the wind blows to (2,), along the first leg and to its right [m/s]; wind_from_deg: clockwise from it."""
+    """Return the wind's velocity (2,) along the first leg and to its right [m/s]; wind_from_deg: clockwise from it."""
     return -wind_mps * np.array([np.cos(np.radians(wind_from_deg)), np.sin(np.radians(wind_from_deg))])
 
 
 def turn_rate(bank: Array | float, V: Array) -> Array:
-    """Turn rate of a level turn [rad/s]."""
+    """Return the turn rate of a level turn [rad/s]."""
     return np.asarray(g * np.tan(bank) / V)
 
 
 def throttle_at(expected: ExpectedAircraft, V: float) -> float:
-    """The throttle of level flight at a speed [m/s]."""
+    """Return the throttle of level flight at a speed [m/s]."""
     grid = np.linspace(0.0, 1.0, 41)
     return float(np.interp(float(expected.drag_N(max(V, 1.0))), [expected.thrust_N(t, V) for t in grid], grid))
 
@@ -118,9 +118,10 @@ def _steps(duration_s: float) -> int:
 
 
 def _towards(expected: ExpectedAircraft, V: float, wanted: float, n: int) -> Array:
-    """Speeds (n,) of a pilot who changes from V to another speed and holds it.
+    """Return the speeds (n,) of a pilot who changes from V to another speed and holds it.
 
-    Stepped through while drag or full throttle limit the change; the rest approaches the speed by the pilot's lag.
+    While drag or full throttle limit the change, it is integrated step by step; after that the speed approaches the
+    wanted one with the pilot's lag.
     """
     grid = np.linspace(expected.least_mps, 1.5 * expected.fastest_mps, 60)
     m = expected.aircraft.mass_kg
@@ -155,13 +156,13 @@ def _run(expected: ExpectedAircraft, V: float, first: float, run: Run) -> Array:
 
 
 def turn_path(expected: ExpectedAircraft, V: float, turn: Turn) -> Path:
-    """Path of a turn entered at speed V [m/s]."""
+    """Return the path of a turn entered at speed V [m/s]."""
     speed_mps, angle_rad, bank_rad = turn.speed_mps, turn.angle_rad, turn.bank_rad
     most = _steps(1.2 * abs(angle_rad) * max(V, speed_mps) / (g * np.tan(bank_rad)) + 20.0)
     speeds = _towards(expected, V, speed_mps, most)
     rising = np.minimum(np.arange(most) * PATH.step_s / PATH.roll_s, 1.0) * bank_rad
     turned = np.cumsum(turn_rate(rising, speeds)) * PATH.step_s
-    # Rolling out takes as long and turns half as far as full bank would.
+    # Rolling out takes PATH.roll_s and turns half as far as full bank would in that time.
     rest = turn_rate(bank_rad, speeds) * PATH.roll_s / 2
     n = int(np.searchsorted(turned + rest, abs(angle_rad)))
     out = np.maximum(1 - np.arange(_steps(5 * PATH.roll_s)) * PATH.step_s / PATH.roll_s, 0.0)
@@ -182,8 +183,8 @@ def _porpoise(expected: ExpectedAircraft, V: float, porpoise: Porpoise) -> Path:
 
 
 def climb_rate_mps(expected: ExpectedAircraft) -> float:
-    """Rate of climb and descent between the ground and the height of the flight [m/s]: with a margin to what the
-    battery gives, at the speed between maneuvers. Raises InputError if there is no such margin."""
+    """Return the rate of climb and descent between the ground and the height of the flight [m/s]: at the speed between
+    maneuvers, below what full throttle gives. Raises InputError if full throttle does not climb."""
     V = expected.cruise_mps
     most_mps = V * (expected.thrust_N(1.0, V) - float(expected.drag_N(V))) / expected.aircraft.mass.weight_N
     if most_mps <= 0:
@@ -220,7 +221,7 @@ def _history(
     V, bank, climb = path
     n = len(V)
     t = np.arange(n) * PATH.step_s
-    samples = 5  # an aircraft does not change its path at once
+    samples = 5  # an aircraft cannot change its path instantly
     smooth = np.ones(samples) / samples
     climb, bank = (np.convolve(np.pad(x, samples // 2, mode="edge"), smooth, mode="valid") for x in (climb, bank))
     flown = np.maximum(V, expected.least_mps)
@@ -233,7 +234,7 @@ def _history(
     height = np.cumsum(-air[:, 2]) * PATH.step_s + (height_m if airborne else 0.0)
     height = np.maximum(height, 0.0)
     profile = dryden.mean_wind_profile(height) / dryden.mean_wind_profile(height_m)
-    # The wind's component on the heading changes in turns; on the ground the aircraft stands.
+    # The wind adds to the velocity in flight, but not while the aircraft stands on the ground.
     wind = profile[:, None] * blown_mps
     moved = np.clip(V / expected.stall_mps, 0.0, 1.0)[:, None]
     velocity = air + np.column_stack([wind * moved, np.zeros(n)])
@@ -271,7 +272,7 @@ def _history(
         "propeller_covered": flying,
         "flying": flying,
     }
-    # The noise of the sensors is measured at rest: two values, one standard deviation to each side.
+    # The analysis measures sensor noise at rest: there the values alternate by one standard deviation to either side.
     noise = np.where(V == 0, np.where(np.arange(n) % 2, 1.0, -1.0), 0.0)
     columns |= {name: columns.get(name, 0.0) + sigma * noise for name, sigma in BENCH_SIGMA.items()}
     table = pd.DataFrame(columns, index=pd.Index(t, name="t_s"))

@@ -1,4 +1,4 @@
-"""The text of waypoints that Mission Planner, MAVProxy and QGroundControl exchange (QGC WPL 110), read and written.
+"""Reads and writes the text of waypoints that Mission Planner, MAVProxy and QGroundControl exchange (QGC WPL 110).
 
 Format: mavlink.io, File Formats, Plain-Text. The first item is home; a line that begins with # is a comment. QGC WPL
 120 has the same columns, and no home.
@@ -14,7 +14,7 @@ HEAD = "QGC WPL"
 
 
 def read_waypoints(text: str, where: str) -> ReadMission:
-    """Raises InputError beginning with `where`, and naming the line."""
+    """Read waypoints. Raises InputError that begins with `where` and names the line."""
     head, *lines = text.strip().splitlines()
     if head.split() not in (["QGC", "WPL", "110"], ["QGC", "WPL", "120"]):
         raise InputError(f"{where}: format {head.strip()!r} is not known; save the mission as QGC WPL 110")
@@ -39,7 +39,7 @@ def _item(fields: Sequence[str], where: str) -> Item:
 
 
 def _without_home(items: list[Item]) -> ReadMission:
-    """Home is the first item: a waypoint, or a zero of Mission Planner. Its height is known only in frame 0."""
+    """Take home from the first item: a waypoint, or a zero of Mission Planner; use its height if above sea level."""
     home = items[0]
     if home.command not in (0, Command.WAYPOINT):
         note = (
@@ -54,7 +54,7 @@ def _without_home(items: list[Item]) -> ReadMission:
 
 
 def waypoints_text(items: Sequence[Item], home: Start) -> str:
-    """The text of a .waypoints file, home first."""
+    """Return the text of a .waypoints file, home first."""
     first = Item(
         0,
         Command.WAYPOINT,
