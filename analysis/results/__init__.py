@@ -1,1 +1,1 @@
-"""Estimates put into the documented form of `results.json` (docs/use/results.md)."""
+"""Converts estimates to the documented form of `results.json` (docs/use/results.md)."""

@@ -1,4 +1,4 @@
-"""All results of an analysis in the form of `results.json`."""
+"""Puts all results of an analysis into the form of `results.json`."""
 
 import hashlib
 from functools import partial
@@ -53,9 +53,8 @@ def assemble(
     battery: BatteryResult | None,
     command_line: str,
 ) -> Results:
-    """The contents of `results.json` except for its trust.
-
-    electrical: None where the log does not determine the electrical curve. command_line: that started the analysis.
+    """Return the contents of `results.json` except for its trust. electrical: None if the log does not determine the
+    electrical curve. command_line: the one that started the analysis.
     """
     aircraft, propeller, drag = flight.aircraft, flight.propeller, flight.drag
     condition, maneuvers, rows_flown, trajectory = (
@@ -144,7 +143,7 @@ def pooling_statistics(
     propeller: Propeller,
     calibrations: Calibrations,
 ) -> PoolingStatistics | None:
-    """None for an estimate by another method than the dynamic one, which has no sensor errors."""
+    """Return statistics for pooling; None unless the method is the dynamic one, as others have no sensor errors."""
     joint = estimate.joint
     if joint is None:
         return None
@@ -181,7 +180,7 @@ def pooling_statistics(
 
 
 def mean_battery_V(rows_flown: pd.DataFrame) -> float | None:
-    """Mean voltage of the battery over the runs; None where it was not measured. rows_flown: of `air_data`."""
+    """Return the mean battery voltage over the runs; None if it was not measured. rows_flown: from `air_data`."""
     if "battery_V" not in rows_flown or rows_flown["battery_V"].isna().all():
         return None
     return float(rows_flown["battery_V"].mean())
@@ -196,10 +195,10 @@ def _fingerprint(data: bytes) -> str:
 
 
 def method_result(estimate: MethodEstimate, condition: Condition, largest_CL: float) -> MethodResult:
-    """A method's curve over the lift coefficients of its data, and its points, at one weight and density.
+    """Return a method's curve over the lift coefficients of its data, and its points, at one weight and density.
 
-    largest_CL : of level flight at the slowest speed flown. Gusts and pull-ups take lift coefficients beyond that; the
-    curve ends there, or at a method's own slowest steady point.
+    largest_CL : in level flight at the slowest speed flown. Gusts and pull-ups require larger lift coefficients; the
+    curve ends at largest_CL, or at the method's own slowest steady point if that is slower.
     """
     polar = estimate.polar
     smallest, largest = estimate.flown_CL
@@ -220,7 +219,7 @@ def method_result(estimate: MethodEstimate, condition: Condition, largest_CL: fl
 
 
 def _point(point: SteadyPoint, condition: Condition) -> MethodPoint:
-    """A steady point at another weight and density, with the same lift and drag coefficients."""
+    """Convert a steady point to another weight and density, with the same lift and drag coefficients."""
     V = float(speed_at(point.CL, condition))
     unit = condition.rho * V**3 * condition.wing_area_m2 / 2
     power, half = unit * point.CD, NORMAL_95 * unit * point.CD_error

@@ -1,4 +1,4 @@
-"""Curves with their intervals, optimum speeds and the drag polar in the form of `results.json`."""
+"""Curves with their intervals, optimum speeds, and the drag polar, in the form of `results.json`."""
 
 from dataclasses import replace
 
@@ -52,10 +52,10 @@ def curve_result(
     statistics: PoolingStatistics | PowerStatistics | None = None,
     battery: BatteryResult | None = None,
 ) -> CurveResult:
-    """A curve of any kind with its best speeds, in the form of the results.
+    """Return a curve of any kind with its best speeds, in the form of the results.
 
-    parts : of the interval, where they are not those of the curve's own and shared errors
-    battery : that gives the power of the curve
+    parts : of the interval; by default those from the curve's own and shared errors
+    battery : the one that supplies the power of the curve
     """
     longest = {}
     if battery and curve.kind is Kind.ELECTRICAL:
@@ -85,7 +85,7 @@ def _parts(curve: Curve) -> list[IntervalPart]:
 
 
 def power_statistics(V_mps: Array, power_W: Uncertain) -> PowerStatistics:
-    """Power at speeds (n,) with the flight's own errors and the errors shared with other flights, as in results."""
+    """Return power at speeds (n,) with the flight's own errors and those shared with other flights, as in results."""
     return PowerStatistics(
         speed_mps=V_mps.tolist(),
         power_W=power_W.value.tolist(),
@@ -100,9 +100,10 @@ def power_curve(
     flown_CL: tuple[float, float],
     flown: tuple[pd.DataFrame, Condition] | None = None,
 ) -> PolarCurve:
-    """Power required over a range of lift coefficients.
+    """Return power required over a range of lift coefficients.
 
-    flown: rows of the runs and their condition; marks points that depend on the propeller table's linear extrapolation.
+    flown: rows of the runs and their condition; used to mark points that depend on linear extrapolation of the
+    propeller table.
     """
     curve = polar_curve(polar, condition, flown_CL)
     if flown is None:
@@ -113,7 +114,7 @@ def power_curve(
 
 
 def slowest_flown(table: pd.DataFrame, flown_CL: tuple[float, float], condition: Condition) -> SlowestFlown:
-    """The slowest speed flown, and the largest lift coefficient. table: of `air_data`, the whole flight."""
+    """Return the slowest speed flown and the largest lift coefficient. table: from `air_data`, for the whole flight."""
     carried = largest_lift(table, condition)
     return SlowestFlown(
         speed_mps=float(speed_at(flown_CL[1], condition)),
@@ -138,7 +139,7 @@ def drag_polar(polar: Polar, aircraft: Aircraft) -> DragPolar:
 
 
 def two_term_polar(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Interval, Interval]:
-    """C_D0 and B of the nearest C_D = C_D0 + B C_L^2 over the lift coefficients flown."""
+    """Return C_D0 and B of the C_D = C_D0 + B C_L^2 that is closest over the lift coefficients flown."""
     CL = np.linspace(*flown_CL, CURVES.points)
     terms = drag_terms(CL)
     nearest = np.linalg.pinv(terms[:, [0, 2]]) @ terms
@@ -151,7 +152,7 @@ def two_term_polar(polar: Polar, flown_CL: tuple[float, float]) -> tuple[Interva
 
 
 def interval_parts(estimate: DynamicEstimate, aircraft: Aircraft, condition: Condition, V: Array) -> list[IntervalPart]:
-    """Half widths of the curve's interval by noise, and by the errors that all runs share."""
+    """Return half widths of the curve's interval due to noise, and due to the errors that all runs share."""
     variances = variance_by_source(estimate, aircraft, condition, V)
     nothing = np.zeros(len(V))
     noise = variances.pop(Share.NOISE, nothing)

@@ -1,4 +1,4 @@
-"""The results of a flight by its energy balance: electrical power, and power required where thrust is known."""
+"""The results of a flight from its energy balance: electrical power, and power required if thrust is known."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -50,11 +50,11 @@ WITHHELD_CLIMB = (
 
 
 class EnergyBalanceFindings(NamedTuple):
-    """What is known of a flight.
+    """What is known about a flight.
 
-    propeller : name of the table that drag follows from          battery : None where its energy is not known
+    propeller : name of the table used to compute drag          battery : None if its energy is not known
     logged : the autopilot's parameters          simulated : the comparison with a simulation's truth
-    vehicle : of the recording          tried : methods that its runs allow, and that give no curve
+    vehicle : of the recording          tried : methods that the runs allow but that give no curve
     """
 
     flight: FlightTable
@@ -71,7 +71,7 @@ class EnergyBalanceFindings(NamedTuple):
 def assemble_energy_balance(
     log: Path, aircraft: FlownAircraft, findings: EnergyBalanceFindings, provenance: Provenance
 ) -> Results:
-    """The contents of `results.json`."""
+    """Return the contents of `results.json`."""
     flight, estimate, drag, propeller, battery, logged, simulated, vehicle, tried = findings
     polar_estimate = None if isinstance(drag, DragWithheld) else drag
     condition = estimate.curve.condition
@@ -121,10 +121,11 @@ def assemble_energy_balance(
 def against_field_table(
     electrical: CurveResult, required: Sequence[PowerPoint], table: Sequence[FieldRow]
 ) -> list[str]:
-    """A sentence where battery power by the whole flight's energy and that of the field table, by drag, propeller and
-    motor, differ by more than their errors do once in a thousand flights; at the speed where that is clearest.
+    """Return a sentence if battery power from the whole flight's energy and from the field table, which is computed
+    from drag, propeller and motor, differ by more than their errors do once in a thousand flights. It is about the
+    speed where the difference is clearest.
 
-    required : points of the curve that the table follows from, whose relative interval the table has at least
+    required : points of the curve from which the table is computed; the table's relative interval is at least theirs
     """
     by_flight, drag = (np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points]).T
                    for points in (electrical.points, required))  # fmt: skip
@@ -151,7 +152,7 @@ def against_field_table(
 
 
 def electrical_curve(estimate: ElectricalEstimate, standard: Condition, battery: BatteryResult | None) -> CurveResult:
-    """Electrical power with what a pool needs of it, at as many speeds as the curve is smooth between."""
+    """Return electrical power with the statistics that a pool needs, at enough speeds for a smooth curve."""
     indices = np.linspace(0, len(estimate.V_mps) - 1, 1 + CURVES.points // 5).round().astype(int)
     statistics = power_statistics(estimate.V_mps[indices], estimate.among_flights.at(indices))
     return curve_result(estimate.curve, standard, statistics=statistics, battery=battery)
@@ -172,7 +173,7 @@ def _air(flight: FlightTable, estimate: ElectricalEstimate) -> AirFound:
 
 
 def _polar(drag: DragEstimate, aircraft: FlownAircraft) -> DragPolar:
-    """The quadratic polar; the term of fourth order is in the curve alone."""
+    """Return the quadratic polar; the fourth-order term is only in the curve."""
     p = QuarticPolar.of(drag.parameters.named())
     A0, A1, A2 = p.CD0 + p.K * p.CL_minD**2, -2 * p.K * p.CL_minD, p.K
     best = maximum_lift_to_drag(np.array([A0, A1, A2]))
@@ -207,7 +208,7 @@ def _balance(findings: EnergyBalanceFindings) -> EnergyBalanceResult:
 
 
 def _thrust_efficiency(estimate: ElectricalEstimate) -> Interval | None:
-    """Efficiency in level flight at the speed where the flight's energy shows it best; None if nowhere."""
+    """Return the efficiency in level flight at the speed where the flight's energy shows it best; None if nowhere."""
     value, error = estimate.shown_efficiency.value, estimate.shown_efficiency.standard_error
     determined = np.flatnonzero(np.isfinite(value) & np.isfinite(error))
     if not len(determined):

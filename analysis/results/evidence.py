@@ -1,7 +1,7 @@
-"""What contradicts a result: the evidence, and the verdict that it adds up to (docs/understand/trust.md).
+"""What contradicts a result: the evidence, and the verdict that follows from it (docs/understand/trust.md).
 
-Each item has its own figure and limit. Limits of noise follow from a rate of false alarms, those of physics hold
-without noise. A result that is not to be trusted ends `analyze` with exit code 1; a doubtful one is named first.
+Each item has its own figure and limit. Limits for noise follow from a rate of false alarms; limits from physics apply
+without noise. A result that is not to be trusted ends `analyze` with exit code 1; a doubtful result is announced first.
 """
 
 import math
@@ -74,7 +74,7 @@ CULPRIT = {
 
 
 def evidence_against(results: Results) -> list[Evidence]:
-    """The worst first, causes before their consequences; empty for a result that can be used within its interval."""
+    """Return evidence, worst first, causes before consequences; empty if the result can be used within its interval."""
     evidence = [
         *_estimation(results),
         *_failed_methods(results),
@@ -99,34 +99,34 @@ def evidence_against(results: Results) -> list[Evidence]:
 
 
 def worst_first(evidence: Iterable[Evidence]) -> list[Evidence]:
-    """Sorts evidence by level, causes before their consequences."""
+    """Sort evidence by level, causes before their consequences."""
     kinds = list(EvidenceKind)
     return sorted(evidence, key=lambda evidence: (_WORST_FIRST.index(evidence.level), kinds.index(evidence.kind)))
 
 
 def trust_by(evidence: Iterable[Evidence]) -> Trust:
-    """The verdict: as bad as the worst evidence."""
+    """Return the verdict, which is as bad as the worst evidence."""
     return min((piece.level for piece in evidence), key=_WORST_FIRST.index, default=Trust.TRUSTED)
 
 
 def with_trust(results: Results) -> Results:
-    """The results with their evidence and the verdict."""
+    """Return the results with their evidence and the verdict."""
     evidence = evidence_against(results)
     return msgspec.structs.replace(results, evidence=evidence, trust=trust_by(evidence))
 
 
 def reasons_not_to_trust(results: Results) -> list[str]:
-    """One or two sentences for each item; empty for a result that can be used within its interval, doubtful or not."""
+    """Return a sentence or two per item; empty if the result, even if doubtful, can be used within its interval."""
     return [evidence.text for evidence in results.evidence if evidence.level is Trust.NOT_TO_BE_TRUSTED]
 
 
 def sentence(evidence: Evidence) -> str:
-    """What is in doubt, the flight where there are several, and why."""
+    """Say what is in doubt and why, and name the flight if there are several."""
     return f"{evidence.part}. {_reason(evidence)}"
 
 
 def sentences(evidence: Iterable[Evidence]) -> list[str]:
-    """Sentences for all evidence, below a heading; each change of what is doubtful is announced."""
+    """Return sentences for all evidence, to go below a heading; each change in what is doubtful is announced."""
     sentences, part = list[str](), None
     for statement in evidence:
         also = "Also doubtful: " if sentences else ""
@@ -151,7 +151,7 @@ def _estimation(results: Results) -> Iterator[Evidence]:
     elif (
         results.path is not None
         and not results.path.converged
-        and results.status is not CurveStatus.BY_ANOTHER_METHOD  # a method that does not need it
+        and results.status is not CurveStatus.BY_ANOTHER_METHOD  # that method does not need a trajectory
     ):
         yield Evidence(
             kind=EvidenceKind.TRAJECTORY_NOT_CONVERGED,
@@ -161,7 +161,7 @@ def _estimation(results: Results) -> Iterator[Evidence]:
 
 
 def _failed_methods(results: Results) -> Iterator[Evidence]:
-    """Applies where runs were flown that allow drag but no method gives a curve: the energy balance uses the same
+    """Judge runs that should give drag when every method finds an impossible polar: the energy balance uses the same
     aircraft file and sensors, so it is in doubt as well."""
     tried = results.methods_tried
     failed = [
@@ -184,12 +184,12 @@ def _failed_methods(results: Results) -> Iterator[Evidence]:
 
 
 def noise_limit(tests: int) -> float:
-    """Standard deviations that the largest of some normal errors exceeds in a sound flight at the stated rate."""
+    """Return the limit [standard deviations] that the largest of `tests` normal errors exceeds at the stated rate."""
     return float(-special.ndtri(TRUST.false_alarm_rate / (2 * max(tests, 1))))
 
 
 def _level(figure: float, limit: float) -> Trust:
-    """Level of evidence: beyond twice its limit, errors twice as large as stated would be rejected, too."""
+    """Return the level of evidence: beyond twice its limit, even errors twice as large as stated are rejected."""
     return Trust.NOT_TO_BE_TRUSTED if abs(figure) > TRUST.beyond_doubt * limit else Trust.DOUBTFUL
 
 
@@ -203,7 +203,7 @@ class _Deviation:
 
 
 def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
-    """Corrections of thrust that contradict the priors of the table. One item: they are parts of one cause."""
+    """Judge corrections of thrust that contradict the priors of the table, as one item, since they share one cause."""
     if statistics is None:
         return
     deviations = _thrust_deviations(statistics)
@@ -221,7 +221,7 @@ def _thrust(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
 
 
 def _off_the_table(subject: str, extreme: tuple[float, float, str], text: str) -> Evidence:
-    """The evidence against the thrust of a table. extreme: figure beyond its limit, and their unit"""
+    """Return the evidence against the thrust of a table. extreme: figure, the limit that it exceeds, and their unit"""
     figure, limit, unit = extreme
     return Evidence(
         kind=EvidenceKind.THRUST_TABLE,
@@ -250,7 +250,7 @@ def _thrust_deviations(statistics: PoolingStatistics) -> list[_Deviation]:
 
 
 def _kinds_of_runs(compared: RunAgainstOthers | msgspec.UnsetType) -> Iterator[Evidence]:
-    """Accelerations against decelerations of a curve by energy, which has no corrections of thrust."""
+    """Compare accelerations with decelerations of a curve by energy, which has no corrections of thrust."""
     limit = noise_limit(1)
     if compared is msgspec.UNSET or abs(compared.z) <= limit:
         return
@@ -265,7 +265,7 @@ def _kinds_of_runs(compared: RunAgainstOthers | msgspec.UnsetType) -> Iterator[E
 
 
 def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
-    """An error of motor speed that the runs showed, for which the curve is corrected."""
+    """Judge an error of motor speed that the runs showed and for which the curve is corrected."""
     if statistics is None or MOTOR_SPEED_PARAMETER not in statistics.names:
         return
     share, error = _estimate(statistics, MOTOR_SPEED_PARAMETER)
@@ -287,13 +287,13 @@ def _counted_speed(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
 
 
 def _estimate(statistics: PoolingStatistics, name: str) -> tuple[float, float]:
-    """The estimate of a parameter and its standard error."""
+    """Return the estimate of a parameter and its standard error."""
     i = statistics.names.index(name)
     return statistics.values[i], math.sqrt(statistics.covariance[i][i])
 
 
 def _motor_lag(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
-    """A lag of the motor speed that the runs showed, for which the curve is corrected."""
+    """Judge a lag of the motor speed that the runs showed and for which the curve is corrected."""
     if statistics is None or MOTOR_LAG_PARAMETER not in statistics.names:
         return
     lag_s, error_s = _estimate(statistics, MOTOR_LAG_PARAMETER)
@@ -315,7 +315,7 @@ def _motor_lag(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
 
 
 def _folding_or_windmilling(results: Results) -> Iterator[Evidence]:
-    """Where the propeller's other behavior beyond zero thrust fits the runs better, beyond doubt."""
+    """Judge whether the propeller's other behavior beyond zero thrust (folding, windmilling) fits the runs better."""
     gain, limit = results.folding_gain, MOTOR_SPEED.least_errors**2 / 2
     if gain is msgspec.UNSET or gain <= limit:
         return
@@ -349,7 +349,7 @@ def _motor_speed(results: Results) -> Iterator[Evidence]:
 
 
 def _efficiencies(results: Results) -> Iterator[Evidence]:
-    """Judges the efficiencies in level flight within the table; above one is impossible."""
+    """Judge the efficiencies in level flight within the table; a value above one is impossible."""
     if results.use is None:
         return
     train = results.use.power_train
@@ -368,8 +368,8 @@ _CHECK_EFFICIENCY: Mapping[EvidenceKind, str] = {
 
 
 def _efficiency(kind: EvidenceKind, values: list[Interval], best: float) -> Iterator[Evidence]:
-    """Not to be trusted where the interval of one speed is above one; doubtful where it is above `best`, or the value
-    is above one."""
+    """Judge efficiencies: not to be trusted if the interval at any speed is above one; doubtful if an interval is above
+    `best`, or a value above one."""
     impossible = [interval for interval in values if interval.lo > 1]
     doubtful = [interval for interval in values if interval.lo > best or interval.value > 1]
     if not doubtful:
@@ -386,7 +386,7 @@ def _efficiency(kind: EvidenceKind, values: list[Interval], best: float) -> Iter
 
 
 def _shaft(results: Results) -> Iterator[Evidence]:
-    """Judges shaft power in the energy balance; drag by the propeller's table is then withheld."""
+    """Judge shaft power in the energy balance; if it is implausible, drag from the propeller's table is withheld."""
     share = results.balance.shaft_over_electrical if results.balance else None
     least, greatest = THRUST.motor_efficiency
     if share is None or least < share < greatest:
@@ -405,17 +405,17 @@ def _shaft(results: Results) -> Iterator[Evidence]:
 
 
 def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
-    """Judges the efficiency from battery to thrust that the flight's energy alone shows.
+    """Judge the efficiency from battery to thrust that the flight's energy alone determines.
 
-    A current that is measured wrong makes an efficiency that no power train has, or hardly any. Outside the range that
-    power trains have, a deviation of 95 % is enough.
+    A wrong scale of the current gives an efficiency that no power train has, or hardly any. For such an efficiency, a
+    deviation at the 95 % level is enough; other efficiencies need a deviation at the false-alarm rate.
     """
     eta = results.balance.thrust_efficiency if results.balance else None
     if eta is None or eta.lo <= 0:
         return
     usual, T = POWER_TRAIN.efficiency, TRUST
     error = math.hypot(math.log(eta.hi / eta.lo) / (2 * NORMAL_95), usual.sigma * (1 - usual.mean))
-    z_limit = -float(special.ndtri(T.false_alarm_rate))  # the rate of each side: too little current, and too much
+    z_limit = -float(special.ndtri(T.false_alarm_rate))  # both sides: too little or too much current
 
     def efficiency_at(sigmas: float) -> float:
         return usual.mean * math.exp(sigmas * error)
@@ -444,7 +444,7 @@ def _thrust_efficiency(results: Results) -> Iterator[Evidence]:
 
 
 def _lift_coefficient(results: Results) -> Iterator[Evidence]:
-    """Judges the lift coefficient of level flight at the slowest speed flown, which a mass or an area gives wrongly."""
+    """Judge the lift coefficient of level flight at the slowest speed flown: a wrong mass or area distorts it."""
     measured = [point.speed_mps for point in results.curves[results.kind].points if not point.extrapolated]
     if not measured:
         return
@@ -466,16 +466,16 @@ def _lift_coefficient(results: Results) -> Iterator[Evidence]:
 
 
 def _sensor_errors(results: Results) -> Iterator[Evidence]:
-    """Errors beyond their priors in the first estimate.
+    """Judge sensor errors that were beyond their priors in the first estimate.
 
-    It was repeated with wider priors, so that the interval contains an error of that size. Another defect may look like
-    one of a sensor: an interval that does not contain the curve without the correction is not to be trusted.
+    The estimate was repeated with wider priors, so that the interval allows for an error of that size. Another defect
+    may look like a sensor error: if the interval does not contain the uncorrected curve, it is not to be trusted.
     """
     if results.path is None or results.pooling is None:
         return
     of_installation = noise_limit(len(results.pooling.names))
     for name, sigmas in results.path.prior_conflicts.items():
-        limit = EVIDENCE.contradiction if name == UPDRAFT else of_installation  # the curve is corrected for it
+        limit = EVIDENCE.contradiction if name == UPDRAFT else of_installation  # the curve is corrected for an updraft
         if abs(sigmas) <= limit:
             continue
         subject, level, reason = SENSOR_ERROR_KINDS[name].title, _level(sigmas, limit), ""
@@ -500,8 +500,8 @@ def _sensor_errors(results: Results) -> Iterator[Evidence]:
 
 
 def _effect(name: str, statistics: PoolingStatistics) -> float:
-    """How far the correction of a sensor error moves the curve, in half widths of its interval, where that is most; 0
-    for one that is not among the statistics."""
+    """Return how far the correction of a sensor error moves the curve at most, in half widths of its interval; 0 for an
+    error that is not among the statistics."""
     if name not in statistics.names:
         return 0.0
     i = statistics.names.index(name)
@@ -513,7 +513,7 @@ def _effect(name: str, statistics: PoolingStatistics) -> float:
 
 
 def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
-    """Errors none of which is beyond its own limit, and which one cause moves together."""
+    """Judge errors that are within their own limits but that a common cause appears to move together."""
     test = results.path.joint_conflict if results.path else None
     if test is None or test.probability > TRUST.false_alarm_rate or any(_sensor_errors(results)):
         return
@@ -536,8 +536,8 @@ def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
     )
 
 
-# The measurements that each of the daemon's comparisons puts in doubt. Other comparisons need no item: GPS is an aid,
-# whose faults the trajectory shows.
+# The measurements that each of the daemon's comparisons puts in doubt. Other comparisons need no item: GPS is only an
+# aid, and the trajectory shows its faults.
 _DOUBTED = {
     Comparison.AIRSPEED: "airspeed, which the speed over the ground contradicts by more than any wind",
     Comparison.ANGLE_OF_ATTACK: "angle of attack, which attitude and climb contradict",
@@ -547,7 +547,7 @@ _DOUBTED = {
 
 
 def _implausible(results: Results) -> Iterator[Evidence]:
-    """Runs that were flown while the daemon found readings that cannot be true together."""
+    """Judge runs that were flown while the daemon found readings that contradict each other."""
     readings = results.provenance.implausible if results.provenance else []
     for compared, doubted in _DOUBTED.items():
         periods = [(reading.start_s, reading.end_s) for reading in readings if reading.compared is compared]
@@ -572,7 +572,7 @@ def _implausible(results: Results) -> Iterator[Evidence]:
 
 
 def _runs(results: Results) -> Iterator[Evidence]:
-    """The run that differs most from the others of its kind."""
+    """Judge the run that differs most from the others of its kind."""
     compared = results.runs_against_others
     worst = max(compared, key=lambda runs_against_other: abs(runs_against_other.z), default=None)
     limit = noise_limit(len(compared))

@@ -13,7 +13,7 @@ def to_json(results: Results) -> bytes:
 
 
 def to_csv(results: WithCurves, standard: ConditionResult | None = None) -> str:
-    """The curve that the report leads with, as flown and at the standard condition, if given; a row per point."""
+    """Return the report's main curve, as flown and at the standard condition if given; one row per point."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")

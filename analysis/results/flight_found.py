@@ -24,11 +24,11 @@ from flightpower.analysis.trajectory.observability import PriorConflict, sensor_
 from flightpower.analysis.trajectory.reconstruction import Trajectory
 from flightpower.flight.arrays import Array
 
-DRAG = "drag / mass, m/s²"  # of `RunFit`
+DRAG = "drag / mass, m/s²"  # its name in `RunFit`
 
 
 def path_result(trajectory: Trajectory, agreement: Consistency, conflict: PriorConflict | None = None) -> PathResult:
-    """Quality of the trajectory, agreement of channels and sensor errors. conflict: with the priors, where tested"""
+    """Return the trajectory's quality, agreement of channels and sensor errors. conflict: with the priors, if tested"""
     jointly = conflict.jointly if conflict else None
     return PathResult(
         converged=trajectory.converged,
@@ -44,7 +44,7 @@ def path_result(trajectory: Trajectory, agreement: Consistency, conflict: PriorC
 
 
 def air_found(trajectory: Trajectory, rows_flown: pd.DataFrame, condition: Condition) -> AirFound:
-    """Mean wind over the runs, gusts, temperature, and heights. rows_flown: of the air data, within the runs."""
+    """Return mean wind over the runs, gusts, temperature, and heights. rows_flown: air data within the runs."""
     rows = trajectory.states.index.isin(rows_flown.index)
     rows = rows if rows.any() else np.asarray(trajectory.block_means.flying)
     wind = trajectory.states.loc[rows, ["wind_north", "wind_east"]].mean()
@@ -66,8 +66,7 @@ def air_found(trajectory: Trajectory, rows_flown: pd.DataFrame, condition: Condi
 
 
 def run_residuals(estimate: DynamicEstimate, kinds: Mapping[str, str]) -> list[RunResidual]:
-    """Scatter and autocorrelation of each run's residuals of drag. White residuals correlate at lag 0 only.
-
+    """Return scatter and autocorrelation of each run's residuals of drag. White residuals correlate at lag 0 only.
     kinds: of the runs, by name
     """
     residuals = []
@@ -90,9 +89,9 @@ def run_residuals(estimate: DynamicEstimate, kinds: Mapping[str, str]) -> list[R
 
 
 def autocorrelation(residual: Array, lags: int) -> Array:
-    """Correlation of residuals (n,) with themselves 0, 1, … lags later; at most half of the residuals' length.
+    """Return the correlation of residuals (n,) with themselves at lags 0, 1, …, at most half of the residuals' length.
 
-    The biased estimate about zero: the residuals' mean is an error of the model too.
+    This is the biased estimate about zero, since the residuals' mean is an error of the model as well.
     """
     lags = min(lags, len(residual) // 2)
     power = float(residual @ residual)
@@ -102,7 +101,7 @@ def autocorrelation(residual: Array, lags: int) -> Array:
 
 
 def parameter_correlation(estimate: DynamicEstimate) -> Correlation:
-    """Correlation of the errors of POLAR and THRUST; 0 for an estimate without error."""
+    """Return the correlation of the errors of POLAR and THRUST; 0 for a parameter without error."""
     covariance = estimate.noise + estimate.systematic
     sigma = np.sqrt(np.diag(covariance))
     scale = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=sigma > 0)
@@ -111,7 +110,7 @@ def parameter_correlation(estimate: DynamicEstimate) -> Correlation:
 
 
 def static_thrust(estimate: DynamicEstimate) -> ParameterResult:
-    """Thrust at rest over that of the table by the estimate, 1 + thrust_scale - J_REFERENCE thrust_slope."""
+    """Return estimated thrust at rest over the table's: 1 + thrust_scale - J_REFERENCE thrust_slope."""
     row = np.array([0.0, 0.0, 0.0, 1.0, -J_REFERENCE])
     error = float(np.sqrt(row @ (estimate.noise + estimate.systematic) @ row))
     value = 1 + float(row @ estimate.values)
@@ -119,7 +118,7 @@ def static_thrust(estimate: DynamicEstimate) -> ParameterResult:
 
 
 def track(trajectory: Trajectory) -> Track:
-    """North and east of the start by the integral of the reconstructed velocity, thinned to 600 points, for a map."""
+    """Return the path [m] north and east of the start, integrated from velocity and thinned to 600 points at most."""
     t_s = trajectory.states.index.to_numpy()
     place = [_integral(trajectory.states[name].to_numpy(), t_s) for name in ("v_north", "v_east")]
     every = slice(None, None, -(-len(t_s) // 600))
@@ -128,5 +127,5 @@ def track(trajectory: Trajectory) -> Track:
 
 
 def _integral(rate: Array, t_s: Array) -> Array:
-    """Trapezoids, from zero."""
+    """Integrate by trapezoids, starting from zero."""
     return np.asarray(np.r_[0.0, np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(t_s))])

@@ -1,10 +1,10 @@
-"""Suggests the next twenty minutes of flight, from what one flight left uncertain.
+"""Suggests the next twenty minutes of flight, based on what one flight left uncertain.
 
-The interval is largest somewhere on the curve. There its variance has the parts of `methods.interval_sources`, which
-the report draws; the largest is named. Of the errors of the angle of attack that is its offset or its slope, whichever
-has the larger effect on power P = D V. With lift L = W an offset turns the lift and adds W V to the power for each
-radian, a relative error s of the slope acts like an offset s alpha, and a scale error of airspeed gives the drag of
-another speed and twice that relative error in angle of attack.
+At the speed where the interval is largest, its variance is split into the parts of `methods.interval_sources`, which
+the report draws, and the largest part is named. If that is the angle of attack, its offset or its slope is named,
+whichever has the larger effect on power P = D V. With lift L = W, an offset turns the lift vector and adds W V to the
+power per radian. A relative error s of the slope acts like an offset s alpha. A scale error of airspeed gives the drag
+of a different speed, and twice that relative error in angle of attack.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,7 +27,7 @@ FLIGHT, GROUND = "The next twenty minutes", "Before the next flight"
 
 
 class Remedy(NamedTuple):
-    """when: FLIGHT or GROUND. sentence: what narrows the interval. part: of the share, where that has several."""
+    """when: FLIGHT or GROUND. sentence: what narrows the interval. part: which part of the share, if it has several."""
 
     when: str
     sentence: str
@@ -101,7 +101,7 @@ GUSTS_HIDE = {NextFlightLowers.ALPHA_BIAS, NextFlightLowers.ALPHA_SCALE, NextFli
 
 class MissingInformation(NamedTuple):
     """speed_mps: where the interval is largest. percent: its half width. cause: the largest part of its variance.
-    percent_without: the half width with this part known twice as well."""
+    percent_without: the half width if the cause were known twice as well."""
 
     speed_mps: float
     percent: float
@@ -115,9 +115,10 @@ Sources = Callable[[Array], dict[Share, Array]]
 def missing_information(
     trajectory: Trajectory, polar: Polar, condition: Condition, flown_CL: tuple[float, float], sources: Sources
 ) -> MissingInformation | None:
-    """What made the interval wide; None where power is not known or the covariance is not finite.
+    """Find what made the interval wide; None if power is not positive or the covariance is not finite.
 
-    sources : variance (n,) of power at speeds (n,) by source, as the report draws it: `variance_by_source`
+    sources : function that returns variance (n,) of power at speeds (n,) by source, as the report draws it:
+    `variance_by_source`
     """
     V = np.linspace(speed_at(flown_CL[1], condition), speed_at(flown_CL[0], condition), 9)
     power, sigma = power_required(V, polar, condition)
@@ -138,7 +139,7 @@ def missing_information(
 
 
 def _error_of_angle(trajectory: Trajectory, A: Array, condition: Condition, V: float) -> NextFlightLowers:
-    """Which error of the angle of attack has the larger part of the variance of power: what goes when it is known."""
+    """Return the error of the angle of attack whose knowledge would remove the larger part of power's variance."""
     effect, which = _effects_W(trajectory, A, condition, V)
     covariance = trajectory.covariance[np.ix_(which, which)]
     with_each = (covariance @ effect) ** 2 / np.diag(covariance)
@@ -148,7 +149,7 @@ def _error_of_angle(trajectory: Trajectory, A: Array, condition: Condition, V: f
 
 
 class Advice(NamedTuple):
-    """What to fly next, in sentences, and what it lowers; both empty where nothing is lacking."""
+    """What to fly next, in sentences, and what it lowers; both are empty if no information is missing."""
 
     lowers: NextFlightLowers = NextFlightLowers.NOTHING
     sentences: Sequence[str] = ()
@@ -157,7 +158,7 @@ class Advice(NamedTuple):
 def next_flight(
     trajectory: Trajectory, polar: Polar, condition: Condition, flown_CL: tuple[float, float], sources: Sources
 ) -> Advice:
-    """What to fly next; nothing where the standard error is negligible already. sources: as `missing_information`."""
+    """Suggest what to fly next; nothing if the error is already negligible. sources: as in `missing_information`."""
     missing = missing_information(trajectory, polar, condition, flown_CL, sources)
     if missing is None or missing.percent < 100 * NORMAL_95 * EVIDENCE.negligible:
         return Advice()
@@ -174,7 +175,7 @@ def next_flight(
 
 
 def _effects_W(trajectory: Trajectory, A: Array, condition: Condition, V: float) -> tuple[Array, list[int]]:
-    """Change of power [W] by each of MATTERS, and their places among the sensor errors."""
+    """Return the change of power [W] per unit of each of MATTERS, and their indices among the sensor errors."""
     blocks = trajectory.block_means
     flown = blocks.flying & np.isfinite(blocks["alpha_rad"])
     CL = 2 * condition.weight_N / (condition.rho * blocks["V_mps"][flown] ** 2 * condition.wing_area_m2)

@@ -1,4 +1,4 @@
-"""The parameters that follow from a flight, as a file that an autopilot's ground station loads.
+"""Autopilot parameters derived from a flight, as a file that the autopilot's ground station loads.
 
 ArduPilot: `NAME,VALUE`, comments after #. PX4: QGroundControl's table of vehicle, component, name, value and type (9:
 float). INAV: `set NAME = VALUE` of its command line, whole numbers. No airspeed is below the stall margin.
@@ -36,19 +36,19 @@ NEWER = {"TRIM_ARSPD_CM": "AIRSPEED_CRUISE", "ARSPD_FBW_MIN": "AIRSPEED_MIN", "A
 CENTIMETERS = "cm/s"
 FASTEST_CLIMB = {For.ARDUPILOT: "TECS_CLMB_MAX", For.PX4: "FW_T_CLMB_MAX"}
 FASTEST_SINK = {For.ARDUPILOT: "TECS_SINK_MAX", For.PX4: "FW_T_SINK_MAX"}
-WHOLE = {"TRIM_ARSPD_CM", "ARSPD_FBW_MIN", "ARSPD_FBW_MAX"}  # of ArduPlane; all of INAV
+WHOLE = {"TRIM_ARSPD_CM", "ARSPD_FBW_MIN", "ARSPD_FBW_MAX"}  # in ArduPlane; INAV has only whole numbers
 CRUISE_SINK = {"FW_T_SINK_MIN", "TECS_SINK_MIN"}
 CRUISE_POWER = {"cruise_power"}
 
 
 class StallMargin(NamedTuple):
-    """stall_mps : equivalent airspeed; None: of the largest lift coefficient that the wing has carried in the flight"""
+    """stall_mps : equivalent airspeed; None: that at the largest lift coefficient the wing carried in the flight"""
 
     stall_mps: float | None = None
     margin: float = 1.2
 
     def least_mps(self, results: WithCurves) -> tuple[float, str]:
-        """The slowest equivalent airspeed that an autopilot may be set to fly, and what it follows from.
+        """Return the slowest equivalent airspeed that an autopilot may be set to fly, and the reason in words.
 
         If neither stall nor largest lift is known, the slowest speed of the curve is used as the stall speed, as for a
         route.
@@ -68,7 +68,7 @@ class StallMargin(NamedTuple):
 
 
 def parameter_file(results: Results | PooledResults, firmware: For, stall: StallMargin = StallMargin()) -> str:
-    """The text of the file. Raises InputError where no parameter of this firmware follows, or none leaves a margin."""
+    """Return the text of the file. Raises InputError if the firmware gets no parameter, or none leaves a margin."""
     own = [parameter for parameter in results.autopilot_parameters if parameter.firmware == FIRMWARE[firmware]]
     if not own:
         raise InputError(
@@ -106,9 +106,9 @@ def parameter_file(results: Results | PooledResults, firmware: For, stall: Stall
 def _at_raised_cruise(
     own: list[AutopilotParameter], results: Results | PooledResults, from_mps: float, to_mps: float
 ) -> tuple[list[AutopilotParameter], list[str]]:
-    """The parameters with sink and power of the raised cruise speed, and the names of those not known there.
+    """Return the parameters with sink and power at the raised cruise speed, and the names of parameters unknown there.
 
-    from_mps, to_mps : equivalent airspeeds. The relative width of an interval stays.
+    from_mps, to_mps : equivalent airspeeds. Relative widths of intervals stay the same.
     """
     ratios = [
         (CRUISE_SINK, _power_required_ratio(results, from_mps, to_mps)),
@@ -127,7 +127,7 @@ def _at_raised_cruise(
 
 
 def _power_required_ratio(results: WithCurves, from_mps: float, to_mps: float) -> float | None:
-    """Power required at one equivalent airspeed over that at another; without its curve by the soaring polar."""
+    """Return the same ratio of power required as `_ratio`, from the soaring polar if there is no curve."""
     if results.power_required:
         points = [(point.speed_mps, point.power_W) for point in results.power_required]
         return _ratio(results, points, from_mps, to_mps)
@@ -141,7 +141,7 @@ def _power_required_ratio(results: WithCurves, from_mps: float, to_mps: float) -
 
 
 def _battery_power_ratio(results: Results | PooledResults, from_mps: float, to_mps: float) -> float | None:
-    """Battery power of level flight at one equivalent airspeed over that at another."""
+    """Return the ratio of battery power in level flight at two equivalent airspeeds, `to_mps` over `from_mps`."""
     points = [(point.speed_mps, point.power_W) for point in results.electrical_power]
     if not points and results.performance:
         points = [(row.speed_mps, row.battery_W) for row in results.performance.field_table]
@@ -149,15 +149,12 @@ def _battery_power_ratio(results: Results | PooledResults, from_mps: float, to_m
 
 
 def _true_per_equivalent(results: WithCurves) -> float:
-    """True airspeed over equivalent airspeed at the density of the results."""
+    """Return true airspeed over equivalent airspeed at the density of the results."""
     return float((SEA_LEVEL_DENSITY / results.test.air_density_kgpm3) ** 0.5)
 
 
 def _ratio(results: WithCurves, points: list[tuple[float, float]], from_mps: float, to_mps: float) -> float | None:
-    """Power at `to_mps` over power at `from_mps`, both equivalent airspeeds; None if `to_mps` is outside the points.
-
-    points : true airspeed and power
-    """
+    """Return power at `to_mps` over power at `from_mps`; None if points, (true airspeed, power), lack `to_mps`."""
     to_true = _true_per_equivalent(results)
     V = [speed for speed, _ in points]
     if not points or not V[0] <= to_mps * to_true <= V[-1]:
@@ -167,10 +164,9 @@ def _ratio(results: WithCurves, points: list[tuple[float, float]], from_mps: flo
 
 
 def climb_at_cruise(results: Results | PooledResults, raised_mps: float | None = None) -> Interval | None:
-    """Rate of climb [m/s] at full throttle and the speed of best range: the lower end of its interval.
+    """Return the rate of climb [m/s] at full throttle and the speed of best range: the lower end of its interval.
 
-    raised_mps : equivalent airspeed of cruise, where it is faster. None where full throttle is not known, or holds no
-    climb.
+    raised_mps : equivalent airspeed of cruise, if it is faster. None if full throttle is not known, or gives no climb.
     """
     use = results.performance
     best = use.available.best_climb_mps if use else None
@@ -186,7 +182,7 @@ def climb_at_cruise(results: Results | PooledResults, raised_mps: float | None =
 
 
 def sink_at_fastest(results: WithCurves) -> Interval | None:
-    """Rate of sink [m/s] with the motor off at the fastest speed flown: no faster descent keeps below that speed."""
+    """Return the sink rate [m/s] with the motor off at the fastest speed flown; a faster descent exceeds that speed."""
     if not results.power_required:
         return None
     last, weight_N = results.power_required[-1], results.test.weight_N
@@ -201,7 +197,7 @@ def _rate(name: str, firmware: For, interval: Interval, basis: str) -> Autopilot
 
 
 def _names_used(own: list[AutopilotParameter]) -> Iterator[AutopilotParameter]:
-    """Keeps, of an old and a new name of one parameter, that in the log, else the new one."""
+    """Yield parameters; if one has an old and a new name, keep the name that is in the log, or else the new name."""
     logged = {parameter.name for parameter in own if parameter.logged is not None}
     old = {name for name, newer in NEWER.items() if name in logged and newer not in logged}
     for parameter in own:
@@ -211,7 +207,7 @@ def _names_used(own: list[AutopilotParameter]) -> Iterator[AutopilotParameter]:
 
 
 def _lines(p: AutopilotParameter, firmware: For, least_mps: float) -> Iterator[str]:
-    """Comments on interval, reason and margin, then the value."""
+    """Yield comments on interval, reason and margin, then the value."""
     unit = f" {p.unit}" if p.unit else ""
     yield f"# {p.name}: {p.value:.4g} ({p.lo:.4g} to {p.hi:.4g}){unit}: {p.basis}."
     if p.logged is not None:
@@ -242,13 +238,13 @@ def _lines(p: AutopilotParameter, firmware: For, least_mps: float) -> Iterator[s
 
 
 def _up(value: float, parameter: AutopilotParameter, firmware: For) -> str:
-    """Rounded up: no airspeed falls below its margin by rounding."""
+    """Round up, so that rounding never puts an airspeed below its margin."""
     digits = 0 if firmware is For.INAV or parameter.name in WHOLE else 2
     return f"{ceil(10**digits * value - 1e-9) / 10**digits:.{digits}f}"
 
 
 def _per_mps(parameter: AutopilotParameter) -> float:
-    """The parameter's unit of airspeed in one m/s."""
+    """Return how many of the parameter's units of airspeed make one m/s."""
     return 100.0 if parameter.unit == CENTIMETERS else 1.0
 
 

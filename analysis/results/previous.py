@@ -1,4 +1,4 @@
-"""Tells whether the results in a folder came from another log or other options than the new ones that replace them."""
+"""Tells whether results in a folder came from a different log or other options than those that replace them."""
 
 import shlex
 from collections.abc import Collection
@@ -15,15 +15,14 @@ TABLES = ("power_required.csv", "path.csv", "field_table.md", "field_table.csv",
 
 
 def replaced(folder: Path, results: Results, written: Collection[str] = TABLES) -> str:
-    """A sentence on what `results` replace in the folder; empty if the folder is empty or holds the same analysis.
-
-    written: names of the files that replace others. Tables of an earlier analysis beside them are named.
+    """Return a sentence on what `results` replace in the folder; empty if the folder is empty or has the same analysis.
+    written: names of the files that are written. The sentence names tables of an earlier analysis that stay.
     """
     return "; ".join(text for text in (_replaced(folder, results), tables_left(folder, written)) if text)
 
 
 def tables_left(folder: Path, written: Collection[str]) -> str:
-    """Tables of an earlier analysis that stay in the folder, in a sentence; empty where there are none."""
+    """Return a sentence that names tables of an earlier analysis that stay in the folder; empty if there are none."""
     left = [name for name in TABLES if name not in written and (folder / name).exists()]
     if not left:
         return ""
@@ -52,7 +51,7 @@ def _replaced(folder: Path, results: Results) -> str:
 
 
 def _options(command_line: str) -> list[str]:
-    """The options that change results, in order of the alphabet; not the log, which its hash identifies."""
+    """Return the options that change results, sorted alphabetically, without the log, which its hash identifies."""
     arguments, options = shlex.split(command_line)[1:], []
     while arguments:
         argument = arguments.pop(0)

@@ -1,4 +1,4 @@
-"""What the results were made of, in the form of `results.json`: the log, the files used, the health of the sensors."""
+"""The origin of the results, in the form of `results.json`: the log, the files used, the health of the sensors."""
 
 import hashlib
 from datetime import UTC, datetime, timedelta
@@ -30,7 +30,7 @@ ROLES = {
 
 
 def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> Provenance:
-    """Where log, aircraft, calibrations and weight come from. Files that can no longer be read have no hash."""
+    """Return where log, aircraft, calibrations and weight come from. Files that can no longer be read have no hash."""
     log, contents, replacements = flight.log, flight.contents, flight.replacements
     ends_ns = [(entries[0].time_ns, entries[-1].time_ns) for entries in log.entries.values() if entries]
     start_ns, end_ns = min(start for start, _ in ends_ns), max(end for _, end in ends_ns)
@@ -68,7 +68,7 @@ def provenance(flight: Recorded, runs_file: Path | None, command_line: str) -> P
 def provenance_of_file(
     log: Path, weight_source: str, aircraft: Path | None, command_line: str, recording: FlightRecording | None = None
 ) -> Provenance:
-    """Provenance of another program's log: hashes, weight and command; date and place as the recording has them."""
+    """Return the provenance of another program's log: hashes, weight, command, and the recording's date and place."""
     files = []
     if aircraft:
         origin, sha256 = _origin_and_hash(str(aircraft))
@@ -91,13 +91,13 @@ def provenance_of_file(
 
 
 def _start(fix: Fix, first_s: float) -> tuple[str | None, Clock]:
-    """Date and time of the first measurement, `first_s` on the recording's clock, and whose clock they are from."""
+    """Return date and time of the first measurement, `first_s` on the recording's clock, and which clock gave them."""
     start_utc = None if fix.unix_at_zero_s is None else _iso(round(1e9 * (fix.unix_at_zero_s + first_s)))
     return start_utc, Clock.NONE if start_utc is None else Clock.SATELLITES if fix.by_satellites else Clock.COMPUTER
 
 
 def _implausible(log: Log, end_ns: int) -> list[ImplausibleReadings]:
-    """Stretches from each warning to its all-clear, or to the end of the log."""
+    """Return the stretches of time from each warning to its all-clear, or to the end of the log."""
     start_ns = next((entry.time_ns for entry in log.entries.get("/imu", [])), 0)
     implausible_readings: list[ImplausibleReadings] = []
     since_ns: dict[Comparison, int] = {}
@@ -129,7 +129,7 @@ def _iso(unix_ns: int) -> str | None:
 
 
 def _health(topic: str, statuses: bytes) -> SensorHealth:
-    """Counted from the first measurement on: before it the sensor was being brought up. statuses: of `STATUS_CODE`."""
+    """Count statuses from the first measurement on; before it the sensor was starting. statuses: of `STATUS_CODE`."""
     first = statuses.find(STATUS_CODE[Status.OK])
     since = statuses[first:] if first >= 0 else statuses
     counts = {str(status.value): since.count(STATUS_CODE[status]) for status in FAULTS}
@@ -177,7 +177,7 @@ def _files(log: Log, contents: LogContents, replacements: Replacements, runs_fil
 
 
 def _propeller_in_log(log: Log, contents: LogContents) -> bool:
-    """Whether the log's own table was used, which is for the propeller named in the aircraft file."""
+    """Whether the log's own table was used, which is valid for the propeller named in the aircraft file."""
     return "propeller.csv" in log.attachments and contents.aircraft.propulsion.propeller in (
         None,
         contents.propeller.name,
@@ -185,7 +185,7 @@ def _propeller_in_log(log: Log, contents: LogContents) -> bool:
 
 
 def _origin_and_hash(name_or_path: str) -> tuple[str, str]:
-    """Origin and hash of a shipped propeller or a file."""
+    """Return origin and hash of a shipped propeller or a file."""
     if name_or_path in shipped_propellers():
         table = FOLDER.joinpath(f"{name_or_path}.csv").read_bytes()
         return "shipped with flightpower", hashlib.sha256(table).hexdigest()

@@ -1,7 +1,7 @@
-"""The one reader of `results.json`: of this format, and of the earlier ones, whose fields are put where they are now.
+"""The only reader of `results.json`, in this format and in earlier ones, whose fields it moves to their new places.
 
-Formats before `flightpower-results-3` had two sets of fields: `power_required`, `minimum_power_speed`, `pooling` … of
-flights with runs, and `electrical_power` with `electrical` of others. Pools had the same two.
+Formats before `flightpower-results-3` had two sets of fields: `power_required`, `minimum_power_speed`, `pooling` … for
+flights with runs, and `electrical_power` with `electrical` for others. Pools had the same two sets.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ from flightpower.analysis.records.pool import COMPARISON_FORMAT, EARLIER_POOLED_
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import json_object_text
 
-# Against results of versions that gave no verdict.
+# Evidence for results of versions that gave no verdict.
 NO_VERDICT = Evidence(
     kind=EvidenceKind.NO_VERDICT,
     level=Trust.DOUBTFUL,
@@ -42,9 +42,9 @@ OF_SEVERAL = {
     COMPARISON_FORMAT: "a comparison",
     FLEET_FORMAT: "a fleet",
 }
-FORMATS = (FORMAT, "flightpower-results-2")  # the newest first
+FORMATS = (FORMAT, "flightpower-results-2")  # newest first
 RESULTS_OF = "results of `analyze`"
-# Shared errors of a curve's flights were numbered by the parameters of the energy balance.
+# In earlier formats, shared errors of a curve's flights were numbered in the order of the energy balance's parameters.
 _NUMBERED = {f"prior {i}": prior_error(name) for i, name in enumerate((*DRAG, *PROPELLER, *LIFT))}
 _OF_CURVE = {
     "least_power_speed": "least_power_speed",
@@ -60,9 +60,9 @@ _OF_BALANCE = (
 
 
 def read_results(content: Path | Mapping[str, Any] | Results, where: str = "") -> Results:
-    """The results of a flight, from a file, its content or what `analyze` returned.
+    """Return the results of a flight from a file, from its content, or from what `analyze` returned.
 
-    where : is named in messages, instead of the log. Raises InputError where they are not results of a flight.
+    where : named in messages instead of the log. Raises InputError if they are not results of a flight.
     """
     if isinstance(content, Results):
         return content
@@ -72,7 +72,7 @@ def read_results(content: Path | Mapping[str, Any] | Results, where: str = "") -
 
 
 def read_flight_or_pool(path: Path) -> Results | PooledResults:
-    """The results of one flight, or of several together. Raises InputError where they are something else."""
+    """Return the results of one flight or of a pool. Raises InputError if they are something else."""
     content, formats = read_json(path), (POOLED_FORMAT, *EARLIER_POOLED_FORMATS)
     if content.get("format") in formats:
         return as_record(content, PooledResults, str(path), formats)
@@ -80,15 +80,14 @@ def read_flight_or_pool(path: Path) -> Results | PooledResults:
 
 
 def read_file(path: Path, record: type[Read], formats: Sequence[str] = FORMATS) -> Read:
-    """A results.json as a record; of a folder that `analyze` wrote, the one in it.
-
-    Raises InputError where it cannot be read, or is something else.
+    """Return a results.json, or the one in a folder that `analyze` wrote, as a record. Raises InputError if it cannot
+    be read, or is something else.
     """
     return as_record(read_json(path), record, str(path), formats)
 
 
 def read_json(path: Path) -> Json:
-    """The content of a results.json, or of the one in a folder. Raises InputError where none can be read."""
+    """Return the content of a results.json, or of the one in a folder. Raises InputError if none can be read."""
     path = path / "results.json" if path.is_dir() else path
     try:
         return msgspec.json.decode(json_object_text(path, RESULTS_OF), type=Json)
@@ -97,9 +96,9 @@ def read_json(path: Path) -> Json:
 
 
 def as_record(content: Mapping[str, Any], record: type[Read], where: str, formats: Sequence[str] = FORMATS) -> Read:
-    """The content of a results.json as a record. Raises InputError where it is something else.
+    """Return the content of a results.json as a record. Raises InputError if it is something else.
 
-    formats : that are accepted, the newest first
+    formats : accepted formats, newest first
     """
     form = content.get("format", formats[0])
     if form not in formats:
@@ -116,7 +115,7 @@ def as_record(content: Mapping[str, Any], record: type[Read], where: str, format
 
 
 def upgraded(content: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The content in today's form; unchanged if it already has that form."""
+    """Return the content in today's form; unchanged if it already has that form."""
     if "curves" in content:
         return content
     old = dict(content)
@@ -143,7 +142,7 @@ def upgraded(content: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _curves(old: Json, electrical: Json | None, pooling: Json | None) -> Json:
-    """Takes what belongs to a curve out of `old`."""
+    """Return the curves, made of fields that are removed from `old`."""
     condition = old.get("test")
     required = {
         "points": old.pop("power_required", []),
@@ -151,7 +150,7 @@ def _curves(old: Json, electrical: Json | None, pooling: Json | None) -> Json:
         "least_power_speed": old.pop("minimum_power_speed", None),
         "best_range_speed": old.pop("best_range_speed", None),
         "interval_parts": old.pop("interval_parts", []),
-        # Statistics of another version are those of another estimate.
+        # Statistics from another version belong to a different estimate.
         "statistics": pooling if pooling and pooling.get("format") == POOLING_FORMAT else None,
     }
     battery = {"points": old.pop("electrical_power", [])}
@@ -179,8 +178,8 @@ def _air(air: Json | None, temperature_K: float | None, pressure_Pa: float | Non
 
 
 def _battery(of_curve: Json, use: Json) -> Json | None:
-    """The battery, if its energy is stored. For electrical power the usable share follows from the endurance; pools did
-    not store it and used the default of `analyze`."""
+    """Return the battery if its energy is known. With electrical power, the share used follows from the endurance;
+    pools did not record it and used the default of `analyze`."""
     energy_Wh, usable = use.get("battery_energy_Wh"), use.get("usable", ASKED.usable)
     if energy_Wh is None:
         return None

@@ -1,4 +1,4 @@
-"""What results.json holds, and from when on it withholds a value."""
+"""Settings for what results.json contains, and when it withholds a value."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class ResultsSettings(Settings):
-    """Lengths of written lists, and the width above which results call an interval wide."""
+    """Lengths of written lists, and limits for withholding values."""
 
     longest_lag_s: float = setting(4.0, "s", "of autocorrelations: the gusts of a run are shorter")
     wide: float = setting(
@@ -37,7 +37,7 @@ class TrustLimits(Settings):
 
     @property
     def best_power_train(self) -> float:
-        """Efficiency from battery to thrust: the best motors with controllers lose as much as the best propellers."""
+        """Efficiency from battery to thrust. The best motors with controllers lose as much as the best propellers."""
         return self.best_propeller**2
 
 
