@@ -1,4 +1,4 @@
-"""The answers that the page and the terminal begin with: best speeds, endurance, range, full throttle."""
+"""The answers at the top of the page and of the terminal output: best speeds, endurance, range, full throttle."""
 
 import math
 from typing import NamedTuple
@@ -39,10 +39,11 @@ class HeadlineAnswer(NamedTuple):
 
 
 def headline_answers(results: WithCurves, use: PerformanceResult | None = None) -> list[HeadlineAnswer]:
-    """Speeds of best endurance and best range, and the performance at full throttle.
+    """Return the speeds of best endurance and best range, and the performance at full throttle.
 
-    Without a propeller table that allows performance (`results.use` is None): speeds of least power and least drag; of
-    electrical power endurance and range at its best speeds. use: of a pool; of a flight that of its results
+    Without a propeller table that allows performance (`results.use` is None), these are the speeds of least power and
+    least drag. Results of electrical power give endurance and range at their best speeds. use: performance of a pool; a
+    flight has it in its results
     """
     if results.kind is Kind.ELECTRICAL:
         return best_of_battery(results)
@@ -57,7 +58,7 @@ def headline_answers(results: WithCurves, use: PerformanceResult | None = None) 
 
 
 def best_of_battery(results: WithCurves) -> list[HeadlineAnswer]:
-    """Speeds of best endurance and range by the curve of electrical power, with both where the battery is known."""
+    """Return speeds of best endurance and range by electrical power; with both values if the battery is known."""
     curve = results.curves[Kind.ELECTRICAL]
     power = {round(p.speed_mps, 6): p for p in curve.points}
 
@@ -79,7 +80,7 @@ def best_of_battery(results: WithCurves) -> list[HeadlineAnswer]:
 
 
 def end_remark(best: SpeedInterval, curve: CurveResult) -> str:
-    """What follows the speed; one at an end of the curve may lie beyond it."""
+    """Return the text after the speed; it names an end of the curve, since the best speed may lie beyond it."""
     if best.inside_flown_range or best.speed_mps is None:
         return optimum_remark(best)
     if _at_slowest(best.speed_mps, curve):
@@ -92,7 +93,7 @@ def _at_slowest(speed_mps: float | None, curve: CurveResult) -> bool:
 
 
 def _optimum(results: WithCurves, question: str, optimum: SpeedInterval, note: str) -> HeadlineAnswer:
-    """The card of a speed of the curve; where that lies below the slowest flown, the card of the slowest flown."""
+    """Return the card of an optimum speed; if that is below the slowest speed flown, the card of the slowest flown."""
     slowest = results.slowest_flown
     if optimum.reason is SpeedReason.BELOW_SLOWEST and slowest:
         return HeadlineAnswer(question, ", the slowest flown", not_slower(results), slowest.speed_mps)
@@ -101,7 +102,7 @@ def _optimum(results: WithCurves, question: str, optimum: SpeedInterval, note: s
 
 
 def not_slower(results: WithCurves) -> str:
-    """What the slowest speed flown means, in sentences; empty where it is not known."""
+    """Say that no flight was measured below the slowest speed flown, and how far that is from the stall."""
     slowest = results.slowest_flown
     if slowest is None:
         return "Do not fly slower than this: no slower flight was measured."
@@ -112,7 +113,7 @@ def not_slower(results: WithCurves) -> str:
 
 
 def near_stall(results: WithCurves, speed_mps: float | None) -> str:
-    """The slowest speed to hold, as in a plan, in a sentence, for a speed below it; empty for another."""
+    """Return a sentence with the slowest speed to hold, as in a plan, if a speed is below it; empty otherwise."""
     slowest = results.slowest_flown
     if slowest is None or speed_mps is None:
         return ""
@@ -123,18 +124,18 @@ def near_stall(results: WithCurves, speed_mps: float | None) -> str:
 
 
 def _fastest_stall_mps(slowest: SlowestFlown) -> float:
-    """The speed at the largest lift coefficient that the wing carried: the stall speed is not higher."""
+    """Return the speed at the largest lift coefficient that the wing carried; the stall speed is not higher."""
     return slowest.speed_mps * math.sqrt(slowest.lift_coefficient / slowest.largest_lift_coefficient)
 
 
 def stall_margin_percent(slowest: SlowestFlown) -> int:
-    """Least margin of speed to the stall, rounded down to whole percents: by the largest lift coefficient that the wing
-    carried, with the motor's power of that moment."""
+    """Return the least margin of speed over the stall, rounded down to whole percents. It follows from the largest lift
+    coefficient that the wing carried, with the motor's power at that moment."""
     return math.floor(100 * (slowest.speed_mps / _fastest_stall_mps(slowest) - 1))
 
 
 def optimum_speed_text(optimum: SpeedInterval, curve: CurveResult | None = None) -> str:
-    """ "13.2 m/s (12.9 to 13.5)", "(up to 13.5)" where the interval has no lower end, or why there is none."""
+    """Return "13.2 m/s (12.9 to 13.5)", "(up to 13.5)" if the interval has no lower end, or why there is no speed."""
     remark = end_remark(optimum, curve) if curve and curve.points else optimum_remark(optimum)
     return HeadlineAnswer("", remark, "", _known_speed(optimum)).answer
 
@@ -144,7 +145,7 @@ def _known_speed(optimum: SpeedInterval) -> float | None:
 
 
 def optimum_remark(optimum: SpeedInterval) -> str:
-    """Text after the speed, or why there is no speed."""
+    """Return the text after the speed, or why there is no speed."""
     lo, hi = optimum.lo_mps, optimum.hi_mps
     if optimum.speed_mps is None or hi is None:
         reason = optimum.reason or SpeedReason.NO_OPTIMUM
@@ -154,7 +155,7 @@ def optimum_remark(optimum: SpeedInterval) -> str:
 
 
 def interval_text(interval: Interval, unit: str, digits: int) -> str:
-    """ "13.5 m/s (13.2 to 13.9)"."""
+    """Return text such as "13.5 m/s (13.2 to 13.9)"."""
     return f"{interval.value:.{digits}f} {unit} ({interval.lo:.{digits}f} to {interval.hi:.{digits}f})"
 
 
@@ -201,13 +202,13 @@ def _battery(results: WithCurves, use: PerformanceResult) -> str:
 
 
 def battery_text(results: WithCurves, between: str = ",") -> str:
-    """ "74 Wh, 80 %", the battery and the share of it that is used."""
-    assert results.battery is not None  # of a flight whose endurance is known
+    """Return text such as "74 Wh, 80 %": the battery's energy and the share of it that is used."""
+    assert results.battery is not None  # called only if endurance is known
     return f"{results.battery.energy_Wh:g} Wh{between} {100 * results.battery.usable:.0f} %"
 
 
 def _best_speed_remark(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
-    """ " (13.2 to 13.9)"; at an end of the speeds flown the best speed may lie outside them."""
+    """Return " (13.2 to 13.9)", or name the end of the speeds flown at which, or beyond which, the best speed lies."""
     if at_slowest or at_fastest:
         return f", the {'slowest' if at_slowest else 'fastest'} flown"
     return f" ({speed.lo:.1f} to {speed.hi:.1f})"

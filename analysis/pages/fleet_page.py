@@ -27,7 +27,7 @@ from flightpower.flight.units import DAY_S
 
 
 def render_fleet(fleet: FleetResults) -> str:
-    """The page as one HTML file."""
+    """Return the page as one HTML file."""
     names = {airframe.name for airframe in fleet.airframes}
     return render_page(
         "fleet.html",
@@ -56,7 +56,7 @@ def render_fleet(fleet: FleetResults) -> str:
 
 
 def fleet_answers(fleet: FleetResults) -> list[HeadlineAnswer]:
-    """Which airframes changed, and how much airframes of one kind differ."""
+    """Say which airframes changed, and how much airframes of one kind differ."""
     changed = [airframe for airframe in fleet.airframes if airframe.changes]
     answers = [
         HeadlineAnswer(
@@ -80,7 +80,7 @@ def fleet_answers(fleet: FleetResults) -> list[HeadlineAnswer]:
 
 
 def _apart(curve: FleetCurveResult) -> str:
-    """Where the airframes that changed are: outside the mean, or in it, since too few others are left."""
+    """Say whether airframes that changed are left out of the mean, or kept in it because too few others remain."""
     if not curve.changed:
         return ""
     names = ", ".join(curve.changed)
@@ -89,7 +89,7 @@ def _apart(curve: FleetCurveResult) -> str:
 
 
 def flights_csv(fleet: FleetResults) -> str:
-    """A row for each flight, for spreadsheets: its own values in percent of the airframe's; empty if unknown."""
+    """Return a row per flight for spreadsheets: its own values in percent of the airframe's; empty if unknown."""
     shares = ("drag_percent", "drag_half_width_percent", "thrust_percent", "thrust_half_width_percent")
     rows: list[Sequence[str]] = [("airframe", "mounted", "log", "start_utc", *shares, "report")]
     for airframe in fleet.airframes:
@@ -106,7 +106,7 @@ def flights_csv(fleet: FleetResults) -> str:
 
 
 def curves_csv(fleet: FleetResults) -> str:
-    """A row for each point of each curve, for spreadsheets: of the airframes, and of the means of the fleet."""
+    """Return a row per point of each curve for spreadsheets: curves of the airframes, and of the fleet's means."""
     fields = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
     rows: list[Sequence[str]] = [("curve", "mounted", "kind", "weight_N", "air_density_kgpm3", *fields)]
     curves = [
@@ -131,7 +131,7 @@ def _csv(rows: Sequence[Sequence[str]]) -> str:
 
 
 def news_table(fleet: FleetResults) -> HtmlTable:
-    """Changes, the latest first."""
+    """Return the table of changes, latest first."""
     changes = [(airframe, change) for airframe in fleet.airframes for change in airframe.changes]
     changes.sort(key=lambda pair: pair[1].since_unix_s or 0.0, reverse=True)
     return HtmlTable(
@@ -165,7 +165,7 @@ def _row(airframe_result: AirframeResult) -> tuple[str, ...]:
 
 
 def doubts(fleet: FleetResults) -> list[str]:
-    """What contradicts the curves, by airframe."""
+    """Return sentences on what contradicts the curves, with the airframe's name."""
     of_curves = [
         f"{airframe.name}: {sentence(evidence)}" for airframe in fleet.airframes for evidence in airframe.evidence
     ]
@@ -177,7 +177,7 @@ def _date(unix_s: float | None) -> str:
 
 
 def _histories(fleet: FleetResults) -> list[tuple[str, HtmlFigure, bool]]:
-    """Name, figure, and whether the airframe changed; those that did are first."""
+    """Return name, figure, and whether it changed for each airframe; changed airframes come first."""
     dated = sorted(
         (airframe for airframe in fleet.airframes if airframe.history), key=lambda airframe: not airframe.changes
     )
@@ -188,7 +188,7 @@ def _histories(fleet: FleetResults) -> list[tuple[str, HtmlFigure, bool]]:
 
 
 def history_figure(airframe: AirframeResult) -> Figure:
-    """Drag and thrust of each flight by date, and the changes found."""
+    """Draw drag and thrust of each flight by date, and the changes found."""
     days = np.array([share.start_unix_s for share in airframe.history]) / DAY_S
     figure = Figure(panels=2, height_px=420, cursor=Cursor.NEAREST, x=_dates(days))
     figure.zero_lines = {1, 2}
@@ -211,7 +211,7 @@ def history_figure(airframe: AirframeResult) -> Figure:
 
 
 def _dates(days: Array) -> Axis:
-    """Evenly spaced dates, short ones, so that they do not meet on a phone; the year is in the title if it is one."""
+    """Return an axis with evenly spaced dates, short enough for a phone; a single year is in the title instead."""
     days_marked = np.unique(np.linspace(np.ceil(days[0]), max(np.floor(days[-1]), np.ceil(days[0])), 5).round())
     dates = [datetime.fromtimestamp(day * DAY_S, UTC) for day in days_marked.tolist()]
     years = sorted({date.year for date in dates})
@@ -221,7 +221,7 @@ def _dates(days: Array) -> Axis:
 
 
 def _level(changes: Sequence[ChangeResult], name: str, last_day: float) -> tuple[Array, Array]:
-    """Corners of the line that the changes of drag or thrust make, from 0 %: steps, and drifts until the next one."""
+    """Return corners of the line, from 0 % on, that shows changes of drag or thrust: steps and drifts."""
     days = [(change.since_unix_s or 0.0) / DAY_S for change in changes]
     x, y, level = [], [], 0.0
     for change, since, until in zip(changes, days, [*days[1:], last_day], strict=True):
@@ -233,7 +233,7 @@ def _level(changes: Sequence[ChangeResult], name: str, last_day: float) -> tuple
 
 
 def curve_figure(fleet: FleetResults, curve: FleetCurveResult) -> Figure:
-    """Every airframe's curve, the mean, and what another airframe will need."""
+    """Draw every airframe's curve, the mean, and the power that another airframe will need."""
     figure = Figure(height_px=480, cursor=Cursor.NEAREST, x=true_airspeed())
     V, _, lo, hi = curve_arrays(curve.another)
     figure.add(band(V, (lo, hi), GRAY, 0.3))

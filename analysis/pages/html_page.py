@@ -1,4 +1,4 @@
-"""Rendering of a page from the templates: one HTML file that opens without a network."""
+"""Renders a page from the templates: one HTML file that opens without a network."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -12,7 +12,7 @@ from flightpower.analysis.pages.charts.svg import chart, chart_script, chart_sty
 
 
 class HtmlTable(NamedTuple):
-    """Text of a table; numbers: right-aligned except for the first column."""
+    """Text of a table. numbers: all columns but the first are right-aligned"""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -20,27 +20,27 @@ class HtmlTable(NamedTuple):
 
 
 class HtmlFigure(NamedTuple):
-    """A figure or several side by side, by the ids of their elements. run: the one that they show"""
+    """One figure or several side by side, with the ids of their elements. run: the run that they show"""
 
     parts: list[tuple[str, Figure]]
     run: str = ""
 
 
 def html_figure(figures: Figure | Sequence[Figure], name: str, run: str = "") -> HtmlFigure:
-    """name: id of the element; of several figures, with their number. run: the one that is shown, if it is one."""
+    """Name figures. name: id of the element; several figures get numbers. run: the run that is shown, if any"""
     if isinstance(figures, Figure):
         return HtmlFigure([(name, figures)], run)
     return HtmlFigure([(f"{name}-{i}", figure) for i, figure in enumerate(figures, start=1)], run)
 
 
 def render_page(template: str, **context: object) -> str:
-    """A template of this package, filled. Text is escaped; raises UndefinedError when the template names more."""
+    """Fill a template of this package. Text is escaped. Raises UndefinedError if the template uses other names."""
     common = {"chart": chart, "chart_style": chart_style(), "chart_script": chart_script()}
     return _environment().get_template(template).render(common | context)
 
 
 def to_json(value: object, **_: object) -> str:
-    """JSON of figures: NaN becomes null, where a line is interrupted."""
+    """Return figures as JSON: NaN becomes null, where a line is interrupted."""
     return msgspec.json.encode(value, enc_hook=plain).decode()
 
 
@@ -53,7 +53,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    # jinja2 escapes <, >, & and ' of what this returns.
+    # In the text that this returns, jinja2 escapes <, >, & and '.
     environment.policies["json.dumps_function"] = to_json
     environment.policies["json.dumps_kwargs"] = {}
     return environment

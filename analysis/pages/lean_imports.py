@@ -1,11 +1,11 @@
-"""Import of pandas and SciPy without modules that they load and an analysis does not use."""
+"""Imports pandas and SciPy without modules that they would load but that an analysis does not use."""
 
 import importlib
 import sys
 
 import numpy as np
 
-FOR_DEVELOPERS = ("f2py", "testing")  # of NumPy, which imports them at their first use
+FOR_DEVELOPERS = ("f2py", "testing")  # modules that NumPy imports only at first use
 
 
 def import_lean() -> None:
@@ -20,7 +20,7 @@ def import_lean() -> None:
             importlib.import_module("pandas")
         finally:
             del sys.modules["pyarrow"]
-    # SciPy takes every name that NumPy has ("from numpy import *"), and with it imports these.
+    # SciPy takes every name of NumPy ("from numpy import *"), which would import these modules.
     absent = [name for name in FOR_DEVELOPERS if name not in vars(np)]
     vars(np).update(dict.fromkeys(absent))
     try:

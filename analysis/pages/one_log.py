@@ -1,4 +1,4 @@
-"""The analysis of one log and its report in a folder, for commands, the local page and many logs."""
+"""Analyzes one log and writes its report into a folder, for commands, the local page, and runs over many logs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -26,15 +26,15 @@ class Report(NamedTuple):
 
     results: "Results"
     print_summary: Callable[[Console], None]
-    backup: Path | None = None  # where previous content of a file that users edit is, if there was any
-    replaced_report: str = ""  # what was different in a report that was replaced; empty if nothing was
+    backup: Path | None = None  # where earlier content of a user-edited file was saved, if any
+    replaced_report: str = ""  # how a replaced report differed; empty if none did
 
 
 def analyze_log(log: Path, folder: Path, options: Options, progress: Progress, command_line: str = "") -> Report:
-    """Write the report of a log into `folder`. command_line: that asked for it, for the report.
+    """Write the report of a log into `folder`. command_line: the command to name in the report.
 
-    Raises InputError when the log or a file cannot be used; nothing was written then, except for the candidates of a
-    flight in which no maneuver gives a curve.
+    Raises InputError when the log or a file cannot be used; then nothing has been written, except for the list of
+    candidates if no maneuver of the flight gives a curve.
     """
     progress("reading the log")
     check_writable(folder / "report.html")

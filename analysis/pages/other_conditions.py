@@ -1,8 +1,8 @@
-"""What the page computes endurance, range and climb with, at another weight, in other air or with another battery.
+"""Data from which the page computes endurance, range and climb at another weight, in other air or with another battery.
 
-Level flight and full throttle at the lift coefficients flown, on a grid of weights and densities. Between its nodes the
-page interpolates what hardly changes along it: efficiency, thrust over density, drag over weight. Speed and power
-required go exactly with weight and density at equal lift coefficient.
+They describe level flight and full throttle at the lift coefficients flown, on a grid of weights and densities. Between
+nodes the page interpolates quantities that hardly change along the grid: efficiency, thrust over density, drag over
+weight. Speed and power required scale exactly with weight and density at equal lift coefficient.
 """
 
 from collections.abc import Sequence
@@ -44,10 +44,11 @@ Json = dict[str, Any]
 class Grid(NamedTuple):
     """The range of values that the reader may ask for, and the resolution.
 
-    lightest, heaviest : times the weight flown; the curve is that of the lift coefficients flown, so its speeds go by
-    the square root     nodes : along each axis, by which interpolated power is within 0.3 %
-    speeds : of a curve whose best point is found by a parabola     thrust_speeds : more, since thrust at full throttle
-    has corners where the propeller's table has them
+    lightest, heaviest : in units of the weight flown. The curve covers the lift coefficients flown, so its speeds scale
+        with the square root of weight
+    nodes : along each axis, enough to interpolate power within 0.3 %
+    speeds : of a curve whose best point is found by a parabola
+    thrust_speeds : more, since thrust at full throttle has corners where the propeller's table has them
     """
 
     lightest: float = 0.5
@@ -65,7 +66,7 @@ GRID = Grid()
 
 
 class Control(NamedTuple):
-    """A value that the reader changes: limits and step, digits shown."""
+    """A value that the reader can change: limits, step, and digits shown."""
 
     name: str
     label: str
@@ -81,7 +82,7 @@ class OtherConditions(NamedTuple):
 
 
 def other_conditions_section(performance: Performance | None) -> OtherConditions | None:
-    """Limits of the controls around the flown values. None where performance is not known."""
+    """Return the limits of the controls around the flown values; None if performance is not known."""
     if performance is None:
         return None
     mass_kg = performance.flown.condition.weight_N / GRAVITY_MPS2
@@ -97,10 +98,10 @@ def other_conditions_section(performance: Performance | None) -> OtherConditions
 
 
 def embedded(performance: Performance) -> Json:
-    """Grid, condition and battery as JSON for `other_conditions.js`."""
+    """Return grid, condition and battery as JSON for `other_conditions.js`."""
     flown = performance.flown
     ideal = flown.pressure_Pa / (GAS_CONSTANT_AIR * flown.temperature_K)
-    # The density flown may be that of moist air, or measured: the controls change it in proportion.
+    # The density flown may be measured, or that of moist air, so the controls scale it in proportion.
     moist = flown.condition.rho / ideal
     densities = [
         moist * float(pressure_at(height_m)) / (GAS_CONSTANT_AIR * temperature_K)
@@ -129,7 +130,7 @@ def embedded(performance: Performance) -> Json:
 
 
 def embedded_grid(model: PerformanceModel, flown: Condition, densities: tuple[float, float]) -> Json:
-    """The curve flown, and what depends on the condition at each node. densities: least and greatest [kg/m^3]"""
+    """Return the curve flown, and at each node what depends on condition. densities: least, greatest [kg/m^3]"""
     weights = _nodes(flown.weight_N, (GRID.lightest * flown.weight_N, GRID.heaviest * flown.weight_N))
     rhos = _nodes(flown.rho, densities)
     as_flown = level_flight(model, flown, _speeds(model, flown))
@@ -145,9 +146,9 @@ def embedded_grid(model: PerformanceModel, flown: Condition, densities: tuple[fl
 
 
 def _full_throttle(model: PerformanceModel, flown: Condition, nodes: tuple[Array, Array]) -> Json:
-    """Speeds of the climb as flown; thrust over density at full throttle, by density, at speeds that cover all nodes.
+    """Return speeds of the climb as flown, and full-throttle thrust over density at speeds that cover all nodes.
 
-    Thrust hardly depends on weight, and the table's corners lie at about the same speeds in all air.
+    Thrust hardly depends on weight, and the table's corners lie at about the same speeds in air of any density.
     """
     weights, rhos = nodes
     V = full_throttle_performance(model, flown, GRID.speeds).V
@@ -164,7 +165,7 @@ def _full_throttle(model: PerformanceModel, flown: Condition, nodes: tuple[Array
 
 
 def _nodes(flown: float, ends: tuple[float, float]) -> Array:
-    """Equal steps of the logarithm, in which the value flown is a node, and both ends are enclosed."""
+    """Return nodes at equal steps of the logarithm that include the value flown and enclose both ends."""
     lo, hi = np.log(np.array(ends) / flown)
     step = (hi - lo) / (GRID.nodes - 1)
     steps = np.arange(np.floor(lo / step + 1e-9), np.ceil(hi / step - 1e-9) + 1)
@@ -192,9 +193,9 @@ def _nodes_at(model: PerformanceModel, conditions: Sequence[Condition]) -> list[
 
 
 def _node(flight: LevelFlight, full: FullThrottlePerformance | None, weight_N: float) -> Json:
-    """At speeds of equal lift coefficient: power required over that of the battery, its relative error, whether the
-    propeller's table covers it; errors of the best speeds; of the climb at full throttle the share of thrust along the
-    path, and drag over weight."""
+    """Return, at speeds of equal lift coefficient, power required over battery power, the relative error of battery
+    power, and whether the propeller's table covers it; errors of the best speeds; and for the climb at full throttle
+    the share of thrust along the path, and drag over weight."""
     sustained = np.ones(GRID.speeds, dtype=bool)
     if full is not None:
         level = ~(np.interp(flight.V, full.V, full.climb.value) < 0)
@@ -219,7 +220,7 @@ def _node(flight: LevelFlight, full: FullThrottlePerformance | None, weight_N: f
 
 
 def _short(values: Array, digits: int) -> list[float | None]:
-    """Rounds to so many significant digits; None for a missing value."""
+    """Round to a number of significant digits; None for a missing value."""
     return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values.tolist()]
 
 

@@ -30,15 +30,14 @@ from flightpower.analysis.pipeline.whole_flight import WholeFlightAnalysis
 from flightpower.analysis.records.flight import Kind, Results
 from flightpower.analysis.results.next_flight import Sources
 
-Drawn = Figure | Sequence[Figure]  # one, or several side by side
+Drawn = Figure | Sequence[Figure]  # one figure, or several side by side
 
 
 def figures_by_name(
     analysis: Analysis | WholeFlightAnalysis, predicted: PredictedPolar | None = None
 ) -> dict[str, Drawn]:
-    """The figures by their names in the template `report.html`; optional ones are missing where there are no data.
-
-    predicted : a polar to draw beside the measured one
+    """Return the figures by their names in the template `report.html`; optional figures without data are missing.
+    predicted : a polar to draw next to the measured polar
     """
     if isinstance(analysis, WholeFlightAnalysis):
         return _figures_of_whole_flight(analysis)
@@ -91,18 +90,18 @@ def _figures_of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, Drawn]:
 
 
 def limits_in_dashes(analysis: Analysis) -> list[TableLimit]:
-    """The limits of the propeller table that the flight left at the speeds where power required is dashed."""
+    """Return the limits of the propeller table that the flight exceeded at speeds where power required is dashed."""
     V = np.array([point.speed_mps for point in analysis.results.power_required if point.extrapolated])
     return limits_left(analysis.rows_flown, analysis.propeller, V)
 
 
 def sources_of(analysis: Analysis) -> Sources:
-    """Variance of power by source, at the flight's weight and density."""
+    """Return a function that gives the variance of power by source, at the flight's weight and density."""
     return partial(variance_by_source, analysis.drag.main, analysis.aircraft, analysis.condition)
 
 
 def run_fits(analysis: Analysis) -> dict[str, Drawn]:
-    """The fit of each run, by run name."""
+    """Return the fit of each run, by the name of the run."""
     return {fit.run: flight.run_fit(*fit) for fit in analysis.drag.main.fits}
 
 
@@ -118,12 +117,10 @@ def render(
     limits: Sequence[TableLimit] = (),
     sources: Sources | None = None,
 ) -> str:
-    """The page as one HTML file.
-
-    figures: by name (`figures_by_name`); run_fits: by the name of the run. performance: for the controls of weight, air
-    and battery. runs: what the page knows of each (`embedded_runs`). replaced: what the report replaces.
-    predicted: how a predicted polar compares. limits: of the propeller table, left where the curve is dashed.
-    sources: variance of power by source (`sources_of`).
+    """Return the page as one HTML file. figures: by name (`figures_by_name`); run_fits: by the name of the run.
+    performance: for the controls of weight, air and battery. runs: data of each run (`embedded_runs`). replaced: what
+    the report replaces. predicted: how a predicted polar compares. limits: limits of the propeller table that were
+    exceeded where the curve is dashed. sources: variance of power by source (`sources_of`).
     """
     return render_page(
         "report.html",

@@ -60,16 +60,16 @@ class FlightRow(NamedTuple):
     remark: str
 
 
-_PREFIXES = ("", "other-")  # of the ids of the figures, by kind of power
+_PREFIXES = ("", "other-")  # prefixes of the figures' ids, by kind of power
 
 
 def left_out_lines(results: PooledResults | Configuration) -> list[str]:
-    """A line for each flight that is left out."""
+    """Return a line for each flight that is left out."""
     return [f"{flight.log}: {flight.text}" for flight in results.left_out]
 
 
 def render_pooled(pooled: PooledResults) -> str:
-    """The page as one HTML file."""
+    """Return the page as one HTML file."""
     return render_page(
         "pooled.html",
         title=_pooled_title(pooled),
@@ -83,7 +83,7 @@ def _pooled_title(pooled: PooledResults) -> str:
 
 
 def _pool_section(pooled: PooledResults, prefix: str) -> dict[str, object]:
-    """What the template shows of the pool by one kind of power. prefix: of the figures' ids"""
+    """Return the template's data for the pool by one kind of power. prefix: of the figures' ids"""
     flights = by_date(pooled.flights)
     best = min(flights, key=lambda flight: np.nanmean(_numbers(flight.half_width_percent)))
     more, middle = pooled.one_more, len(pooled.one_more.speed_mps) // 2
@@ -123,7 +123,7 @@ def _pool_section(pooled: PooledResults, prefix: str) -> dict[str, object]:
 
 
 def render_side_by_side(flights: Sequence[Results], refused: str, failures: Sequence[str]) -> str:
-    """The page of flights that cannot be pooled: their curves side by side. refused: why"""
+    """Return the page of flights that cannot be pooled, with their curves side by side. refused: why"""
     return render_page(
         "side_by_side.html",
         title=f"{flights[0].kind.words.capitalize()} of level flight, {count(len(flights), 'flight')}",
@@ -137,7 +137,7 @@ def render_side_by_side(flights: Sequence[Results], refused: str, failures: Sequ
 
 
 def _result_row(flight: Results) -> tuple[str, ...]:
-    """Link, name, aircraft, autopilot, weight, least power and its speed."""
+    """Return link, name, aircraft, autopilot, weight, least power and its speed."""
     least = min(flight.main.points, key=lambda point: point.power_W)
     return (
         f"{quote(flight.log)}/report.html",
@@ -151,7 +151,7 @@ def _result_row(flight: Results) -> tuple[str, ...]:
 
 
 def render_comparison(comparison: ComparisonResults) -> str:
-    """The page of a comparison as one HTML file, from the content of its results.json."""
+    """Return the page of a comparison as one HTML file, from the content of its results.json."""
     return render_page(
         "comparison.html",
         title=_comparison_title(comparison),
@@ -167,7 +167,7 @@ def _comparison_title(comparison: ComparisonResults) -> str:
 
 
 def _comparison_section(comparison: ComparisonResults, prefix: str) -> dict[str, object]:
-    """What the template shows of the comparison by one kind of power. prefix: of the figure's id"""
+    """Return the template's data for the comparison by one kind of power. prefix: of the figure's id"""
     return {
         "title": _comparison_title(comparison),
         "condition": _condition(comparison.test, "", ""),
@@ -187,7 +187,7 @@ def _comparison_section(comparison: ComparisonResults, prefix: str) -> dict[str,
 
 
 def pooled_answers(pooled: PooledResults) -> list[HeadlineAnswer]:
-    """How certain the curve is, whether the flights agree, the gain from one more flight, and how many flights a
+    """Say how certain the curve is, whether the flights agree, what one more flight gains, and how many flights a
     comparison needs."""
     points = pooled.main.points
     shares = [50 * (p.power_hi_W - p.power_lo_W) / p.power_W for p in points]
@@ -234,7 +234,7 @@ def _of_installation(test: AgreementTest | None) -> str:
 
 
 def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
-    """Whether the two differ, and by how much where that is clearest, or else where it is known best."""
+    """Say whether the two differ, and by how much at the speed where that is clearest, or else best known."""
     best = comparison.quoted
     half_width, independent = (best.hi_percent - best.lo_percent) / 2, best.independent_half_width_percent
     cancels = f" If shared errors did not cancel: ±{independent:.1f} %." if independent > half_width else ""
@@ -253,7 +253,7 @@ def comparison_answers(comparison: ComparisonResults) -> list[HeadlineAnswer]:
 
 
 def curve_table(pooled: PooledResults, rows: int = 12) -> HtmlTable:
-    """About `rows` points of the pooled curve."""
+    """Return about `rows` points of the pooled curve."""
     return HtmlTable(
         ("speed, m/s", "power, W", "95 % interval, W", "± %"),
         [
@@ -270,7 +270,7 @@ def curve_table(pooled: PooledResults, rows: int = 12) -> HtmlTable:
 
 
 def differences_table(rows: Sequence[PowerDifference], most: int = 12) -> HtmlTable:
-    """About `most` rows of a comparison."""
+    """Return about `most` rows of a comparison."""
     return HtmlTable(
         ("speed, m/s", "A, W", "B, W", "B minus A, %", "95 % interval, %"),
         [
@@ -296,12 +296,12 @@ def to_see_table(rows: Sequence[FlightsToSee]) -> HtmlTable:
 
 
 def count(number: int, noun: str) -> str:
-    """ "1 flight", "12 flights"."""
+    """Return text such as "1 flight" or "12 flights"."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def probability(p: float) -> str:
-    """ "p = 0.62", "p below 0.0001"."""
+    """Return text such as "p = 0.62" or "p below 0.0001"."""
     return "p below 0.0001" if p < 1e-4 else f"p = {p:.2g}"
 
 
@@ -360,7 +360,7 @@ def _trends(rows: Sequence[Trend]) -> HtmlTable:
 
 
 def _percent_or_unknown(row: Trend) -> tuple[str, str]:
-    """Change and standard error; a change that is not known to within the power itself is not shown."""
+    """Return change and standard error, unless the standard error exceeds 100 % of power."""
     error = row.standard_error_percent
     if error > 100:
         return "not known", "more than 100 %"
@@ -395,12 +395,12 @@ def _flight_row(flight: PooledFlight) -> FlightRow:
 
 
 def date_text(unix_s: float | None, form: str = "%Y-%m-%d %H:%M") -> str:
-    """Day and time in UTC; empty where they are not known."""
+    """Return day and time in UTC; empty if they are not known."""
     return "" if unix_s is None else datetime.fromtimestamp(unix_s, UTC).strftime(form)
 
 
 def _numbers(values: Sequence[float | None]) -> Array:
-    """Numbers (n,), NaN where there is none."""
+    """Return numbers (n,), NaN where one is missing."""
     return np.array(values, dtype=float)
 
 
@@ -420,7 +420,7 @@ def column(rows: Sequence[Struct], name: str) -> Array:
 
 
 def pooled_power(pooled: PooledResults) -> Figure:
-    """The pooled curve with its 95 % interval, over those of the single flights."""
+    """Draw the pooled curve with its 95 % interval over the curves of the single flights."""
     points = pooled.main.points
     V, P, lo, hi = curve_arrays(points)
     figure = Figure(x=true_airspeed())
@@ -441,7 +441,7 @@ def pooled_power(pooled: PooledResults) -> Figure:
 
 
 def half_widths(pooled: PooledResults, best: PooledFlight) -> Figure:
-    """Half width of the 95 % interval against speed: the best flight alone, all flights, and one flight more."""
+    """Draw the half width of the 95 % interval against speed: the best flight alone, all flights, and with one more."""
     more = pooled.one_more
     figure = Figure(height_px=360, x=true_airspeed())
     for values, name, color, dash in (
@@ -460,18 +460,18 @@ def half_widths(pooled: PooledResults, best: PooledFlight) -> Figure:
 
 
 def by_date(flights: Sequence[PooledFlight]) -> list[PooledFlight]:
-    """Sorts flights by date; undated ones come last, as given."""
+    """Sort flights by date; undated flights come last, in their given order."""
     return sorted(flights, key=lambda flight: np.inf if flight.start_unix_s is None else flight.start_unix_s)
 
 
 def row_name(flight: PooledFlight) -> str:
-    """Date and log."""
+    """Return date and log."""
     return f"{date_text(flight.start_unix_s, '%Y-%m-%d')} {flight.log}".strip()
 
 
 def against_pool(flights: Sequence[PooledFlight]) -> Figure:
-    """Each flight's power minus the pooled one in percent of it, a row for each in order of date: at the middle speed
-    with the limits that its errors allow, and at the slowest and the fastest speed."""
+    """Draw each flight's power minus the pooled power in percent of it, with a row per flight in order of date: at the
+    middle speed with the limits that its errors allow, and at the slowest and the fastest speed."""
     ordered = by_date(flights)
     figure = _rows([row_name(flight) for flight in ordered], Axis("power minus the power of all flights", "%"))
     speeds = [point.speed_mps for point in ordered[0].against_pool]
@@ -484,7 +484,7 @@ def against_pool(flights: Sequence[PooledFlight]) -> Figure:
         points = [flight.against_pool[field] for flight in ordered]
         difference, limit = (column(points, name) for name in ("difference_percent", "limit_percent"))
         for y, flight, d, most in zip(_heights(ordered), ordered, difference, limit, strict=True):
-            if np.isnan(d):  # it did not fly this speed
+            if np.isnan(d):  # the flight did not reach this speed
                 continue
             figure.add(
                 Points(
@@ -498,7 +498,7 @@ def against_pool(flights: Sequence[PooledFlight]) -> Figure:
 
 
 def weights(flights: Sequence[PooledFlight]) -> Figure:
-    """The share of each flight in the information of all, in percent, in order of date."""
+    """Draw each flight's share in the information of all flights in percent, in order of date."""
     ordered = by_date(flights)
     figure = _rows([row_name(flight) for flight in ordered], Axis("share of information", "%", from_zero=True))
     for y, flight in zip(_heights(ordered), ordered, strict=True):
@@ -510,12 +510,12 @@ def weights(flights: Sequence[PooledFlight]) -> Figure:
 
 
 def _heights(rows: Sequence[object]) -> list[float]:
-    """Heights of the rows, the first at the top."""
+    """Return the heights of the rows, the first at the top."""
     return [float(row) for row in range(len(rows))][::-1]
 
 
 def _rows(names: list[str], x: Axis) -> Figure:
-    """A row for each name, the first at the top."""
+    """Return an axis with a row for each name, the first at the top."""
     longest = max(map(len, names), default=0)
     figure = Figure(
         height_px=110 + 24 * max(3, len(names)), left_px=min(24 + 8 * longest, 280), rows=True,
@@ -527,9 +527,9 @@ def _rows(names: list[str], x: Axis) -> Figure:
 
 
 def side_by_side(flights: Sequence[Results]) -> Figure:
-    """The curve of each flight at its own weight and density."""
+    """Draw the curve of each flight at its own weight and density."""
     figure = Figure(height_px=480, cursor=Cursor.NEAREST, x=true_airspeed())
-    named = len(flights) <= len(PALETTE)  # more would fill the page
+    named = len(flights) <= len(PALETTE)  # more names would fill the page
     for i, flight in enumerate(flights):
         V, P, _, _ = curve_arrays(flight.main.points)
         figure.add(
@@ -543,7 +543,7 @@ def side_by_side(flights: Sequence[Results]) -> Figure:
 
 
 def difference(comparison: ComparisonResults) -> Figure:
-    """Power of A and of B against speed; below, B minus A in percent of A with its 95 % interval."""
+    """Draw power of A and B against speed, and below it B minus A in percent of A with its 95 % interval."""
     rows = comparison.differences
     V, d, lo, hi = (column(rows, name) for name in ("speed_mps", "difference_percent", "lo_percent", "hi_percent"))
     figure = Figure(2, height_px=600, x=true_airspeed())

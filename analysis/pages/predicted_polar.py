@@ -1,8 +1,8 @@
-"""A drag polar that another program predicted, beside the measured curve: `analyze --polar FILE`.
+"""A drag polar predicted by another program, for comparison with the measured curve: `analyze --polar FILE`.
 
-Read are the polars that XFLR5 and flow5 export (text or CSV), AVL's total forces of one case after the other, and any
-table with columns CL and CD, as pandas writes the result of AeroSandbox. Coefficients are of the whole aircraft,
-referred to the wing area of the aircraft file. The polar of an airfoil has no induced drag, and is refused.
+This reads polars that XFLR5 and flow5 export (text or CSV), AVL's total forces of one case after another, and any table
+with columns CL and CD, such as pandas writes for results of AeroSandbox. Coefficients are for the whole aircraft, based
+on the wing area of the aircraft file. The polar of an airfoil has no induced drag and is rejected.
 """
 
 import re
@@ -20,7 +20,8 @@ from flightpower.flight.units import number_or_nan
 
 # Names of a column, the most specific first: XFLR5 calls the rolling moment Cl, and its old versions the drag TCd.
 LIFT, DRAG = ("CL", "C_L", "CLtot", "cl"), ("CD", "C_D", "CDtot", "TCd", "cd")
-# Where the boundary layer turns turbulent on top and bottom: XFOIL, XFLR5 and AeroSandbox write it of airfoils only.
+# Columns for transition of the boundary layer on top and bottom, which XFOIL, XFLR5 and AeroSandbox write for airfoils
+# only.
 AIRFOIL = re.compile(r"\bxtrf\b|\b(?:top|bot)[_ ]xtr\b", re.IGNORECASE)
 AVL_CASE = re.compile(r"\bCLtot\s*=\s*(\S+).*?\bCDtot\s*=\s*(\S+)", re.DOTALL)
 
@@ -33,14 +34,14 @@ class PredictedPolar(NamedTuple):
     CD: Array
 
     def power_W(self, V_mps: Array, condition: Condition) -> Array:
-        """Power required (n,) at speeds (n,), interpolated; NaN where the polar does not reach."""
+        """Return power required (n,) at speeds (n,), interpolated; NaN outside the range of the polar."""
         CL = lift_coefficient(V_mps, condition)
         CD = np.interp(CL, self.CL, self.CD, left=np.nan, right=np.nan)
         return np.asarray(condition.rho / 2 * V_mps**3 * condition.wing_area_m2 * CD)
 
 
 def read_predicted_polar(path: Path) -> PredictedPolar:
-    """Raises InputError when the file cannot be read, or holds no polar of three points with lift and drag."""
+    """Read a polar. Raises InputError if the file cannot be read, or has no three points with lift and drag."""
     try:
         text = path.read_text("utf-8-sig", errors="replace")
     except OSError as error:
@@ -60,7 +61,7 @@ def read_predicted_polar(path: Path) -> PredictedPolar:
         )
     if len(points) > 1 and points[0, 0] > points[-1, 0]:
         points = points[::-1]
-    # Beyond the highest lift the wing stalls: level flight does not come back to lower lift coefficients.
+    # Points beyond the highest lift are left out: there the wing is stalled, which level flight never reaches.
     before_stall = points[points[:, 0] >= np.maximum.accumulate(points[:, 0])]
     CL, first = np.unique(before_stall[:, 0], return_index=True)
     CD = before_stall[first, 1]
@@ -71,7 +72,7 @@ def read_predicted_polar(path: Path) -> PredictedPolar:
 
 
 def _table(lines: Sequence[str]) -> list[tuple[float, float]]:
-    """Pairs of lift and drag coefficient of the first table that has both; empty where there is none."""
+    """Return pairs of lift and drag coefficient from the first table that has both; empty if there is none."""
     for start, line in enumerate(lines):
         names = _cells(line)
         lift, drag = (next((name for name in titles if name in names), None) for titles in (LIFT, DRAG))
@@ -93,10 +94,10 @@ def _cells(line: str) -> list[str]:
 
 
 def check_of_aircraft(polar: PredictedPolar, aspect_ratio: float) -> None:
-    """Raises InputError where the drag of a polar is below the least induced drag of the aircraft's span alone.
+    """Raise InputError if the drag of a polar is below the least induced drag for the aircraft's span.
 
-    The least is that of elliptic lift, C_L^2/(pi AR). Below it the polar is of an airfoil, or of another aircraft or
-    reference area.
+    The least induced drag is that of elliptic lift, C_L^2/(pi AR). A polar below it is from an airfoil, or has a
+    different aircraft or reference area.
     """
     lifting = polar.CL > 0
     CL, CD = polar.CL[lifting], polar.CD[lifting]
@@ -111,7 +112,7 @@ def check_of_aircraft(polar: PredictedPolar, aspect_ratio: float) -> None:
 
 
 def comparison(polar: PredictedPolar, results: Results) -> str:
-    """How far the prediction is from the curve at the speeds flown, in a sentence."""
+    """Say in a sentence how far the prediction is from the curve at the speeds flown."""
     V, P = np.array([(p.speed_mps, p.power_W) for p in results.power_required]).T
     percent = 100 * (polar.power_W(V, flown_at(results)) / P - 1)
     finite = np.isfinite(percent)
@@ -130,6 +131,6 @@ def comparison(polar: PredictedPolar, results: Results) -> str:
 
 
 def flown_at(results: Results) -> Condition:
-    """Weight, air density and wing area of the curve."""
+    """Return weight, air density and wing area of the curve."""
     condition = results.test
     return Condition(condition.weight_N, condition.air_density_kgpm3, results.aircraft.wing_area_m2)

@@ -1,4 +1,4 @@
-"""The summaries on the terminal: of a flight, of several flights, of a comparison, and of a fleet."""
+"""Summaries on the terminal for a flight, several flights, a comparison, and a fleet."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -46,8 +46,7 @@ def print_summary(results: Results, page: Path, console: Console) -> None:
 
 
 def print_pooled(pooled: PooledResults, page: Path, console: Console) -> None:
-    """Print the curve, the answers, warnings and how many flights there are, for each kind of power, and where the page
-    is."""
+    """Print the curve, answers, warnings and number of flights for each kind of power, and where the page is."""
     for one_kind in of_each_kind(pooled):
         _print_table(console, f"{one_kind.aircraft.title}: {one_kind.kind.words}", curve_table(one_kind, 8))
         _print_answers(console, [*headline_answers(one_kind, one_kind.performance), *pooled_answers(one_kind)])

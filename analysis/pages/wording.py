@@ -1,4 +1,4 @@
-"""Verdicts, the methods that the report shows, in order, and what parameters mean, in words."""
+"""Verdicts in words, the methods in the order that the report shows them, and the meanings of parameters."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
@@ -19,7 +19,7 @@ VERDICT = {
 
 
 class Verdict(NamedTuple):
-    """The first lines: the heading, its class in page.css, and the evidence, or that there is none."""
+    """The first lines of a report: heading, its class in page.css, and the evidence, or that there is none."""
 
     heading: str
     color_class: str
@@ -30,20 +30,20 @@ OF_A_POOL = "No evidence against these flights, nor against pooling them."
 
 
 def verdict(trust: Trust, evidence: Sequence[Evidence], none: str = OF_A_POOL) -> Verdict:
-    """none: the text where there is no evidence."""
+    """Return the verdict. none: the text if there is no evidence"""
     heading, color_class = VERDICT[trust]
     return Verdict(heading, color_class, sentences(evidence) or [none])
 
 
 def every(points: Sequence[T], rows: int = 12) -> Sequence[T]:
-    """About so many points of a curve, for a table of a page."""
+    """Return about so many points of a curve, for a table on a page."""
     return points[:: max(1, len(points) // rows)]
 
 
 def listed_methods(results: Results) -> list[MethodResult]:
-    """All methods; the first is the one whose curve is `results.power_required`."""
+    """Return all methods; the first is the one whose curve is `results.power_required`."""
     if not any(run.kind in LEVEL_RUNS for run in results.runs):
-        polar = results.drag_polar  # without level runs the curve is that of one of the other methods
+        polar = results.drag_polar  # without level runs, another method gives the curve
         main = [polar.A0, polar.A1, polar.A2] if polar else []
         return sorted(results.methods, key=lambda m: m.drag_polar != main)
     from_level_runs = (
@@ -90,10 +90,10 @@ SHORT_NAME = {
 
 
 def meaning(parameter: str) -> str:
-    """The meaning of a parameter; without an entry here, its name in words."""
+    """Return the meaning of a parameter; without an entry here, its name in words."""
     return MEANING.get(parameter, parameter.replace("_", " "))
 
 
 def short_name(error: str) -> str:
-    """What a method takes as measured, in two or three words."""
+    """Return what a method takes as measured, in two or three words."""
     return SHORT_NAME.get(error, error.replace("_", " "))

@@ -1,4 +1,4 @@
-"""The files of a report: page, JSON, CSV, trajectory, table for the field; of one flight or of several."""
+"""Writes the files of a report: page, JSON, CSV, trajectory, table for the field; for one flight or several."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -35,7 +35,7 @@ COLUMNS |= {"phi": "roll_rad", "theta": "pitch_rad", "psi": "yaw_rad", "height":
 
 
 def trajectory_csv(trajectory: Trajectory) -> str:
-    """Every state with its standard error (`…_error`), one line each 0.2 s; units in the header."""
+    """Return every state with its standard error (`…_error`), one line each 0.2 s; units are in the header."""
     states = trajectory.states.drop(columns=[*GUST_FILTER_STATES]).rename(columns=COLUMNS)
     errors = trajectory.states_error().drop(columns=[*GUST_FILTER_STATES]).rename(columns=COLUMNS).add_suffix("_error")
     table = pd.concat([states, errors], axis=1).reset_index()
@@ -47,12 +47,12 @@ def trajectory_csv(trajectory: Trajectory) -> str:
 def write_report(
     analysis: Analysis | WholeFlightAnalysis, folder: Path, predicted: PredictedPolar | None = None
 ) -> str:
-    """Write report.html, results.json and the curve as CSV into `folder`; of runs also path.csv and the field table.
+    """Write report.html, results.json and the curve as CSV into `folder`; with runs also path.csv and the field table.
 
-    predicted : a polar to draw beside the measured one
-    Returns what of another log or of other options they replaced, in a sentence; empty where they replaced nothing.
+    predicted : a polar to draw next to the measured polar.
+    Returns a sentence on what results of another log or other options they replaced; empty if none.
     Everything is computed before the first file is written. Raises InputError when the folder cannot be written, and
-    for a polar that is not of the aircraft.
+    for a polar that does not belong to the aircraft.
     """
     results = analysis.results
     files: dict[str, str | bytes] = {
@@ -90,8 +90,11 @@ def _field_tables(results: WithCurves, use: PerformanceResult | None) -> dict[st
 
 
 def write_left_out(analysis: WholeFlightAnalysis, folder: Path) -> Path | None:
-    """Write left_out.txt, the stretches that the user left out, where some are or were; it is empty after none replaced
-    some. Returns where other content that was there is kept, if there was any. Raises InputError."""
+    """Write left_out.txt, the stretches that the user left out, if there are any or an earlier file exists.
+
+    The file becomes empty if no stretch is left out any more. Returns where different earlier content is kept, if there
+    was any. Raises InputError.
+    """
     path = folder / LEFT_OUT
     if not analysis.left_out_s and not path.exists():
         return None
@@ -99,7 +102,7 @@ def write_left_out(analysis: WholeFlightAnalysis, folder: Path) -> Path | None:
 
 
 def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, source: Path | None) -> Path | None:
-    """Write runs.toml into `folder`; returns where other content that was there is kept, if there was any.
+    """Write runs.toml into `folder`; return where different earlier content is kept, if there was any.
 
     source: the list of runs that the analysis used. It is not overwritten, since it holds the user's remarks.
     Raises InputError when the file cannot be written.
@@ -111,7 +114,7 @@ def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, source: P
 
 
 def write_candidates(maneuvers: Maneuvers, folder: Path, log_name: str) -> Path:
-    """Write runs.toml of a log in which no maneuver gives a curve; returns where. Raises InputError as above."""
+    """Write runs.toml for a log in which no maneuver gives a curve; return its path. Raises InputError as above."""
     path = folder / "runs.toml"
     write_keeping_previous(path, to_toml(maneuvers, log_name))
     return path
@@ -121,7 +124,7 @@ FLIGHTS_FORMAT = "flightpower-flights-1"
 
 
 def write_pooled(pooled: PooledResults, folder: Path) -> str:
-    """Write report.html, results.json, the curve as CSV and, where endurance and range are known, the field table.
+    """Write report.html, results.json, the curve as CSV and, if endurance and range are known, the field table.
 
     Returns a sentence that names the remaining tables of an earlier analysis; empty if there are none.
     Raises InputError when the folder cannot be written.
@@ -167,12 +170,12 @@ class NamedRun(NamedTuple):
 
 
 def _short(values: Array) -> Any:
-    """Rounds to twelve significant digits."""
+    """Round to twelve significant digits."""
     return [_short(row) if np.ndim(row) else float(f"{row:.12g}") for row in values]
 
 
 def named_runs(results: Results) -> list[NamedRun]:
-    """The runs in the order of the table."""
+    """Return the runs in the order of the table."""
     z = {runs_against_other.run: runs_against_other.z for runs_against_other in results.runs_against_others}
     rms = {run_residual.run: run_residual.rms_mps2 for run_residual in results.run_residuals}
     runs = []
@@ -188,7 +191,7 @@ def named_runs(results: Results) -> list[NamedRun]:
 
 
 def embedded_runs(analysis: Analysis) -> Json:
-    """Data for `runs.js`: runs, their list as a file, and their shares in the curve, if known."""
+    """Return data for `runs.js`: runs, their list as a file, and their shares in the curve, if known."""
     main, results = analysis.drag.main, analysis.results
     shares: Json | None = None
     if main.shares:

@@ -1,1 +1,1 @@
-"""Figures of the pages: what they show, how it is drawn, and one file for each subject."""
+"""Figures of the pages: `figure` for their content, `svg` and `style` for drawing, and one file for each subject."""

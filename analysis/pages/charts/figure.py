@@ -1,7 +1,7 @@
-"""What a figure shows: panels above one another on one x axis, and the lines, bands, points and bars in them.
+"""The content of a figure: panels above one another on one x axis, and the lines, bands, points and bars in them.
 
-`svg.py` draws a figure, `chart.js` reads values from the drawing, zooms it and hides what the reader clicks in the
-legend. Nothing else draws a figure.
+Only `svg.py` draws figures. `chart.js` reads values from the drawing, zooms it, and hides what the reader clicks in the
+legend.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,14 +14,14 @@ from flightpower.flight.arrays import Array
 
 
 class Cursor(StrEnum):
-    """What the cursor reads: every line at its x, or only the nearest point."""
+    """Whether the cursor reads every line at its x, or only the nearest point."""
 
     EVERY_LINE = "every line"
     NEAREST = "nearest"
 
 
 class Dash(StrEnum):
-    """Lengths of strokes and gaps in px."""
+    """Lengths of dashes and gaps in px."""
 
     SOLID = ""
     DASHED = "9 6"
@@ -49,12 +49,12 @@ class Symbol(StrEnum):
 
 @dataclass
 class Axis:
-    """Name and unit of what is measured along an axis.
+    """Name and unit of the quantity along an axis.
 
-    limits : values at its ends, if not those of what is drawn     from_zero : zero is among the values drawn
-    ticks : labels by value, in place of round values     step : between ticks     most_ticks : of round values
-    grid : lines across the panel     logarithmic : powers of ten at equal distances
-    decimals : of what the cursor reads
+    limits : values at its ends; by default those of the marks drawn     from_zero : whether the range includes zero
+    ticks : labels by value, instead of round values     step : between ticks     most_ticks : limit for round values
+    grid : lines across the panel     logarithmic : powers of ten at equal distances     decimals : in the cursor's
+    readout
     """
 
     name: str = ""
@@ -75,12 +75,12 @@ class Axis:
 
 @dataclass(kw_only=True)
 class Mark:
-    """Something drawn at x (n,), y (n,); NaN interrupts it.
+    """A mark drawn at x (n,), y (n,); NaN interrupts it.
 
-    name : entry of the legend that shows and hides it, with all marks of that name; "" none
-    label : what the cursor calls it, if not by its name
-    value : what the cursor says, such as "{y:.1f} W" or "{z:.2f} deg"; "" nothing; None the value in the axis' unit
-    z : (n,) a third value     run : of the flight, that the mark shows     hidden : until the reader asks for it
+    name : entry of the legend that shows and hides all marks with this name; "" for none
+    label : the cursor's name for it, if different from `name`
+    value : the cursor's text, such as "{y:.1f} W" or "{z:.2f} deg"; "" for none; None for the value in the axis' unit
+    z : (n,) a third value     run : the run that the mark shows     hidden : whether it is hidden at first
     """
 
     x: Array
@@ -100,7 +100,7 @@ class Mark:
 
 @dataclass(kw_only=True)
 class Line(Mark):
-    """symbol : on at most `symbols` of its points     arrow : at its end"""
+    """symbol : drawn on at most `symbols` of its points     arrow : whether it ends in an arrow"""
 
     width: float = 2
     dash: Dash = Dash.SOLID
@@ -112,7 +112,7 @@ class Line(Mark):
 
 @dataclass(kw_only=True)
 class Band(Mark):
-    """An area with the outline x, y. The cursor reads the line within."""
+    """An area with the outline x, y. The cursor reads the line within it, not the band."""
 
     value: str | None = ""
     opacity: float = 0.3
@@ -122,7 +122,7 @@ class Band(Mark):
 class Points(Mark):
     """size : px across     hollow : white with a rim of the color
 
-    x_ends, y_ends : (2, n) ends of the bars of each point     colors, symbols : (n,) in place of the common one
+    x_ends, y_ends : (2, n) ends of each point's error bars     colors, symbols : (n,) instead of common ones
     """
 
     size: float = 7
@@ -137,10 +137,10 @@ class Points(Mark):
 
 @dataclass(kw_only=True)
 class Bars(Mark):
-    """Bars up from `base` (n,) by y, or, lying, to the right by x at the heights y.
+    """Bars that rise from `base` (n,) by y or, if lying, extend from `base` to the right by x at the heights y.
 
-    width : of all bars, in the unit of the other axis     texts : (n,) in the bars
-    colors, opacities : (n,) in place of the common ones
+    width : of all bars, in the unit of the other axis     texts : (n,) in the bars     colors, opacities : (n,) instead
+    of common ones
     """
 
     width: float
@@ -153,7 +153,7 @@ class Bars(Mark):
 
 @dataclass
 class Shade:
-    """A stretch of the x axis, across all panels. name : entry of the legend     run : that may be chosen there"""
+    """A shaded stretch of the x axis across all panels. name : entry of the legend     run : the run to choose there"""
 
     start: float
     end: float
@@ -166,10 +166,10 @@ class Shade:
 
 @dataclass
 class Figure:
-    """panels : counted from 1, at the top     height_px : without the legend     cursor : what it reads
-    equal : one unit is as long along x as along y     legend_reversed : it begins with what lies on top
-    heading : above a figure beside others     rows : its height counts rows, also on paper
-    left_px : for the labels of the y axis
+    """panels : how many, numbered from 1 at the top     height_px : without the legend     cursor : what it reads
+    equal : whether x and y have the same scale     legend_reversed : whether the legend begins with the topmost mark
+    heading : above a figure beside others     rows : whether its height depends on a number of rows, also on paper
+    left_px : width for the labels of the y axis
     """
 
     panels: int = 1
@@ -184,7 +184,7 @@ class Figure:
     marks: list[Mark] = field(default_factory=list)
     shades: list[Shade] = field(default_factory=list)
     zero_lines: set[int] = field(default_factory=set)  # panels with a line at y = 0
-    zero_column: bool = False  # a line at x = 0
+    zero_column: bool = False  # whether there is a line at x = 0
 
     def __post_init__(self) -> None:
         self.ys = [Axis() for _ in range(self.panels)]
@@ -202,11 +202,11 @@ class Figure:
         self.marks += marks
 
     def named(self, name: str) -> list[Mark]:
-        """The marks of an entry of the legend."""
+        """Return the marks of an entry of the legend."""
         return [mark for mark in self.marks if mark.name == name]
 
     def entries(self) -> list[str]:
-        """Names in the legend, in its order."""
+        """Return the names in the legend, in the order shown."""
         names = [mark.name for mark in self.marks if not isinstance(mark, Band)]
         names += [mark.name for mark in self.marks] + [shade.name for shade in self.shades]
         titles = [name for name in dict.fromkeys(names) if name]

@@ -1,4 +1,4 @@
-"""Figures of a flight and its estimation: over time, over the ground, the fit of each run, residuals, convergence."""
+"""Figures of a flight and its estimation: time histories, ground track, the fit of each run, residuals, convergence."""
 
 from collections.abc import Mapping, Sequence
 from typing import Protocol
@@ -33,7 +33,7 @@ from flightpower.flight.motion import body_from_earth
 
 
 class OnMap(Protocol):
-    """A stretch of a flight that a map colors."""
+    """A stretch of a flight that is colored on the map."""
 
     @property
     def kind(self) -> str: ...
@@ -53,7 +53,7 @@ def time_axis() -> Axis:
 
 
 def over_time(rows: Sequence[tuple[Array, Array, Axis]], points: int = 1000) -> Figure:
-    """Time [s], values and axis of each panel, of at most so many points."""
+    """Draw time histories. rows: time [s], values and axis of each panel. points: the most that are drawn in a panel"""
     figure = Figure(len(rows), height_px=60 + 180 * len(rows), x=time_axis())
     figure.ys = [axis for _, _, axis in rows]
     for panel, (t_s, values, axis) in enumerate(rows, start=1):
@@ -63,7 +63,7 @@ def over_time(rows: Sequence[tuple[Array, Array, Axis]], points: int = 1000) -> 
 
 
 def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[RejectedResult] = ()) -> Figure:
-    """Speed, height and motor speed of the whole flight; runs shaded by kind, rejected stretches outlined in gray."""
+    """Draw speed, height and motor speed of the whole flight, with shaded runs and gray-outlined rejected stretches."""
     t_s = table.index.to_numpy()
     rows = (
         (table["V_mps"], Axis("speed", "m/s")),
@@ -83,9 +83,9 @@ def timeline(table: pd.DataFrame, runs: Sequence[Maneuver], rejected: Sequence[R
 
 
 def consistency(agreement: Consistency, overlaid: int = 600) -> Figure:
-    """Differences between sensors that should be zero, before and after the correction of sensor errors and gusts.
+    """Draw differences between sensors that should be zero, before and after the correction of sensor errors and gusts.
 
-    overlaid : points of each line that another line covers
+    overlaid : most points of each line, fewer than usual since the lines cover each other
     """
     degrees = float(np.degrees(1.0))
     rows = ((ANGLES, Axis("θ - α - γ", "deg"), degrees), (SPEED, Axis("V - GPS", "m/s"), 1.0))
@@ -100,7 +100,7 @@ def consistency(agreement: Consistency, overlaid: int = 600) -> Figure:
 
 
 def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str, Array]) -> list[Figure]:
-    """One run: measurement and fitted model, and next to them their difference."""
+    """Draw measurement and fitted model of one run, and next to them their difference."""
     height_px = 130 * len(measured) + 60
     fit = Figure(len(measured), height_px=height_px, x=Axis(f"time, s ({run})", most_ticks=5))
     differences = Figure(len(measured), height_px=height_px, x=Axis("time", "s", most_ticks=5))
@@ -117,8 +117,8 @@ def run_fit(run: str, t_s: Array, measured: dict[str, Array], modeled: dict[str,
 
 
 def residuals_of_drag(fits: Sequence[RunFit], kinds: Mapping[str, str], averaged_s: float = 1.0) -> Figure:
-    """Drag measured along each run, against airspeed, in percent of that of the common polar; means of about
-    `averaged_s`. kinds : of the runs, by name"""
+    """Draw drag measured along each run against airspeed, in percent of the drag of the common polar, as means over
+    about `averaged_s`. kinds : of the runs, by name"""
     figure = Figure(cursor=Cursor.NEAREST, x=true_airspeed())
     for fit in fits:
         averaged = max(1, round(averaged_s / float(np.median(np.diff(fit.t_s)))))
@@ -140,7 +140,7 @@ def residuals_of_drag(fits: Sequence[RunFit], kinds: Mapping[str, str], averaged
 
 
 def autocorrelation(residuals: Sequence[RunResidual]) -> Figure:
-    """Autocorrelation of the residuals of drag, a line for each run, with the bounds of white noise."""
+    """Draw the autocorrelation of the residuals of drag, one line per run, with the bounds for white noise."""
     figure = Figure(height_px=380, cursor=Cursor.NEAREST, x=Axis("lag", "s"))
     for run in residuals:
         lags = run.step_s * np.arange(len(run.autocorrelation), dtype=np.float64)
@@ -160,7 +160,7 @@ def autocorrelation(residuals: Sequence[RunResidual]) -> Figure:
 
 
 def air_and_path(trajectory: Trajectory, overlaid: int = 600) -> Figure:
-    """Airspeed and angle of attack of the probe, and as the path and the mean wind give them. overlaid : as above"""
+    """Draw airspeed and angle of attack of the probe, and those from path and mean wind. overlaid : as above"""
     blocks, x = trajectory.block_means, trajectory.states
     flying = np.where(blocks.flying, 1.0, np.nan)
     north, east, down, phi, theta, psi = (
@@ -185,7 +185,7 @@ def air_and_path(trajectory: Trajectory, overlaid: int = 600) -> Figure:
 
 
 def ground_track(track: Track, runs: Sequence[OnMap], air: AirFound | None) -> Figure:
-    """The path over the ground with equal axes, runs colored by kind, and the direction of the wind."""
+    """Draw the path over the ground with equal axes, runs colored by kind, and the direction of the wind."""
     figure = Figure(equal=True, cursor=Cursor.NEAREST, x=Axis("east", "m"))
     figure.y = Axis("north", "m")
     t, north, east = np.array(track.t_s), np.array(track.north_m), np.array(track.east_m)
@@ -207,7 +207,7 @@ def ground_track(track: Track, runs: Sequence[OnMap], air: AirFound | None) -> F
 
 
 def wind_arrow(track: Track, wind_mps: float, from_deg: float) -> Line:
-    """An arrow with the wind, at the corner of a path over the ground."""
+    """Return an arrow in the direction of the wind, at the corner of a path over the ground."""
     north, east = np.array(track.north_m), np.array(track.east_m)
     length = 0.15 * max(float(np.ptp(north)), float(np.ptp(east)), 1.0)
     toward = np.radians(from_deg + 180)
@@ -220,7 +220,7 @@ LINES = ((BLUE, Symbol.CIRCLE), (ORANGE, Symbol.SQUARE))
 
 
 def convergence(histories: Mapping[str, Convergence]) -> Figure:
-    """Cost above its last value, and length of the step, over the iterations of each estimation (at most two)."""
+    """Draw cost above its last value, and length of the step, over the iterations of each estimation (at most two)."""
     longest = max(len(history.steps) for history in histories.values())
     x = Axis("iteration", step=-(-longest // 7), limits=(-0.4, longest + 0.4))
     figure = Figure(2, height_px=500, x=x)
@@ -228,7 +228,7 @@ def convergence(histories: Mapping[str, Convergence]) -> Figure:
         costs = np.array(history.costs)
         for panel, first, values in ((1, 0, costs[:-1] - costs[-1]), (2, 1, np.array(history.steps))):
             iteration = np.arange(first, first + len(values), dtype=float)
-            positive = np.where(values > 0, values, np.nan)  # the others have no logarithm
+            positive = np.where(values > 0, values, np.nan)  # other values have no logarithm
             figure.add(
                 Line(x=iteration, y=positive, panel=panel, name=name, color=color, symbol=symbol, value="{y:.2e}")
             )
@@ -237,7 +237,7 @@ def convergence(histories: Mapping[str, Convergence]) -> Figure:
 
 
 def correlation(correlation: Correlation) -> Figure:
-    """The matrix as colored cells with their values: blue where two errors have the same sign, red where not."""
+    """Draw the matrix as colored cells with values: blue if two errors tend to have the same sign, red if not."""
     names = [name.replace("_", "\n") for name in correlation.names]
     n, matrix = len(names), np.array(correlation.matrix)
     rows, columns = (index.ravel() for index in np.indices(matrix.shape))
@@ -258,7 +258,7 @@ def correlation(correlation: Correlation) -> Figure:
 
 
 def whole_flight(table: FlightTable, V_mps: Array) -> Figure:
-    """Airspeed, height and electrical power of the whole log; the part used is shaded."""
+    """Draw airspeed, height and electrical power of the whole log; the part used is shaded."""
     t_s = table.table.index.to_numpy()
     figure = over_time(
         [
@@ -272,7 +272,7 @@ def whole_flight(table: FlightTable, V_mps: Array) -> Figure:
 
 
 def residuals_of_balance(estimate: ElectricalEstimate) -> Figure:
-    """The energy balance's residuals over time."""
+    """Draw the energy balance's residuals over time."""
     figure = Figure(height_px=320, x=time_axis())
     figure.add(
         Line(

@@ -44,7 +44,7 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 
 def measured_points(method: MethodResult, color: str, name: str) -> Points:
-    """The points of a method with their 95 % intervals."""
+    """Return the points of a method with their 95 % intervals."""
     power = np.array([p.power_W for p in method.points])
     lo = np.array([p.power_W if p.power_lo_W is None else p.power_lo_W for p in method.points])
     hi = np.array([p.power_W if p.power_hi_W is None else p.power_hi_W for p in method.points])
@@ -54,11 +54,11 @@ def measured_points(method: MethodResult, color: str, name: str) -> Points:
     )  # fmt: skip
 
 
-REQUIRED = "power required"  # entry of the legend that shows and hides curve, interval and continuation
+REQUIRED = "power required"  # legend entry of curve, interval and continuation
 
 
 def power_required(results: Results, predicted: PredictedPolar | None = None) -> Figure:
-    """Power required against speed with its 95 % interval, steady points, and power available at full throttle."""
+    """Draw power required against speed with its 95 % interval, steady points, and power available at full throttle."""
     V, P, lo, hi = curve_arrays(results.power_required)
     figure = Figure(x=true_airspeed())
     figure.add(band(V, (lo, hi), BLUE, 0.3, name=REQUIRED))
@@ -90,7 +90,7 @@ def _predicted(x: Array, y: Array, predicted: PredictedPolar) -> Line:
 
 
 def _continuation(results: Results, fastest: float) -> list[Mark]:
-    """The curve from the fastest speed flown up to the highest level speed, dashed. There is none below the slowest."""
+    """Return a dashed curve from the fastest speed flown to the highest level speed; none below the slowest."""
     top = results.use.available.maximum_speed_mps if results.use else None
     polar, condition, S = results.drag_polar, results.test, results.aircraft.wing_area_m2
     if polar is None or top is None or top.value <= fastest:
@@ -112,9 +112,9 @@ OF_TABLE = {
 
 
 def dashes(results: Results, limits: Sequence[TableLimit] = ()) -> str:
-    """A sentence on the dashed parts of the figure of power required; empty if there are none.
+    """Return a sentence on the dashed parts of the figure of power required; empty if there are none.
 
-    limits : of the propeller table, that the flight left where power required is dashed
+    limits : limits of the propeller table that the flight exceeded where power required is dashed
     """
     required = results.power_required
     fastest = required[-1].speed_mps
@@ -134,7 +134,7 @@ def _faster(point: PowerPoint, fastest_mps: float) -> bool:
 
 
 def _speed(optimum: SpeedInterval, curve: tuple[Array, Array], color: str, symbol: Symbol, name: str) -> list[Mark]:
-    """A mark on the curve (V, P) at an optimum speed inside the speeds flown, with the interval of that speed."""
+    """Return a mark on the curve (V, P) at an optimum speed inside the speeds flown, with that speed's interval."""
     V, P = curve
     speed = optimum.speed_mps
     if speed is None or not optimum.inside_flown_range:
@@ -157,8 +157,8 @@ SOURCE_COLOR = {
 
 
 def interval_by_source(curve: Sequence[PowerPoint], V: Array, variances: Mapping[Share, Array]) -> Figure:
-    """A bar at each of the speeds V (n,), as high as half the 95 % interval in percent of power; each source has the
-    part of the bar that it has of the variance (n,)."""
+    """Draw a bar at each speed V (n,), as high as half the 95 % interval in percent of power. The bar is divided among
+    the sources in proportion to their variances (n,)."""
     power = np.interp(V, *curve_arrays(curve)[:2])
     total = np.sum(list(variances.values()), axis=0)
     half_percent = 100 * NORMAL_95 * np.sqrt(total) / power
@@ -182,7 +182,7 @@ def interval_by_source(curve: Sequence[PowerPoint], V: Array, variances: Mapping
 
 
 def drag_polar(polar: Polar, flown_CL: tuple[float, float], predicted: PredictedPolar | None = None) -> Figure:
-    """The drag polar over the flown lift coefficients, with its 95 % interval."""
+    """Draw the drag polar over the lift coefficients flown, with its 95 % interval."""
     CL = np.linspace(*flown_CL, 60)
     CD, error = drag_and_error(polar, CL)
     half_width = NORMAL_95 * error
@@ -199,15 +199,15 @@ def drag_polar(polar: Polar, flown_CL: tuple[float, float], predicted: Predicted
 
 
 def every_method(results: Results, shown_first: int = 2) -> Figure:
-    """The curve of every method; bars are its 95 % interval, circles the points it measured.
+    """Draw the curve of every method; bars are its 95 % interval, symbols its measured points.
 
-    The legend has all; the curve and its cross-check, `shown_first`, are drawn until the reader asks for others.
+    The legend lists all methods. At first only the `shown_first` methods, the curve and its cross-check, are visible.
     """
     methods = [method for method in listed_methods(results) if method.power_required]
     V, _, lo, hi = curve_arrays(results.power_required)
     figure = Figure(height_px=560, cursor=Cursor.NEAREST, legend_reversed=True, x=true_airspeed())
     figure.add(band(V, (lo, hi), PALETTE[0], 0.25, name=capitalized_title(methods[0])))
-    for i, method in reversed(list(enumerate(methods))):  # the first one on top
+    for i, method in reversed(list(enumerate(methods))):  # the first method on top
         color, title = PALETTE[i % len(PALETTE)], capitalized_title(method)
         symbol = None if i == 0 else SYMBOLS[i % len(SYMBOLS)]
         figure.add(*curve_lines(method.power_required, title, color, width=5 if i == 0 else 2.5, symbol=symbol))
@@ -223,9 +223,9 @@ def every_method(results: Results, shown_first: int = 2) -> Figure:
 
 
 def _interval_bars(method: MethodResult, color: str, offset: float) -> Points:
-    """The interval of a method at a few speeds. offset: 0 to 1, shifts the bars so that methods do not overlap."""
+    """Return a method's interval at a few speeds. offset: 0 to 1, shifts the bars so that methods do not overlap."""
     V, P, lo, hi = curve_arrays(method.power_required)
-    bars = 4  # more of each method would overlap
+    bars = 4  # more bars per method would overlap
     bar_speeds = V[0] + (V[-1] - V[0]) * (np.arange(bars) + offset) / bars
     value, low, high = (np.interp(bar_speeds, V, values) for values in (P, lo, hi))
     ends = np.stack([low, high])
@@ -233,7 +233,7 @@ def _interval_bars(method: MethodResult, color: str, offset: float) -> Points:
 
 
 def run_by_run(results: Results) -> Figure:
-    """The curve of every run fitted alone, over the curve of all runs; below, in percent of that."""
+    """Draw the curve of every run fitted alone over the curve of all runs, and below the difference in percent."""
     V, P, lo, hi = curve_arrays(results.power_required)
     figure = Figure(2, height_px=620, cursor=Cursor.NEAREST, x=true_airspeed())
     for panel, ends in ((1, (lo, hi)), (2, (100 * (lo / P - 1), 100 * (hi / P - 1)))):
@@ -263,7 +263,7 @@ ALL_RUNS_NAME = "all runs"
 
 
 def loadings(use: PerformanceResult) -> list[Figure]:
-    """Best endurance [min] and range [km] against mass, a line for each air density."""
+    """Draw best endurance [min] and range [km] against mass, a line for each air density."""
     return [
         _against_mass(use, [case.endurance_s.times(1 / 60) for case in use.loadings], Axis("endurance", "min"), 0),
         _against_mass(use, [case.range_m.times(1e-3) for case in use.loadings], Axis("range", "km"), 1),
@@ -271,7 +271,7 @@ def loadings(use: PerformanceResult) -> list[Figure]:
 
 
 def _against_mass(use: PerformanceResult, values: list[Interval], y: Axis, digits: int) -> Figure:
-    """the values in `use.loadings`, in order"""
+    """Draw `values`, which are in the order of `use.loadings`, against mass."""
     figure = Figure(x=Axis("mass", "kg"))
     figure.y = y
     pairs = list(zip(use.loadings, values, strict=True))
@@ -295,7 +295,7 @@ def _against_mass(use: PerformanceResult, values: list[Interval], y: Axis, digit
 
 
 def efficiency(use: PerformanceResult) -> Figure:
-    """Efficiencies [%] of propeller, motor and both against speed in level flight, with the points measured."""
+    """Draw efficiencies [%] of propeller, motor and both against speed in level flight, with the points measured."""
     figure = Figure(height_px=420, x=true_airspeed())
     points, measured = use.power_train.efficiency, use.power_train.points
     V = np.array([p.speed_mps for p in points])
@@ -319,7 +319,7 @@ def efficiency(use: PerformanceResult) -> Figure:
 
 
 def electrical_power(results: Results, estimate: ElectricalEstimate) -> Figure:
-    """Electrical power against airspeed with its 95 % interval, and the flight's moments reduced to level flight."""
+    """Draw electrical power against airspeed with its 95 % interval, and measurements reduced to level flight."""
     figure = Figure(height_px=420, cursor=Cursor.NEAREST, x=true_airspeed())
     V, _, lo, hi = curve_arrays(results.electrical_power)
     figure.add(

@@ -1,4 +1,4 @@
-"""The map: the route, and how far out and back in every direction; an SVG image, north up."""
+"""The map, an SVG image with north up: the route, and how far the aircraft can go and return in every direction."""
 
 from collections.abc import Iterable, Sequence
 from math import cos, radians, sin
@@ -10,7 +10,7 @@ from flightpower.analysis.pages.charts.style import BLUE, GRAY, ORANGE, round_le
 
 
 class Layout(NamedTuple):
-    """Layout of the image in its units: its side, and the radius that contains everything."""
+    """Layout of the image in its own units: side length, and the radius that contains everything."""
 
     side: float = 640.0
     room: float = 280.0
@@ -20,7 +20,7 @@ LAYOUT = Layout()
 
 
 def map_svg(result: RouteResult, mission: Mission, wind: Wind) -> str:
-    """Safe and median reach, the route from its start on, home in the middle, a scale, the wind's arrow."""
+    """Draw safe and median reach, the route from its start, home in the middle, a scale and a wind arrow."""
     places = [mission.start, *(step.to for step in mission.steps)]
     farthest_m = max(
         *(direction.radius_m for direction in result.directions),
@@ -85,5 +85,5 @@ def _line(points: Sequence[tuple[float, float]], color: str) -> str:
 
 
 def _text(x: float, y: float, text: str) -> str:
-    """Text with a white edge, since it may lie over a line."""
+    """Return text with a white outline, since it may lie over a line."""
     return f'<text x="{x:.0f}" y="{y:.0f}" paint-order="stroke" stroke="white" stroke-width="4">{text}</text>'

@@ -1,7 +1,7 @@
-"""A figure as SVG text: the drawing that a reader sees on the screen, on paper, and in a saved file.
+"""Draws a figure as SVG text: the drawing that a reader sees on the screen, on paper, and in a saved file.
 
 Positions are percentages of the width, or units of 1/10,000 of an axis in a drawing that stretches (strokes do not), so
-that one drawing fits every width. Colors are variables of the page's style, which follow a dark page and paper.
+that one drawing fits every width. Colors are variables of the page's style, which adapt to a dark page and to paper.
 """
 
 import math
@@ -17,13 +17,13 @@ from flightpower.analysis.pages.charts.figure import Axis, Band, Bars, Figure, L
 from flightpower.analysis.pages.charts.style import ON_DARK, PAPER
 from flightpower.flight.arrays import Array
 
-UNITS = 10_000  # of an axis, in a drawing that stretches
-RATIOS = (0.9, 1.2, 1.6, 2.4)  # width over height of a figure with equal scales
+UNITS = 10_000  # length of an axis in a drawing that stretches
+RATIOS = (0.9, 1.2, 1.6, 2.4)  # possible width over height of a figure with equal scales
 
 
 class Sheet(NamedTuple):
-    """Sizes in px, of the style in chart.css: the space below and above the panels, and between two; a letter of a
-    label, and a title beside the labels."""
+    """Sizes in px, as in chart.css: the space below and above the panels, the gap between panels, the width of a letter
+    in a label, and the width of a title beside the labels."""
 
     below: int = 52
     above: int = 8
@@ -36,27 +36,27 @@ SHEET = Sheet()
 
 
 def color_variable(color: str) -> str:
-    """Name of the variable of the page's style that holds this color, as it is on a white or a dark page."""
+    """Return the name of the style variable for this color; its value depends on a white or dark page."""
     return f"--c{color.removeprefix('#').lower()}"
 
 
 @dataclass(frozen=True)
 class Scale:
-    """An axis with its ends `lo` and `hi`; of powers of ten, their logarithms."""
+    """An axis with its ends `lo` and `hi`, which are logarithms if the axis is logarithmic."""
 
     axis: Axis
     lo: float
     hi: float
 
     def share(self, values: Array) -> Array:
-        """Position between the ends, 0 to 1; NaN for a logarithm of zero or less."""
+        """Return the position between the ends, 0 to 1; NaN for the logarithm of zero or less."""
         values = np.asarray(values, dtype=float)
         if self.axis.logarithmic:
             values = np.log10(np.where(values > 0, values, np.nan))
         return np.asarray((values - self.lo) / (self.hi - self.lo))
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
-        """Fractions and labels: round values, at most so many, or those named by the axis."""
+        """Return positions (0 to 1) and labels of ticks: a limited number of round values, or the axis' own ticks."""
         if self.axis.ticks is not None:
             places = self.share(np.array(list(self.axis.ticks)))
             return list(zip(places.tolist(), self.axis.ticks.values(), strict=True))
@@ -69,21 +69,21 @@ class Scale:
         return [(float(self.share(value)), f"{float(f'{value:.10g}'):g}".replace("-", "−")) for value in values]
 
     def digits(self) -> int:
-        """The decimals set for the axis, or enough to resolve a hundredth of the range."""
+        """Return the decimals set for the axis, or enough to resolve a hundredth of the range."""
         if self.axis.decimals is not None:
             return self.axis.decimals
         return int(np.clip(2 - np.floor(np.log10(self.hi - self.lo)), 0, 6))
 
 
 def round_step(reach: float, count: int) -> float:
-    """Between ticks: 1, 2 or 5 times a power of ten, at most `count` in the range."""
+    """Return the step between ticks: 1, 2 or 5 times a power of ten, with at most `count` steps in the range."""
     raw = reach / count
     power = 10.0 ** np.floor(np.log10(raw))
     return float(power * next(nice for nice in (1, 2, 5, 10) if nice * power >= raw * (1 - 1e-9)))
 
 
 def scale(axis: Axis, reach: tuple[float, float], margin: float = 0.04) -> Scale:
-    """The axis over values `reach`, with a margin where it has no limits of its own."""
+    """Return the scale of an axis over the values `reach`, with a margin unless the axis has limits."""
     lo, hi = axis.limits or reach
     if axis.logarithmic:
         lo, hi = float(np.log10(lo)), float(np.log10(hi))
@@ -96,7 +96,7 @@ def scale(axis: Axis, reach: tuple[float, float], margin: float = 0.04) -> Scale
 
 
 def chart(figure: Figure, name: str, title: str = "") -> str:
-    """The figure with legend and readout as HTML. name : id of the element     title : for who does not see it"""
+    """Return the figure with legend and readout as HTML. name : id of the element     title : for screen readers"""
     heading = f'<p class="heading">{escape(figure.heading)}</p>' if figure.heading else ""
     entries = [_entry(figure, entry) for entry in figure.entries()]
     legend = f'<div class="legend">{"".join(entries)}</div>' if entries else ""
@@ -104,7 +104,7 @@ def chart(figure: Figure, name: str, title: str = "") -> str:
 
 
 def svg(figure: Figure, title: str = "") -> str:
-    """The drawing without its legend."""
+    """Return the drawing without its legend."""
     x = scale(figure.x, _reach(figure, "x"), _margin(figure))
     ys = [scale(axis, _reach(figure, "y", panel)) for panel, axis in enumerate(figure.ys, start=1)]
     attributes = f'class="chart p{figure.panels}" role="graphics-document" tabindex="0" data-cursor="{figure.cursor}"'
@@ -132,13 +132,13 @@ def svg(figure: Figure, title: str = "") -> str:
 
 
 def _panel_px(figure: Figure) -> float:
-    """Height of a panel."""
+    """Return the height of a panel in px."""
     usable = figure.height_px - SHEET.below - SHEET.above
     return (usable - SHEET.gap * (figure.panels - 1)) / figure.panels
 
 
 def _described(figure: Figure, x: Scale, ys: Sequence[Scale]) -> str:
-    """Axes with their ends and the lines' names in a sentence, for who does not see the drawing."""
+    """Describe the axes with their ends, and the lines by name, for readers who cannot see the drawing."""
 
     def ends(scale: Scale) -> str:
         lo, hi = (10**end if scale.axis.logarithmic else end for end in (scale.lo, scale.hi))
@@ -154,7 +154,7 @@ def _margin(figure: Figure) -> float:
 
 
 def _reach(figure: Figure, along: str, panel: int | None = None) -> tuple[float, float]:
-    """Least and greatest value of the marks along an axis, with the ends of their bars."""
+    """Return the least and greatest value of the marks along an axis, including the ends of their bars."""
     values: list[Array] = []
     for mark in figure.marks:
         if panel in (None, mark.panel):
@@ -171,7 +171,7 @@ def _reach(figure: Figure, along: str, panel: int | None = None) -> tuple[float,
 
 
 def _equal(x: Scale, y: Scale) -> tuple[Scale, list[Scale], float]:
-    """The shorter axis widened, so that width over height is one of the ratios that the style has a class for."""
+    """Widen the shorter axis, so that width over height is one of the ratios for which the style has a class."""
     wide, high = x.hi - x.lo, y.hi - y.lo
     ratio = min(RATIOS, key=lambda ratio: abs(np.log(ratio * high / wide)))
     to_wide, to_high = max(wide, ratio * high), max(high, wide / ratio)
@@ -207,7 +207,7 @@ def _panel(figure: Figure, number: int, x: Scale, y: Scale) -> Iterator[str]:
     longest = max((len(label) for _, label in y.ticks(6)), default=0)
     if SHEET.letter * len(y.axis.title) < _panel_px(figure) and SHEET.letter * longest < figure.left_px - SHEET.title:
         place, turned = ' y="50%"', f'transform="translate({18 - figure.left_px}) rotate(-90)" text-anchor="middle"'
-    else:  # longer than the panel is high, or in the way of labels
+    else:  # title longer than the panel is high, or overlapping labels
         place, turned = "", 'class="inside" x="6" y="15"'
     yield f'<svg{place} class="title"><text {turned}>{escape(y.axis.title)}</text></svg>'
     if last:
@@ -224,7 +224,7 @@ def _x_ticks(x: Scale, *, labels: bool) -> Iterator[str]:
 
 
 def _fixed_class(scale: Scale) -> str:
-    """Attributes of ticks that stay as they are when the reader zooms."""
+    """Return the attributes of ticks that do not change when the reader zooms."""
     return " given" if scale.axis.ticks is not None else ""
 
 
@@ -238,7 +238,7 @@ def _text(label: str, x: int, y: int, anchor: str) -> str:
 
 
 def _about(mark: Mark, y: Scale) -> str:
-    """What script and style ask of a mark: entry of the legend, run, and what the cursor says."""
+    """Return what script and style need to know of a mark: entry of the legend, run, and the cursor's text."""
     value = f"{{y:.{y.digits()}f}} {y.axis.unit}".strip() if mark.value is None else mark.value
     parts = {"name": mark.name, "run": mark.run, "value": value}
     if value and mark.label:
@@ -254,7 +254,7 @@ def _ink(color: str) -> str:
 
 
 def _mark_elements(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
-    """Elements that stretch with the panel."""
+    """Yield elements that stretch with the panel."""
     about = _about(mark, y)
     if isinstance(mark, Bars):
         yield from _bars(mark, x, y)
@@ -278,7 +278,7 @@ def _mark_elements(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def _dots(mark: Points, color: str, places: tuple[Array, Array], chosen: Array, y: Scale) -> Iterator[str]:
-    """Points of one color: strokes without length, round; those with another outline are placed apart."""
+    """Yield points of one color as round strokes of zero length; `_placed` draws points with other outlines."""
     X, Y = (values[chosen] for values in places)
     d = path(X, Y, dots=True)
     part = Points(**{**vars(mark), "z": None if mark.z is None else np.ravel(mark.z)[chosen]})
@@ -296,14 +296,14 @@ def _dots(mark: Points, color: str, places: tuple[Array, Array], chosen: Array, 
 
 
 def _names(mark: Mark) -> str:
-    """The attributes by which the script finds what to hide or to mark."""
+    """Return the attributes by which the script finds marks to hide or to highlight."""
     return "".join(f' data-{key}="{escape(text)}"' for key, text in (("name", mark.name), ("run", mark.run)) if text)
 
 
 def path(x: Array, y: Array, *, dots: bool = False) -> str:
-    """A line, interrupted where a value is missing, or dots, which are strokes without length.
+    """Return the path of a line, interrupted where a value is missing, or of dots, which are strokes of zero length.
 
-    Each piece begins where M says and goes on by differences, which are shorter.
+    Each piece starts at M with absolute coordinates and continues with differences, which take fewer characters.
     """
     parts: list[str] = []
     before: tuple[int, int] | None = None
@@ -339,7 +339,7 @@ def _error_bars(mark: Points, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def _corners(bars: Bars) -> tuple[Array, Array]:
-    """Left and right (2, n), and lower and upper (2, n) values of the bars."""
+    """Return left and right (2, n), and lower and upper (2, n) ends of the bars."""
     half = bars.width / 2
     if bars.lying:
         base = np.zeros_like(bars.x) if bars.base is None else bars.base
@@ -381,7 +381,7 @@ def _shade(shade: Shade, x: Scale) -> str:
 
 
 def _placed(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
-    """Elements that keep their shape: symbols, arrow heads and texts, at percentages of the panel."""
+    """Yield elements that keep their shape: symbols, arrow heads and texts, at percentages of the panel."""
     about = _names(mark)
     off = " off" if mark.hidden else ""
 
@@ -394,7 +394,7 @@ def _placed(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
         for i in seen[np.unique(np.linspace(0, len(seen) - 1, min(len(seen), mark.symbols)).round().astype(int))]:
             yield placed(int(i), symbol(mark.symbol, mark.color, 5.5))
     if isinstance(mark, Line) and mark.arrow:
-        angle = float(np.degrees(np.arctan2(mark.y[-2] - mark.y[-1], mark.x[-1] - mark.x[-2])))  # y of the page is down
+        angle = float(np.degrees(np.arctan2(mark.y[-2] - mark.y[-1], mark.x[-1] - mark.x[-2])))  # the page's y is down
         yield placed(
             len(mark.x) - 1, f'<path transform="rotate({angle:.1f})" d="M6 0L-10 7V-7Z" fill="{_ink(mark.color)}"/>'
         )
@@ -410,14 +410,14 @@ def _placed(mark: Mark, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def symbol(outline: Symbol, color: str, radius: float) -> str:
-    """The mark around the origin, with a rim of paper."""
+    """Return the symbol around the origin, with a rim in the color of paper."""
     if outline is Symbol.CIRCLE:
         return f'<circle r="{radius:g}" fill="{_ink(color)}"/>'
     return f'<path class="symbol" transform="scale({radius:g})" d="{outline}" fill="{_ink(color)}"/>'
 
 
 def _entry(figure: Figure, name: str) -> str:
-    """A button of the legend with a piece of the line."""
+    """Return a button of the legend with a sample of the line."""
     marks = figure.named(name)
     lines = [mark for mark in marks if not isinstance(mark, Band)]
     shades = [shade for shade in figure.shades if shade.name == name]
@@ -447,7 +447,7 @@ def _entry(figure: Figure, name: str) -> str:
 
 
 def chart_style() -> str:
-    """Style of the charts, with their colors on white paper and on a dark screen."""
+    """Return the style of the charts, with their colors on white paper and on a dark screen."""
     light = " ".join(f"{color_variable(white)}: {white};" for white in ON_DARK)
     dark = " ".join(f"{color_variable(white)}: {black};" for white, black in ON_DARK.items())
     rules = resources.files("flightpower.analysis.pages.charts").joinpath("chart.css").read_text("utf-8")
@@ -455,12 +455,12 @@ def chart_style() -> str:
 
 
 def chart_script() -> str:
-    """What reads, zooms and hides in the charts."""
+    """Return the script that reads values, zooms, and hides marks in the charts."""
     return resources.files("flightpower.analysis.pages.charts").joinpath("chart.js").read_text("utf-8")
 
 
 def plain(value: Any) -> Any:
-    """Arrays and numbers of NumPy as Python's. Raises NotImplementedError for a value of another type."""
+    """Convert NumPy arrays and numbers to Python's. Raises NotImplementedError for any other type."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     raise NotImplementedError(f"{type(value).__name__} is no part of JSON")

@@ -1,7 +1,7 @@
 """Quantities derived along the trajectory, with standard errors: airspeed, flow angle, attitude, thrust, C_L, C_D.
 
-As a table, and with the position as a second MCAP file for Foxglove and PlotJuggler. Its times are those of the log, so
-that both files can be opened together.
+They are written as a table and, with the position, as a second MCAP file for Foxglove and PlotJuggler. Its times are
+the log's, so that both files can be opened together.
 """
 
 from collections.abc import Mapping
@@ -32,12 +32,12 @@ ERROR = "_standard_error"
 
 
 def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) -> pd.DataFrame:
-    """QUANTITIES and the standard error of each (`alpha_rad_standard_error`), one row per block, index t_s.
+    """Return QUANTITIES and the standard error of each (`alpha_rad_standard_error`), one row per block, index t_s.
 
-    Thrust is that of the propeller table. Standard errors are by repetition along perturbed trajectories (sensor errors
-    in each independent direction, and draws of the states' random errors), with the prior standard deviations of the
-    propeller table, and with another weight. NaN where the aircraft is at rest; coefficients also near the ground,
-    where it may be rolling, and thrust where the motor is stopped.
+    Thrust is from the propeller table. Standard errors come from repetition along perturbed trajectories (sensor errors
+    in each independent direction, and draws of the states' random errors) and with a different weight, and from the
+    prior standard deviations of the propeller table. Values are NaN where the aircraft is at rest. Coefficients are
+    also NaN near the ground, where it may be rolling, and thrust where the motor is stopped.
     """
     flight_forces = FlightForces(trajectory, aircraft, propeller)
     states, errors = trajectory.states.to_numpy(), trajectory.sensor_errors
@@ -58,7 +58,7 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
     heavier, _ = quantities(covariance.forces_with_more_weight(flight_forces), states, errors)
     variance += (heavier - nominal) ** 2
     variance[:, QUANTITIES.index("thrust_N") :] += _by_thrust_table(nominal, f, aircraft)
-    # At less dynamic pressure an airspeed is noise.
+    # Below this dynamic pressure, airspeed is only noise.
     qbar_Pa = f["rho"].to_numpy() * nominal[:, 1] ** 2 / 2
     defined = np.repeat(qbar_Pa[:, None] > AIRCRAFT_SIZE.least_flying_Pa, len(QUANTITIES), axis=1)
     defined[:, QUANTITIES.index("C_L") :] &= trajectory.block_means.flying[:, None]
@@ -70,7 +70,7 @@ def derived(trajectory: Trajectory, aircraft: Aircraft, propeller: Propeller) ->
 
 
 def _by_thrust_table(nominal: Array, f: pd.DataFrame, aircraft: Aircraft) -> Array:
-    """Variances (n, 3) of thrust, C_L and C_D by the errors of the propeller table."""
+    """Return variances (n, 3) of thrust, C_L and C_D due to the errors of the propeller table."""
     alpha, thrust_N = nominal[:, 0], nominal[:, QUANTITIES.index("thrust_N")]
     (scale, covariance), (_, slope) = thrust_prior(aircraft).second_moment
     from_reference = f["J"].to_numpy() - J_REFERENCE
@@ -117,7 +117,7 @@ LOCATION_FIX = {
 
 
 def write_derived_log(tables: Mapping[str, pd.DataFrame], log: Log, path: Path) -> None:
-    """Write `path`, and the layouts for Foxglove and PlotJuggler beside it. Raises InputError when that fails."""
+    """Write `path`, and next to it the layouts for Foxglove and PlotJuggler. Raises InputError when that fails."""
     stream = BytesIO()
     writer = Writer(stream)
     writer.start(profile=PROFILE, library="flightpower")
@@ -134,7 +134,7 @@ def write_derived_log(tables: Mapping[str, pd.DataFrame], log: Log, path: Path) 
 
 
 def _write_table(writer: Writer, topic: str, table: pd.DataFrame, start_ns: int) -> None:
-    """One message a row that has a number, with the fields of the table; index: seconds since `start_ns`."""
+    """Write one message per row that has any number, with the fields of the table; index: seconds since `start_ns`."""
     table = table.dropna(how="all")
     kinds = {name: "number" if pd.api.types.is_numeric_dtype(table[name]) else "string" for name in table}
     schema = {"type": "object", "properties": {str(name): {"type": kind} for name, kind in kinds.items()}}
@@ -156,7 +156,7 @@ def _write_location(writer: Writer, log: Log) -> None:
         times_ns(gps)[usable].tolist(), fields[usable].tolist(), strict=True
     ):
         finite = np.isfinite(across) and np.isfinite(up)
-        # The accuracy is that of both horizontal directions together.
+        # The accuracy is for both horizontal directions combined.
         diagonal = [across**2 / 2, across**2 / 2, up**2] if finite else [0.0] * 3
         fix = {
             "timestamp": {"sec": time_ns // 10**9, "nsec": time_ns % 10**9},

@@ -1,4 +1,4 @@
-"""An analyzed flight as five tables, and these as CSV, Parquet and MATLAB files. Columns are named with their units."""
+"""Writes an analyzed flight as tables: CSV, Parquet or MATLAB files. Column names contain their units."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -22,7 +22,7 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.files import write_file, write_files
 from flightpower.flight.log_reader import Log
 
-# Columns of the air data table whose own names lack a unit, or are of use inside the program only.
+# Columns of the air data table whose names lack a unit, or that are used only inside the program.
 RENAMED = {"rho": "density_kgpm3", "J": "advance_ratio", "throttle": "throttle_fraction"}
 LEFT_OUT = (
     "speed_scale", "dalpha_dlndp_alpha_rad", "dlnV_dlndp_alpha", "alpha_by_upwash_rad", "alpha_by_rotation_rad",
@@ -32,7 +32,7 @@ WITHOUT_UNIT = ("advance_ratio", "C_L", "C_D", "flying", "propeller_covered", "c
 
 
 def tables_of(analysis: Analysis | WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
-    """Tables by name: `synchronized`, `states`, `derived`, `runs`, `curves`; see `_of_whole_flight`, too.
+    """Return tables by name: `synchronized`, `states`, `derived`, `runs`, `curves`; see also `_of_whole_flight`.
 
     synchronized : every channel on one time base, corrected, with air data; index t_s since the log began
     states : reconstructed attitude, velocity, height, wind and gusts with standard errors; index t_s
@@ -60,7 +60,7 @@ def tables_of(analysis: Analysis | WholeFlightAnalysis) -> dict[str, pd.DataFram
 
 
 def _of_whole_flight(analysis: WholeFlightAnalysis) -> dict[str, pd.DataFrame]:
-    """The tables by name:
+    """Return the tables by name:
 
     synchronized : the channels of the flight on one time base, the zero of the pitot corrected; index t_s
     windows : the energy balance of each window of some 8 s: the power that level flight at its airspeed would have
@@ -104,7 +104,7 @@ WITH_UNITS = {"rho": "rho_kgpm3"}
 
 
 def write_csv(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
-    """One CSV file a table, `folder`/NAME.csv. Raises InputError when the folder cannot be written."""
+    """Write one CSV file per table, `folder`/NAME.csv. Raises InputError when the folder cannot be written."""
     texts = {
         folder / f"{name}.csv": _flat(table).to_csv(index=False, float_format="%.9g", lineterminator="\n")
         for name, table in tables.items()
@@ -113,7 +113,7 @@ def write_csv(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
 
 
 def write_parquet(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
-    """One Parquet file a table, `folder`/NAME.parquet. Raises InputError when it cannot be written."""
+    """Write one Parquet file per table, `folder`/NAME.parquet. Raises InputError when it cannot be written."""
     try:
         import pyarrow  # noqa: F401
     except ModuleNotFoundError:
@@ -125,9 +125,9 @@ def write_parquet(tables: Mapping[str, pd.DataFrame], folder: Path) -> None:
 
 
 def write_mat(tables: Mapping[str, pd.DataFrame], path: Path) -> None:
-    """A MATLAB file (version 5) with a struct a table, whose fields are column vectors.
+    """Write a MATLAB file (version 5) with one struct per table, whose fields are column vectors.
 
-    Texts are cell arrays; Boolean values are 0 and 1. Raises InputError when the file cannot be written.
+    Texts become cell arrays, and Boolean values 0 and 1. Raises InputError when the file cannot be written.
     """
     from scipy.io import savemat
 
@@ -141,7 +141,7 @@ def write_mat(tables: Mapping[str, pd.DataFrame], path: Path) -> None:
 
 
 def matlab_name(column: Any) -> str:
-    """The name of a column as MATLAB permits it: letters, digits and underscores, 63 at most."""
+    """Return the name of a column as MATLAB permits it: at most 63 letters, digits and underscores."""
     return re.sub(r"\W", "_", str(column))[:63]
 
 
@@ -152,7 +152,7 @@ def _column(values: pd.Series) -> np.ndarray:
 
 
 def _flat(table: pd.DataFrame) -> pd.DataFrame:
-    """The table with its time, if it has one, as the first column."""
+    """Return the table with its time, if it has one, as the first column."""
     return table.reset_index() if table.index.name == INDEX else table
 
 
@@ -164,8 +164,9 @@ WRITERS: dict[str, Callable[[Mapping[str, pd.DataFrame], Path], None]] = {
 
 
 def export_tables(tables: Mapping[str, pd.DataFrame], log: Log | FlightRecording, to: str, path: Path) -> None:
-    """Write tables of a flight. to: one of KINDS     path: a folder for csv and parquet, a file for mat and mcap
+    """Write tables of a flight.
 
+    to: one of KINDS     path: a folder for csv and parquet, a file for mat and mcap
     Raises InputError for another kind, or when it cannot be written.
     """
     if to not in KINDS:

@@ -1,1 +1,1 @@
-"""The page of `flightpower open`, on this computer only: look at a flight, edit its runs and values, see the curve."""
+"""The page of `flightpower open`, for this computer only: view a flight, edit its runs and values, see the curve."""

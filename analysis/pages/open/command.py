@@ -47,23 +47,23 @@ def open_page(
       flightpower open flights/today/log.ulg
     """
     folder, first = opened_folder(logs or [])
-    for closing in ("SIGTERM", "SIGHUP"):  # the latter when the terminal closes, not on Windows
+    for closing in ("SIGTERM", "SIGHUP"):  # SIGHUP comes when the terminal closes, not on Windows
         if hasattr(signal, closing):
             signal.signal(getattr(signal, closing), lambda *_: sys.exit(0))
     with _listening(port) as server_socket, tempfile.TemporaryDirectory(prefix="flightpower-") as workspace:
         token = secrets.token_urlsafe(24)
         address = f"http://127.0.0.1:{server_socket.getsockname()[1]}/{token}/" + (f"#{quote(first)}" if first else "")
-        # Reading and importing both take most of a second.
+        # Reading and importing each take most of a second.
         reading = beside(lambda: read_log(folder / first)) if first.endswith(".mcap") else None
         print(f"{address}\nThe page of {folder.resolve()} is open until Ctrl-C.", flush=True)
         if browser:
             webbrowser.open(address)
-        # A pool of threads costs several times the processor time of these small matrices.
+        # For these small matrices, a pool of threads takes several times the processor time.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        from flightpower.analysis.pages.lean_imports import import_lean  # loads NumPy, which then has one thread
+        from flightpower.analysis.pages.lean_imports import import_lean  # loads NumPy, limited to one thread
 
         import_lean()
-        from flightpower.analysis.pages.open.flights import Folder  # the browser starts in the meantime
+        from flightpower.analysis.pages.open.flights import Folder  # meanwhile the browser starts
         from flightpower.analysis.pages.open.server import serve
 
         opened = Folder(folder, Path(workspace), {first: reading} if reading else {})
@@ -72,7 +72,7 @@ def open_page(
 
 
 def _listening(port: int) -> socket.socket:
-    """A socket of this computer only. Raises InputError where the port is in use."""
+    """Return a socket for this computer only. Raises InputError if the port is in use."""
     try:
         return socket.create_server(("127.0.0.1", port))
     except OSError as error:
@@ -80,9 +80,8 @@ def _listening(port: int) -> socket.socket:
 
 
 def opened_folder(logs: list[Path]) -> tuple[Path, str]:
-    """The folder of the logs, and the name of the first.
-
-    Raises InputError for a log that is missing or in another folder, and for a file that is no log.
+    """Return the folder of the logs, and the name of the first. Raises InputError for a log that is missing or in
+    another folder, and for a file that is not a log.
     """
     from flightpower.analysis.sources.open import refuse_non_log
 

@@ -1,4 +1,4 @@
-"""The flights of the folder that was opened: the last two stay in memory with their results."""
+"""The flights of the folder that was opened. The last two used stay in memory with their results."""
 
 import unicodedata
 from collections.abc import Callable, Mapping
@@ -15,16 +15,16 @@ from flightpower.analysis.sources.recording import FlightRecording
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import Log
 
-NOT_IN_NAMES = '/\\:*?"<>|'  # what some file system takes for something else
+NOT_IN_NAMES = '/\\:*?"<>|'  # characters with a special meaning on some file system
 
 
 Reading = Callable[[], Log | FlightRecording]
 
 
 def open_flight(path: Path, workspace: Path, reading: Reading | None = None) -> OpenedFlight:
-    """A log by the curve that it gives. reading : returns the log, if it is being read
+    """Open a log as the kind of flight that its curve requires. reading : returns the log, if it is being read
 
-    Raises InputError where it cannot be read.
+    Raises InputError if it cannot be read.
     """
     source = reading() if reading else open_source(path)
     method = way_of(source)
@@ -54,28 +54,28 @@ class Folder:
         self._opened: dict[str, OpenedFlight] = {}
 
     def logs(self) -> dict[str, Path]:
-        """The logs in the folder by name; links that lead out of it are left out."""
+        """Return the logs in the folder by name; links that lead out of it are left out."""
         return logs_in(self.path)
 
     def polars(self) -> list[str]:
-        """Names of the files in the folder that hold a predicted polar."""
+        """Return names of the files in the folder that hold a predicted polar."""
         return list(polars_in(self.path))
 
     def flight(self, name: str) -> OpenedFlight:
-        """Raises InputError where there is there is no such log in the folder, or it cannot be read."""
+        """Return an opened flight. Raises InputError if there is no such log in the folder, or it cannot be read."""
         path = self.logs().get(name)
         if path is None:
             raise InputError(f"{name[:80]}: there is no such log in {self.path}; choose one of the list")
         opened = self._opened.get(name)
         if opened is None or opened.changed():
             self._opened.pop(name, None)
-            while len(self._opened) > 1:  # in memory are the last two, which may be compared
+            while len(self._opened) > 1:  # keeps two in memory, which may be compared
                 self._opened.pop(next(iter(self._opened)))
             opened = self._opened[name] = open_flight(path, self.workspace, self._reading.pop(name, None))
         return opened
 
     def report(self, name: str) -> bytes:
-        """The report of a log that was written. Raises InputError where there is none."""
+        """Return the written report of a log. Raises InputError if there is none."""
         path = self.logs().get(name)
         page = path and report_folder(path) / "report.html"
         if page is None or not page.is_file() or page.resolve().parent.parent != self.path.resolve():
@@ -83,11 +83,11 @@ class Folder:
         return page.read_bytes()
 
     def listed(self) -> list[Json]:
-        """Logs by date, length and kind, the newest first."""
+        """Return the logs with date, length and kind, newest first."""
         return listed(self.path)
 
     def new_file(self, name: str) -> Path:
-        """Where a dropped file goes. Raises InputError for a name in use, or of neither a log, a polar nor a map."""
+        """Return where a dropped file goes. Raises InputError for a name in use, or not of a log, polar or map."""
         if not is_file_name(name) or not (
             has_log_suffix(name) or Path(name).suffix.lower() in POLARS or f".{name}".lower().endswith(f".{BESIDE}")
         ):
@@ -101,7 +101,7 @@ class Folder:
 
 
 def is_file_name(name: str) -> bool:
-    """Whether a name, in any script, is one of a visible file in this folder on every system."""
+    """Whether a name, in any script, can be a visible file in this folder on every operating system."""
     odd = any(
         unicodedata.category(character) in ("Cc", "Cs", "Co", "Cn") or character in NOT_IN_NAMES for character in name
     )

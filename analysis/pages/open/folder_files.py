@@ -1,4 +1,4 @@
-"""The files of the folder that was opened: logs by date, length and kind, and predicted polars."""
+"""The files of the folder that was opened: logs with date, length and kind, and predicted polars."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -15,12 +15,12 @@ POLARS = (".txt", ".csv", ".dat")
 
 
 def logs_in(folder: Path) -> dict[str, Path]:
-    """The logs and tables in a folder by name; links that lead out of it are left out."""
+    """Return the logs and tables in a folder by name; links that lead out of it are left out."""
     return _inside(folder, lambda path: has_log_suffix(path.name) and not (_may_be_polar(path) and is_polar(path)))
 
 
 def polars_in(folder: Path) -> dict[str, Path]:
-    """The predicted polars in a folder by name; links that lead out of it are left out."""
+    """Return the predicted polars in a folder by name; links that lead out of it are left out."""
     return _inside(folder, lambda path: _may_be_polar(path) and is_polar(path))
 
 
@@ -52,7 +52,7 @@ def _is_polar(path: Path, mtime_ns: int, size: int) -> bool:
 
 
 def listed(folder: Path) -> list[Json]:
-    """Name, date, length and kind of each log, and whether it has a report; the newest first."""
+    """Return name, date, length and kind of each log, and whether it has a report; newest first."""
     rows = []
     for path in logs_in(folder).values():
         stat = path.stat()

@@ -1,4 +1,4 @@
-"""The values of a flight as a form: groups and words for the keys of the aircraft file and for options of `analyze`."""
+"""The values of a flight as a form: groups and labels for keys of the aircraft file and for options of `analyze`."""
 
 import json
 import tomllib
@@ -15,9 +15,9 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import Log
 from flightpower.flight.shipped_propellers import shipped_propellers
 
-PROPELLER = "propeller"  # the field in which a shipped table is chosen
+PROPELLER = "propeller"  # the field for choosing a shipped table
 FIRST = "Weight, propeller, battery"
-# Keys of the aircraft file that the analysis of a log uses, in words; the page shows no others. LINE as in KEYS.
+# Labels of aircraft-file keys that the analysis of a log uses; the page shows no other keys. LINE as in KEYS.
 AIRCRAFT: dict[str, dict[str, str]] = {
     FIRST: {
         "mass.weight": "weight in flight",
@@ -78,13 +78,13 @@ AIRCRAFT: dict[str, dict[str, str]] = {
 LINE_NAMES = dict(
     zip(LINES, ("the angle of attack", "the sideslip", "the airspeed", "the static pressure"), strict=True)
 )
-# Keys that the form offers although the file lacks them: a value makes the interval narrower, or gives an answer.
+# Keys that the form offers even if the file lacks them, since a value narrows the interval or gives an answer.
 OFFERED = ("imu_position", "probe.position", "probe.upwash_per_CL", "propulsion.battery_energy")
-OF_WHOLE_FLIGHTS = (FIRST, "Motor and propeller")  # groups that an energy balance uses
+OF_WHOLE_FLIGHTS = (FIRST, "Motor and propeller")  # groups used by an energy balance
 
 
 class OptionField(NamedTuple):
-    """A value of the form that is an option of `analyze`. field : of `Options`"""
+    """A value of the form that is an option of `analyze`. field : its field in `Options`"""
 
     label: str
     field: str
@@ -93,18 +93,18 @@ class OptionField(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """The unit of the example."""
+        """The unit, which is the last word of the example."""
         return self.example.split()[-1]
 
     def parsed(self, text: str) -> Any:
-        """The value as the command reads it. Raises InputError."""
+        """Parse a value as the command does. Raises InputError."""
         parser: Callable[[str], Any] | None = (
             get_type_hints(Options, include_extras=True)[self.field].__metadata__[0].parser
         )
         return text if parser is None else parser(text)
 
 
-# By the name of the option, without its dashes.
+# Fields by the name of the option, without its dashes.
 OPTIONS: dict[str, OptionField] = {
     "mass": OptionField("mass in flight", "mass_kg", "9.4 kg", "Ready to fly, with battery."),
     "wing-area": OptionField("wing area", "wing_area_m2", "1.5 m^2", "Including the part inside the fuselage."),
@@ -119,11 +119,11 @@ OPTIONS: dict[str, OptionField] = {
         "In flight; default: from the log, or the standard atmosphere.",
     ),
 }
-NEEDED = ("mass", "wing-area", "span")  # without which no balance is made
+NEEDED = ("mass", "wing-area", "span")  # required for an energy balance
 
 
 def aircraft_form(keys: Mapping[str, Any], groups: Collection[str] = tuple(AIRCRAFT)) -> list[Json]:
-    """The groups of fields for the values of an aircraft file, by key; those it lacks are shown if OFFERED."""
+    """Return the groups of fields for an aircraft file's values, by key; keys that it lacks are shown if in OFFERED."""
     sections = []
     for title in groups:
         fields = [
@@ -137,7 +137,7 @@ def aircraft_form(keys: Mapping[str, Any], groups: Collection[str] = tuple(AIRCR
 
 
 def options_form() -> list[Json]:
-    """The one group of fields for a log without an aircraft file."""
+    """Return the single group of fields for a log without an aircraft file."""
     fields = [_field(key, option.label, "", option.meaning, option.example) for key, option in OPTIONS.items()]
     return [{"title": FIRST, "fields": [*fields, _field(PROPELLER, "propeller flown", "", _meaning(PROPELLER))]}]
 
@@ -162,7 +162,7 @@ def _meaning(pattern: str) -> str:
 
 
 def pattern_of(key: str) -> str:
-    """The entry of KEYS for a key of an aircraft file."""
+    """Return the entry of KEYS for a key of an aircraft file."""
     for line in LINES:
         if key.startswith(f"probe.lines.{line}."):
             return key.replace(f".{line}.", ".LINE.")
@@ -170,14 +170,14 @@ def pattern_of(key: str) -> str:
 
 
 def typed(value: object) -> str:
-    """A value of a TOML file as it is typed: text without quotation marks, a list with commas."""
+    """Return a TOML value as a user types it: text without quotation marks, a list with commas."""
     if isinstance(value, list) and all(isinstance(part, str | int | float) for part in value):
         return ", ".join(typed(part) for part in value)
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def as_toml(key: str, text: str) -> str:
-    """What was typed as a TOML value: a list where the key has one; numbers, true and false as such, else text."""
+    """Return typed text as a TOML value: a list if the key has one; numbers, true and false unquoted, else text."""
     if _is_list(key) and not text.lstrip().startswith("["):
         parts = text.split(";" if ";" in text else ",")
         return f"[{', '.join(_parsed_value(part.strip()) for part in parts)}]"
@@ -200,7 +200,7 @@ def _is_list(key: str) -> bool:
 
 
 def option_values(texts: Mapping[str, str]) -> Json:
-    """Fields of `Options` from what was typed, by key. Raises FieldError for a value that cannot be used."""
+    """Return fields of `Options` from typed text by key. Raises FieldError for a value that cannot be used."""
     values: Json = {}
     for key, text in texts.items():
         if key not in OPTIONS:
@@ -217,14 +217,14 @@ def option_values(texts: Mapping[str, str]) -> Json:
 
 
 def shipped(propeller: str) -> bool:
-    """Whether a propeller was chosen. Raises FieldError for one that is not shipped."""
+    """Whether a propeller was chosen. Raises FieldError for a propeller that is not shipped."""
     if propeller and propeller not in shipped_propellers():
         raise FieldError(f"propeller {propeller[:60]!r}: none that `flightpower propellers` lists", PROPELLER)
     return bool(propeller)
 
 
 def aircraft_keys(log: Log) -> Json:
-    """The keys of the log's aircraft file with their values; empty where it has none. Raises InputError."""
+    """Return keys and values of the log's aircraft file; empty if it has none. Raises InputError."""
     text = log.attachments.get("aircraft.toml", b"").decode("utf-8", errors="replace")
     try:
         table = tomllib.loads(text)
@@ -234,7 +234,7 @@ def aircraft_keys(log: Log) -> Json:
 
 
 def aircraft_text(recorded_keys: Json, values: Values, log: str) -> str:
-    """The aircraft file with the values of the page. Raises InputError for an unknown key."""
+    """Return the aircraft file with the values of the page. Raises InputError for an unknown key."""
     unknown = [key for key in values.aircraft if key not in {*recorded_keys, *OFFERED}]
     if unknown:
         raise InputError(f"{unknown[0][:60]!r}: no such key in the aircraft file of {log}")
@@ -244,7 +244,7 @@ def aircraft_text(recorded_keys: Json, values: Values, log: str) -> str:
 
 
 def check_fields(recorded_keys: Json, values: Values, log: str) -> None:
-    """Raises FieldError for a changed value of the aircraft file that alone cannot be used."""
+    """Raise FieldError for a changed value of the aircraft file that is unusable even without the other changes."""
     for key, text in values.aircraft.items():
         alone = msgspec.structs.replace(values, aircraft={key: text})
         try:

@@ -17,7 +17,7 @@ METHODS: dict[str, MethodDescription] = {
 
 
 def listed(runs: list[Maneuver], headline: str) -> list[dict[str, str]]:
-    """Names and titles of all methods but that of the report's curve; missing : kinds of runs, where none was flown."""
+    """Return name and title of each method but the report's; missing : kinds of runs, if none of these was flown."""
     flown = {run.kind for run in runs}
     return [
         {
@@ -31,14 +31,14 @@ def listed(runs: list[Maneuver], headline: str) -> list[dict[str, str]]:
 
 
 def method_curve(flight: Reconstructed, name: str, condition: Condition, largest_CL: float) -> MethodResult:
-    """largest_CL : of the report's curve. Raises InputError for an unknown name."""
+    """Return a method's curve. largest_CL : of the report's curve. Raises InputError for an unknown name."""
     if name not in METHODS:
         raise InputError(f"{name[:60]!r}: no such method; there are {', '.join(METHODS)}")
     return method_result(_estimate(flight, METHODS[name]), condition, largest_CL)
 
 
 def by_likelihood(name: str) -> bool:
-    """Whether `analyze` applies the method only when it is asked to."""
+    """Whether `analyze` applies the method only on request."""
     return name in {method.name for method in likelihood.METHODS}
 
 

@@ -1,4 +1,4 @@
-"""A log shown on the page: the part common to both kinds of flight."""
+"""A log shown on the page: the part that both kinds of flight have in common."""
 
 import os
 import shlex
@@ -32,7 +32,7 @@ class OpenedFlight(ABC):
     def __init__(self, path: Path, workspace: Path):
         self.path, self.workspace = path, workspace
         self._stat = _stat(path)
-        self._curves: dict[bytes, Json] = {}  # by what was asked
+        self._curves: dict[bytes, Json] = {}  # by the request
 
     def changed(self) -> bool:
         """Whether the file has changed since it was opened."""
@@ -41,34 +41,34 @@ class OpenedFlight(ABC):
     @cached_property
     @abstractmethod
     def shown(self) -> Json:
-        """Kind, time histories, modes and messages, and the form of the flight as recorded."""
+        """Return kind, time histories, modes and messages, and the form of the flight as recorded."""
 
     @abstractmethod
     def strips(self, channels: dict[str, Channel]) -> str:
-        """The time histories, with further channels."""
+        """Return the time histories, with further channels."""
 
     @abstractmethod
     def _curve(self, values: Values) -> Json: ...
 
     @abstractmethod
     def _options(self, values: Values, folder: Path) -> Options:
-        """Raises InputError where a value is missing or wrong."""
+        """Return the options of `analyze`. Raises InputError if a value is missing or wrong."""
 
     @abstractmethod
     def _words(self, values: Values, folder: Path) -> list[str]:
-        """The options of the command that gives the same result."""
+        """Return the command-line options that give the same result."""
 
     @abstractmethod
     def _write_inputs(self, values: Values, folder: Path) -> Iterator[Path | None]:
-        """Write the files that the command names, and yield where other content of theirs is kept."""
+        """Write the files that the command names, and yield where their earlier content is kept."""
 
     @cached_property
     @abstractmethod
     def channels(self) -> AllChannels:
-        """Every number of the log over time, on the clock of the page. Raises InputError where it cannot be read."""
+        """Return every number of the log over time, on the page's clock. Raises InputError if it cannot be read."""
 
     def curve(self, values: Values) -> Json:
-        """The curve as the report will show it. Raises InputError."""
+        """Return the curve as the report will show it. Raises InputError."""
         request = msgspec.json.encode(values)
         if request not in self._curves:
             began = time.process_time()
@@ -80,7 +80,7 @@ class OpenedFlight(ABC):
         return self._curves[request]
 
     def drawn(self, values: Values) -> Json:
-        """The time histories with the channels that were asked for. Raises InputError for an unknown name."""
+        """Return the time histories with the requested channels. Raises InputError for an unknown name."""
         if len(values.channels) > LIMITS.channels:
             raise FieldError(
                 f"{len(values.channels)} channels: {LIMITS.channels} are drawn at most; remove some", "channels"
@@ -93,11 +93,11 @@ class OpenedFlight(ABC):
         return {"strips": self.strips({name: self.channels[name]() for name in values.channels})}
 
     def write(self, values: Values) -> Json:
-        """Write what `analyze` writes, and return what it says. Raises InputError; then no result was written."""
+        """Write what `analyze` writes, and return its summary. Raises InputError; then no result has been written."""
         from flightpower.analysis.pages.one_log import analyze_log
 
         folder = report_folder(self.path)
-        self.curve(msgspec.structs.replace(values, method=""))  # what is wrong is reported before anything is written
+        self.curve(msgspec.structs.replace(values, method=""))  # reports errors before anything is written
         options = self._options(values, folder)
         backups = [path.name for path in self._write_inputs(values, folder) if path]
         done = analyze_log(self.path, folder, options, lambda _: None, self.command(values))
@@ -105,13 +105,13 @@ class OpenedFlight(ABC):
         return {"said": _summary_lines(done), "kept": backups, "command": self.command(values)}
 
     def command(self, values: Values) -> str:
-        """The command that gives the same files."""
+        """Return the command that gives the same files."""
         folder = report_folder(Path(os.path.relpath(self.path)))
         return shlex.join(["analyze", os.path.relpath(self.path), *self._words(values, folder)])
 
 
 def curve_json(curve: Curve) -> Json:
-    """The data of a curve for the page."""
+    """Return the data of a curve for the page."""
     return {
         "kind": curve.kind,
         "curve": columns(curve.points()),
@@ -122,7 +122,7 @@ def curve_json(curve: Curve) -> Json:
 
 
 def condition_at(flown: Condition, weight_and_density: tuple[float, float] | None) -> Condition:
-    """The condition flown at another mass and density. Raises InputError for one that nothing flies at."""
+    """Return the condition flown with a different mass and density. Raises InputError for impossible values."""
     if weight_and_density is None:
         return flown
     mass_kg, rho = weight_and_density
@@ -132,24 +132,24 @@ def condition_at(flown: Condition, weight_and_density: tuple[float, float] | Non
 
 
 def columns(points: list[PowerPoint]) -> Json:
-    """The points of a curve by quantity."""
+    """Return the points of a curve by quantity."""
     names = ("speed_mps", "power_W", "power_lo_W", "power_hi_W")
     return {name: [getattr(point, name) for point in points] for name in names}
 
 
 def shares(variances: Mapping[Any, Any]) -> list[list[Any]]:
-    """The share of each source of error in the variance."""
+    """Return the share of each source of error in the variance."""
     total = sum(float(np.ravel(variance)[0]) for variance in variances.values())
     return [[str(source), float(np.ravel(variance)[0]) / total] for source, variance in variances.items()]
 
 
 def report_folder(log: Path) -> Path:
-    """Where `analyze` writes by default."""
+    """Return where `analyze` writes by default."""
     return log.parent / f"{log.stem}.report"
 
 
 def _stat(path: Path) -> list[tuple[int, int]]:
-    """Time and size of a log, and of the map of a table's columns."""
+    """Return time and size of a log, and of the map of a table's columns."""
     files = [path, *(map_files(path, None) if is_table(path) else [])]
     return [(stat.st_mtime_ns, stat.st_size) for stat in (file.stat() for file in files)]
 
@@ -159,6 +159,6 @@ def _speed(speed_interval: SpeedInterval) -> float | None:
 
 
 def _summary_lines(done: Report) -> list[str]:
-    """The verdict, and what was replaced."""
+    """Return the verdict, and what was replaced."""
     results = done.results
     return [f"{results.aircraft.title}: {results.trust}"] + ([done.replaced_report] if done.replaced_report else [])

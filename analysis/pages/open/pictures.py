@@ -33,7 +33,7 @@ Row = tuple[Array, Array, Axis]
 
 
 class Stretch(NamedTuple):
-    """A stretch of the flight that the map colors, by its kind."""
+    """A stretch of the flight that is colored by its kind on the map."""
 
     kind: str
     start_s: float
@@ -45,7 +45,7 @@ class Stretch(NamedTuple):
 
 
 def strips(rows: Sequence[Row], channels: Mapping[str, Channel], events: Sequence[Event], end_s: float) -> str:
-    """Stacked time histories, then the named channels; modes and messages at the bottom."""
+    """Draw stacked time histories, then the named channels; modes and messages at the bottom."""
     rows = [row for row in rows if np.isfinite(row[1]).any()]
     rows += [(channel.t_s, channel.value, Axis(name)) for name, channel in channels.items()]
     rows = [_between(row, end_s) for row in rows]
@@ -69,7 +69,7 @@ def _between(row: Row, end_s: float) -> Row:
 
 
 def _modes(events: Sequence[Event], panel: int, end_s: float) -> list[Bars]:
-    """One bar for each stretch in a mode, of one color for each mode; its name where there is room."""
+    """Return a bar for each stretch in a mode, with a color for each mode, and its name if there is room."""
     switched = [event for event in events if event.kind is EventKind.MODE]
     starts = np.clip([event.t_s for event in switched], 0.0, end_s)
     lengths = np.diff(np.append(starts, end_s))
@@ -90,7 +90,7 @@ def _modes(events: Sequence[Event], panel: int, end_s: float) -> list[Bars]:
 
 
 def _messages(events: Sequence[Event], panel: int, end_s: float) -> list[Points]:
-    """A mark for each message, which the cursor reads."""
+    """Return a mark for each message, for the cursor to read."""
     return [
         Points(
             x=np.array([min(max(event.t_s, 0.0), end_s)]), y=np.array([0.85]), panel=panel, color=INK, size=9,
@@ -101,7 +101,7 @@ def _messages(events: Sequence[Event], panel: int, end_s: float) -> list[Points]
 
 
 def rows_of_runs(table: pd.DataFrame) -> list[Row]:
-    """Air data, motor and attitude of a table of `air_data`."""
+    """Return air data, motor and attitude from a table of `air_data`."""
     t_s = table.index.to_numpy()
     rows = (
         (table["V_mps"], Axis("speed", "m/s")),
@@ -115,7 +115,7 @@ def rows_of_runs(table: pd.DataFrame) -> list[Row]:
 
 
 def rows_of_recording(flight: FlightRecording, start_s: float) -> list[Row]:
-    """What an energy balance uses, as logged: indicated airspeed, speed over ground, height, power, throttle, motor."""
+    """Return logged input of an energy balance: indicated airspeed, ground speed, height, power, throttle, motor."""
     channels = flight.channels
     rows: list[tuple[Channel, Axis]] = []
     if (pitot := channels.get(recording.AIRSPEED_PRESSURE)) is not None:
@@ -143,7 +143,7 @@ def rows_of_recording(flight: FlightRecording, start_s: float) -> list[Row]:
 
 
 def track_of(flight: FlightRecording, start_s: float, end_s: float) -> Track | None:
-    """The path over the ground, by the receiver's positions, or else by the integral of its velocity; once a second."""
+    """Return the ground track, once a second, from the receiver's positions or else the integral of its velocity."""
     t_s = np.arange(0.0, end_s, 1.0)
     if flight.place:
         north, east = (flight.place[name].at(t_s + start_s) for name in recording.PLACE)
@@ -157,7 +157,7 @@ def track_of(flight: FlightRecording, start_s: float, end_s: float) -> Track | N
 
 
 def map_chart(track: Track, stretches: Sequence[OnMap], wind: tuple[float | None, float | None]) -> str:
-    """The path with its stretches, north up, with a scale and an arrow. wind : speed [m/s] and whence it blows [deg]"""
+    """Draw the path with its stretches, north up, with scale and arrow. wind : speed [m/s], direction from [deg]"""
     figure = ground_track(track, stretches, None)
     north, east = np.array(track.north_m), np.array(track.east_m)
     reach = max(float(np.ptp(north)), float(np.ptp(east)), 1.0)
@@ -176,7 +176,7 @@ def map_chart(track: Track, stretches: Sequence[OnMap], wind: tuple[float | None
 
 
 def curve_chart(kind: Kind, points: list[PowerPoint], estimate: ElectricalEstimate | None = None) -> str:
-    """The curve with its interval, and of an electrical one the flight's moments; the page adds curves beside it."""
+    """Draw the curve with its interval, and for electrical power the measurements; the page adds further curves."""
     V, _, lo, hi = curve_arrays(points)
     figure = Figure(height_px=380, x=true_airspeed())
     figure.y = Axis(kind.words, "W", limits=(0, 1.08 * float(np.max(hi))))

@@ -1,4 +1,4 @@
-"""What the page may ask for, and what is wrong with it at which of its fields."""
+"""What the page may request, and errors that name the field of the form at fault."""
 
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ Json = dict[str, Any]
 
 
 class Run(msgspec.Struct, forbid_unknown_fields=True):
-    """A stretch of the flight as the page has it. why : what it is left out for, and other remarks"""
+    """A stretch of the flight as shown on the page. why : why it is left out, and other remarks"""
 
     kind: str
     start_s: float
@@ -20,14 +20,14 @@ class Run(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Values(msgspec.Struct, forbid_unknown_fields=True):
-    """What the user gives in place of the log's values.
+    """Values from the user that replace the log's values.
 
-    runs : None where they are to be found in the data     left_out : stretches of a whole flight [s], by hand
-    aircraft : values of the form that were changed, by key, as typed
-    propeller : the name of a shipped one; "" for that of the log
-    other_condition : mass [kg] and air density [kg/m^3] for which the curve is drawn; None for those of the flight
-    method : name of one whose curve is asked for beside that of the report; "" for none
-    polar : name of a file with a predicted polar, to draw beside it; "" for none
+    runs : None if the analysis is to find them     left_out : stretches of a whole flight [s] that the user left out
+    aircraft : changed values of the form, as typed, by key
+    propeller : name of a shipped propeller; "" for the log's
+    other_condition : mass [kg] and air density [kg/m^3] for the curve; None for those of the flight
+    method : name of a method whose curve is drawn next to the report's; "" for none
+    polar : name of a file with a predicted polar to draw next to the curve; "" for none
     channels : names of further channels to draw over time
     """
 
@@ -43,12 +43,12 @@ class Values(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Limits(NamedTuple):
-    """Limits of what the page may ask.
+    """Limits for requests of the page.
 
-    log_bytes, request_bytes, name_bytes : of a dropped log, of a request or a polar, of a file's name
-    entries, channels : runs and keys in a request; channels that are drawn at a time
-    points, strip_px, letters : of a strip; its height; how many letters it is wide
-    curves : that are kept of a flight, for who goes back to what was there before
+    log_bytes, request_bytes, name_bytes : size of a dropped log, of a request or a polar, of a file's name
+    entries : number of runs and of keys in a request     channels : drawn at the same time
+    points, strip_px, letters : number of points in a strip; its height; its width in letters
+    curves : number kept for a flight, for users who return to earlier values
     """
 
     log_bytes: int = 500_000_000
@@ -66,7 +66,7 @@ LIMITS = Limits()
 
 
 class FieldError(InputError):
-    """A value of the form that cannot be used. field : its key, at which the page shows the message"""
+    """A value of the form that cannot be used. field : the key of the field next to which the page shows the message"""
 
     def __init__(self, text: str, field: str):
         super().__init__(text)

@@ -1,7 +1,7 @@
-"""A flight with the sensors of drag: its runs and values are edited, and the curve follows.
+"""A flight with the sensors for drag: the user edits its runs and values, and the curve follows.
 
-Reading, synchronizing and reconstructing are done once for each set of values; another list of runs is a matter of the
-regression alone.
+Reading, synchronizing and reconstructing are done once for each set of values; a changed list of runs requires only a
+new regression.
 """
 
 import os
@@ -70,7 +70,7 @@ class RunsFlight(OpenedFlight):
 
     @cached_property
     def aircraft_keys(self) -> Json:
-        """The keys of the log's aircraft file with their values."""
+        """Keys and values of the log's aircraft file."""
         return form.aircraft_keys(self.log)
 
     @cached_property
@@ -108,7 +108,7 @@ class RunsFlight(OpenedFlight):
 
     def _curve(self, values: Values) -> Json:
         from flightpower.analysis.methods.interval_sources import variance_by_source
-        from flightpower.analysis.methods.ladder import (  # the first picture does not wait for these
+        from flightpower.analysis.methods.ladder import (  # imported late, so that the first picture need not wait
             estimate,
             estimate_by_runs,
         )
@@ -171,7 +171,7 @@ class RunsFlight(OpenedFlight):
         return words
 
     def aircraft_text(self, values: Values) -> str:
-        """The aircraft file with the values of the page. Raises InputError for a key that there is none of."""
+        """Return the aircraft file with the values of the page. Raises InputError for an unknown key."""
         return form.aircraft_text(self.aircraft_keys, values, self.path.name)
 
     def _measured(self, values: Values) -> Measured:
@@ -191,7 +191,7 @@ class RunsFlight(OpenedFlight):
             aircraft = parse_aircraft(key[0], "aircraft file") if values.aircraft else None
             propeller = load_propeller(values.propeller) if form.shipped(values.propeller) else None
             flight = recorded(self.log, Replacements(aircraft=aircraft, propeller=propeller))
-            while len(self._prepared) > 2:  # as recorded, the last and this one
+            while len(self._prepared) > 2:  # keeps as recorded, the last and this one
                 self._prepared.pop(list(self._prepared)[1])
             self._prepared[key] = _Prepared(synchronized(flight), None)
         return self._prepared[key]
@@ -203,7 +203,7 @@ class RunsFlight(OpenedFlight):
             return _runs(error.maneuvers)
 
     def _edited(self, measured: Measured) -> list[Json]:
-        """The runs of the report's runs.toml, where it is not what the analysis found; none where it cannot be used."""
+        """Return the runs of the report's runs.toml if they differ from those found; none if the file is unusable."""
         path = report_folder(self.path) / "runs.toml"
         try:
             maneuvers, text = with_runs(measured, None).maneuvers, read_text(path) if path.is_file() else ""
@@ -215,11 +215,11 @@ class RunsFlight(OpenedFlight):
             return []
         try:
             return _runs(with_runs(measured, path).maneuvers)
-        except InputError:  # of another log, or of an edit that is no list: the page shows what the analysis identified
+        except InputError:  # wrong log, or an invalid edit: the page shows what the analysis found
             return []
 
     def _runs_file(self, values: Values, path: Path) -> Path | None:
-        """The list of runs as a file. Raises InputError for an unknown kind."""
+        """Write the list of runs as a file. Raises InputError for an unknown kind."""
         if values.runs is None:
             return None
         write_file(path, runs_text(values.runs, self.path.name).encode())
@@ -234,7 +234,7 @@ class RunsFlight(OpenedFlight):
     def _predicted(
         self, values: Values, condition: Condition, points: list[PowerPoint], aspect_ratio: float
     ) -> Json | None:
-        """The curve by a predicted polar, a tenth of speed beyond the measured one on both sides. Raises InputError."""
+        """Return the curve from a predicted polar, extended by a tenth of speed beyond both ends. Raises InputError."""
         from flightpower.analysis.pages.predicted_polar import check_of_aircraft, read_predicted_polar
 
         if not values.polar:
@@ -262,7 +262,7 @@ class RunsFlight(OpenedFlight):
 
 
 def runs_text(runs: Sequence[Run], log: str) -> str:
-    """`runs.toml` of the runs of the page, in order of time. Raises FieldError at an invalid run."""
+    """Return `runs.toml` for the runs of the page, in order of time. Raises FieldError for an invalid run."""
     text = head(log)
     for i, run in sorted(enumerate(runs), key=lambda numbered: numbered[1].start_s):
         entry = ManeuverEntry(kind=run.kind, start_s=run.start_s, end_s=run.end_s, keep=run.keep)
@@ -273,7 +273,7 @@ def runs_text(runs: Sequence[Run], log: str) -> str:
 
 
 def _runs(maneuvers: Maneuvers) -> list[Json]:
-    """Runs in order of time; unused ones with the reason."""
+    """Return runs in order of time, unused runs with the reason."""
     runs = [Run(run.kind, run.start_s, run.end_s, True, "; ".join(run.notes)) for run in maneuvers.maneuvers]
     runs += [
         Run(rejected.kind, rejected.start_s, rejected.end_s, False, rejected.reason) for rejected in maneuvers.rejected

@@ -1,9 +1,9 @@
 """The web server of the local page: a WSGI application (PEP 3333) that answers this computer's browser and nobody else.
 
-Other pages in the same browser can send requests to it, and other users of the computer can. Every request must carry
-the secret that is in the address, name this server as its host (so that a foreign name that leads here is refused),
-and, where it computes or writes, come from the page itself (Origin). Files are named by their names in the folder
-that was opened. The page may run no script but its own; a report is shown in a sandbox that can reach nothing.
+Other pages in the same browser can send requests to it, and so can other users of the computer. Every request must
+carry the secret that is in the address, name this server as its host (so that a foreign name that leads here is
+refused), and, if it computes or writes, come from the page itself (Origin). Requests name files by their names in the
+folder that was opened. The page may run only its own script; a report is shown in a sandbox that cannot reach anything.
 """
 
 import atexit
@@ -59,7 +59,7 @@ HEADERS = [
 
 
 class Answer(NamedTuple):
-    """Type and content of an answer, and what its page may do. field : at which the page shows a message"""
+    """Type and content of an answer, and what its page may do. field : next to which the page shows a message"""
 
     kind: str
     body: bytes
@@ -69,7 +69,7 @@ class Answer(NamedTuple):
 
 
 class RefusedError(Exception):
-    """A request that is refused. status : why"""
+    """A request that is refused. status : HTTP status of the answer"""
 
     def __init__(self, status: HTTPStatus, text: str):
         super().__init__(text)
@@ -77,7 +77,7 @@ class RefusedError(Exception):
 
 
 class LocalPage:
-    """The application. hosts : names and port by which the browser calls this server; token : the secret"""
+    """The application. hosts : names and port by which the browser addresses this server; token : the secret"""
 
     def __init__(self, folder: Folder, hosts: Collection[str], token: str):
         self.folder, self.hosts, self.token = folder, hosts, token
@@ -97,7 +97,7 @@ class LocalPage:
         return [answer.body]
 
     def checked(self, environ: Environ) -> tuple[str, list[str]]:
-        """Method and words of the path after the secret. Raises RefusedError for one not from our page."""
+        """Return method and parts of the path after the secret. Raises RefusedError for a request not from our page."""
         host, method = environ.get("HTTP_HOST", ""), environ["REQUEST_METHOD"]
         if host not in self.hosts:
             raise RefusedError(HTTPStatus.FORBIDDEN, "this page is for this computer only: use the address as printed")
@@ -156,12 +156,12 @@ class LocalPage:
             return _json(flight.write(values))
 
     def read_ahead(self, name: str) -> None:
-        """Prepares the data that the page shows of a log. What is wrong with it is reported when the page asks."""
+        """Prepare the data of a log for the page. Errors are reported when the page requests the log."""
         with self._computing, suppress(InputError):
             _ = self.folder.flight(name).shown
 
     def _store_dropped_file(self, name: str, environ: Environ) -> Answer:
-        """A log, a predicted polar or a map of columns that was dropped, written into the folder if it is one."""
+        """Write a dropped file into the folder if it is a log, a predicted polar or a map of columns."""
         path = self.folder.new_file(name)
         small = path.suffix.lower() in (".txt", ".dat", ".toml")
         length = _length(environ, LIMITS.request_bytes if small else LIMITS.log_bytes)
@@ -195,7 +195,7 @@ class Dropped(StrEnum):
 
 
 def _recognized(path: Path, suffix: str) -> Dropped:
-    """What a file is, by its contents. Raises InputError where it is nothing that the page shows."""
+    """Tell what a file is by its contents. Raises InputError if it is nothing that the page can use."""
     if suffix == ".toml":
         load_map(path)
         return Dropped.MAP
@@ -217,7 +217,7 @@ def _recognized(path: Path, suffix: str) -> Dropped:
 
 
 def _refuse_polar(path: Path) -> None:
-    """Raises InputError with the reason why a file that has the name of a polar is none; it is no log either."""
+    """Raise InputError that says why a file with the suffix of a polar is not a polar; it is not a log either."""
     try:
         read_predicted_polar(path)
     except InputError as error:
@@ -226,7 +226,7 @@ def _refuse_polar(path: Path) -> None:
 
 
 def _drafted_map(table: Path) -> str:
-    """Drafts a map of a table's columns from their names, next to the table, if there is none; returns what to do with
+    """Draft a map of a table's columns from their names, next to the table, if there is none; return what to do with
     it."""
     if map_files(table, None):
         return ""
@@ -244,7 +244,7 @@ def _drafted_map(table: Path) -> str:
 
 
 def _length(environ: Environ, most: int) -> int:
-    """Length of a request's body. Raises RefusedError if it is missing or too large."""
+    """Return the length of a request's body. Raises RefusedError if it is missing or too large."""
     length = environ.get("CONTENT_LENGTH") or ""
     if not length.isascii() or not length.isdigit():
         raise RefusedError(HTTPStatus.LENGTH_REQUIRED, "the length of the request is missing")
@@ -263,7 +263,7 @@ def _copy(source: IO[bytes], to: IO[bytes], length: int, at_once: int = 1 << 20)
 
 
 def _values(environ: Environ) -> Values:
-    """The values of a request. Raises RefusedError for anything else."""
+    """Return the values in a request. Raises RefusedError if they are invalid."""
     if environ.get("CONTENT_TYPE", "").split(";")[0].strip() != JSON:
         raise RefusedError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "the request should be JSON")
     body = environ["wsgi.input"].read(_length(environ, LIMITS.request_bytes))
@@ -281,7 +281,7 @@ def _json(content: object) -> Answer:
 
 
 def server_of(page: LocalPage, listening: socket) -> Any:
-    """A server that takes the body of a request only if the page would answer it, by its head."""
+    """Return a server that reads a request's body only if the head shows that the page will answer the request."""
     import waitress  # type: ignore[import-untyped]
     from waitress.channel import HTTPChannel  # type: ignore[import-untyped]
     from waitress.parser import HTTPRequestParser  # type: ignore[import-untyped]
@@ -292,15 +292,15 @@ def server_of(page: LocalPage, listening: socket) -> Any:
             environ = {f"HTTP_{name}": value for name, value in self.headers.items()}
             try:
                 page.checked(environ | {"REQUEST_METHOD": self.command, "PATH_INFO": self.path})
-            except RefusedError:  # the page says so, and the connection with the body is closed
+            except RefusedError:  # the page refuses it, and the connection with the body is closed
                 self.body_rcv, self.content_length = None, 0
                 self.expect_continue = False
-                self.headers["CONNECTION"] = "close"  # which is what waitress goes by
+                self.headers["CONNECTION"] = "close"  # this makes waitress close it
 
     class Channel(HTTPChannel):  # type: ignore[misc]
         parser_class = Parser
 
-    # Many connections that ask for nothing shut the reader out neither by number nor for long, as on the status page.
+    # As on the status page, idle connections cannot block the reader: many are allowed, and each is closed soon.
     server = waitress.create_server(
         page, sockets=[listening], threads=4, ident="", max_request_body_size=LIMITS.log_bytes,
         connection_limit=500, channel_timeout=10, cleanup_interval=5, asyncore_use_poll=True,
@@ -311,13 +311,13 @@ def server_of(page: LocalPage, listening: socket) -> Any:
 
 def serve(folder: Folder, listening: socket, token: str, first: str) -> None:
     """Serve the page until the process is stopped. first : a log to read ahead, or ''"""
-    logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # a request waiting for a curve needs no report
+    logging.getLogger("waitress.queue").setLevel(logging.ERROR)  # no warning for requests that wait for a curve
     port = listening.getsockname()[1]
     page = LocalPage(folder, hosts={f"127.0.0.1:{port}", f"localhost:{port}"}, token=token)
     server = server_of(page, listening)
     if first:
         Thread(target=page.read_ahead, args=(first,), daemon=True).start()
     server.run()
-    # Requests and reading ahead may still compute. A thread inside a C++ library aborts the process if the interpreter
-    # ends under it, so that the process ends before; what other processes read has been waited for by then.
+    # Requests and reading ahead may still be computing. A thread inside a C++ library would abort the process when the
+    # interpreter shuts down, so the process ends before that; by then it has waited for other processes.
     atexit.register(os._exit, 0)

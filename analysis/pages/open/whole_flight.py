@@ -1,7 +1,7 @@
-"""A flight whose energy balance gives its curve: of an autopilot, of a table, or of a log without sensors of drag.
+"""A flight whose curve comes from its energy balance: from an autopilot, a table, or a log without sensors for drag.
 
-Weight and size are typed next to the curve; until then a guess from the flight is used. Stretches
-can be left out by hand.
+The user types weight and size next to the curve; until then, guesses from the flight are used. The user can leave out
+stretches.
 """
 
 from collections.abc import Iterator
@@ -51,7 +51,7 @@ AIRBORNE = "in the curve"
 
 
 class WholeFlight(OpenedFlight):
-    """A log whose curve is by the energy balance of its whole flight."""
+    """A log whose curve comes from the energy balance of its whole flight."""
 
     kind = Kind.ELECTRICAL
 
@@ -65,7 +65,7 @@ class WholeFlight(OpenedFlight):
 
     @cached_property
     def aircraft_keys(self) -> Json:
-        """The keys of the log's aircraft file with their values; empty where it has none."""
+        """Keys and values of the log's aircraft file; empty if it has none."""
         return form.aircraft_keys(self.source) if isinstance(self.source, Log) else {}
 
     @cached_property
@@ -89,7 +89,7 @@ class WholeFlight(OpenedFlight):
         }
 
     def _remembered_stretches(self) -> list[tuple[float, float]]:
-        """The stretches [s] that the last report left out; none where its list cannot be used with this log."""
+        """Return the stretches [s] that the last report left out; none if its list cannot be used with this log."""
         try:
             stretches = list(read_stretches(report_folder(self.path) / LEFT_OUT, "left out"))
             self._left_out(Values("", left_out=stretches))
@@ -99,7 +99,7 @@ class WholeFlight(OpenedFlight):
 
     @cached_property
     def start_s(self) -> float:
-        """The first moment of the airspeed, or of the velocity by GPS, as of the table of the flight."""
+        """Time of the first airspeed, or else of the first GPS velocity, where the flight's table starts as well."""
         channels = self.recording.channels
         main = channels.get(recording.AIRSPEED_PRESSURE, channels.get(recording.GPS[0]))
         return float(main.t_s[0]) if main is not None and len(main.t_s) else 0.0
@@ -160,7 +160,7 @@ class WholeFlight(OpenedFlight):
         }
 
     def _guessed(self, values: Values) -> dict[str, float]:
-        """Guesses for the values a curve needs that the user has not typed, in SI units by key of the form."""
+        """Return guesses for required values that the user has not typed, in SI units by key of the form."""
         missing = [key for key in form.NEEDED if not values.aircraft.get(key, "").strip()]
         if self.aircraft_keys or not missing:
             return {}
@@ -189,7 +189,7 @@ class WholeFlight(OpenedFlight):
         return Options(**options)
 
     def _left_out(self, values: Values) -> str:
-        """The stretches in the form of --leave-out. Raises FieldError for one without length or outside the log."""
+        """Return the stretches as --leave-out takes them. Raises FieldError for an empty one or one outside the log."""
         for i, (start_s, end_s) in enumerate(values.left_out):
             if not 0 <= start_s < end_s <= self.end_s + 1:
                 raise FieldError(
@@ -219,7 +219,7 @@ class WholeFlight(OpenedFlight):
 
 
 def remembered(report: Path) -> dict[str, str]:
-    """Mass, wing area, span and battery of the last report of a log, as typed; empty where there is none."""
+    """Return mass, wing area, span and battery of a log's last report, as typed; empty if there is none."""
     try:
         results = read_results(report / "results.json")
     except InputError:
@@ -233,7 +233,7 @@ def remembered(report: Path) -> dict[str, str]:
 
 
 def _variances(estimate: ElectricalEstimate, index: int) -> dict[str, Any]:
-    """Variances of power at one speed, by noise and by each error that the flight shares."""
+    """Return variances of power at one speed, from noise and from each error shared with other flights."""
     power = estimate.curve.power_W
     by_shared = {str(source): float(change[index]) ** 2 for source, change in power.shared.items()}
     return {"motion of the air, and what the flight cannot separate": float(power.own[index, index]), **by_shared}

@@ -1,4 +1,4 @@
-"""How sure the result is and why, what would halve its interval, and the margin to the stall."""
+"""How certain the result is and why, what would halve its interval, and the margin to the stall."""
 
 import math
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from flightpower.analysis.trajectory.settings import PRIOR_CHECK
 
 class CertaintySection(NamedTuple):
     shared_part: str
-    withheld: list[str]  # what the flight does not give
+    withheld: list[str]  # what is not known, and what would be needed
     checks: HtmlTable
     certificate: HtmlTable | None
     next_flight: list[str]
@@ -28,7 +28,7 @@ class CertaintySection(NamedTuple):
 
 
 def certainty_section(results: Results, sources: Sources | None = None) -> CertaintySection:
-    """sources : variance of power by source, where it is known: `variance_by_source`"""
+    """Return the section. sources : function for the variance of power by source, such as `variance_by_source`"""
     return CertaintySection(
         shared_part=shared_part(results, sources),
         withheld=results.withheld,
@@ -70,7 +70,7 @@ def _checks(results: Results) -> list[tuple[str, str]]:
 
 
 def _agreement_of_runs(results: Results) -> str:
-    """The run that differs most from the others of its kind."""
+    """Say which run differs most from the others of its kind."""
     compared = results.runs_against_others
     if not compared:
         return ""
@@ -83,7 +83,7 @@ def _agreement_of_runs(results: Results) -> str:
 
 
 def certificate(results: Results) -> HtmlTable | None:
-    """Each run against the others of its kind; None where no two runs can be compared."""
+    """Compare each run with the others of its kind; None if no two runs can be compared."""
     if not results.runs_against_others:
         return None
     return HtmlTable(
@@ -145,16 +145,16 @@ def _sentence(text: str) -> str:
 
 
 class Halving(NamedTuple):
-    """Sentences on how to halve the interval, and whether more runs of the same kind would do it."""
+    """Sentences on how to halve the interval, and whether more runs of the same kinds would do it."""
 
     text: str
     by_more_runs: bool
 
 
 def halving(results: Results, sources: Sources | None = None) -> Halving | None:
-    """What it would take to halve the interval at the reference speed; None where its parts are not known.
+    """Say what would halve the interval at the reference speed; None if its parts are not known.
 
-    Noise averages over runs, n times as many runs divide its square by n; the part that all runs share remains.
+    Noise averages out over runs: n times as many runs divide its square by n. The part that all runs share remains.
     """
     if not results.interval_parts or not results.runs:
         return None
@@ -180,12 +180,12 @@ def halving(results: Results, sources: Sources | None = None) -> Halving | None:
 
 
 def _watts(power_W: float) -> str:
-    """Watts with two significant digits."""
+    """Return watts with two significant digits."""
     return f"{power_W:.{decimals(power_W)}f} W"
 
 
 def more_runs_to_halve(part: IntervalPart, runs: int) -> int | None:
-    """Additional runs that halve the half width of the interval; None where the shared part alone is larger."""
+    """Return how many more runs halve the half width of the interval; None if the shared part alone exceeds that."""
     quarter = (part.noise_W**2 + part.systematic_W**2) / 4
     left = quarter - part.systematic_W**2
     if left <= 0:
@@ -194,19 +194,19 @@ def more_runs_to_halve(part: IntervalPart, runs: int) -> int | None:
 
 
 def _largest_shared(results: Results, sources: Sources | None, speed_mps: float) -> str:
-    """The sources of the part common to all runs, largest first, and how to reduce them."""
+    """Name the sources of the part common to all runs, largest first, and how to reduce them."""
     shares = shares_of_shared(sources, speed_mps)
     if not shares:
         return f"What is common to all runs are {ERRORS_IN_COMMON}."
     text = f"Of the variance at that speed, {in_percent(shares)}."
-    lowers = BY_SHARE.get(next(iter(shares)))  # that of the angle of attack has its sentences by its two errors
+    lowers = BY_SHARE.get(next(iter(shares)))  # none for angle of attack, whose two errors have separate sentences
     if lowers is None or lowers == results.next_flight_lowers:
         return text
     return f"{text} {REMEDIES[lowers].when}: {REMEDIES[lowers].sentence}."
 
 
 def stall_margin(results: Results) -> str:
-    """How far the slowest speed flown is from the stall, as far as the flight shows it."""
+    """Say how far the slowest speed flown is from the stall, as far as the flight shows it."""
     slowest = results.slowest_flown
     if slowest is None:
         return "Not known: the flight's slowest speed is not known."
@@ -226,11 +226,11 @@ def stall_margin(results: Results) -> str:
 
 
 def next_flight(results: Results, sources: Sources | None = None) -> list[str]:
-    """What to fly next, the most useful first.
+    """Say what to fly next, the most useful first.
 
-    The sentences of the results come first: they say what narrows the interval most. The number of runs that halve it
-    is given only where these say nothing, and the missing excitation of a sensor error only where they do not name that
-    error.
+    The sentences of the results come first: they say what narrows the interval most. The number of runs that halve the
+    interval is given only if there are no such sentences, and the missing excitation of a sensor error only if they do
+    not name that error.
     """
     advice = list(results.next_flight)
     to_halve = halving(results, sources)
@@ -264,7 +264,7 @@ def next_flight(results: Results, sources: Sources | None = None) -> list[str]:
 
 
 def _after_energy_balance(results: Results) -> list[str]:
-    """What narrows the interval of a whole flight where it is least: a longer flight, or a better calibration."""
+    """Say what narrows a whole flight's interval at the reference speed: more time, or a better calibration."""
     reference_mps = reference_point(results).point.speed_mps
     part = min(results.main.interval_parts, key=lambda part: abs(part.speed_mps - reference_mps))
     halves = f"At {part.speed_mps:.1f} m/s, ±{_watts(math.hypot(part.noise_W, part.systematic_W))} come from"

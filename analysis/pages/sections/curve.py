@@ -1,4 +1,4 @@
-"""The power-required curve in numbers, the drag polar, and how all methods compare."""
+"""The power-required curve in numbers, the drag polar, and a comparison of all methods."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,13 +20,13 @@ from flightpower.flight.units import FOOT_M
 
 class CurveSection(NamedTuple):
     title: str
-    facts: list[tuple[str, str]]  # name and text
-    data: str  # what the curve is from
+    facts: list[tuple[str, str]]  # each a name and a text
+    data: str  # the data behind the curve
     table: HtmlTable
-    drag: HtmlTable | None  # of a curve of electrical power, where thrust is known
+    drag: HtmlTable | None  # for a curve of electrical power, if thrust is known
     thrust_basis: str
     parameters: HtmlTable
-    stand: str  # thrust on the stand; "" if there is no stand
+    stand: str  # thrust on the stand; "" if none was measured
 
 
 def curve_section(results: Results) -> CurveSection:
@@ -57,7 +57,7 @@ def curve_section(results: Results) -> CurveSection:
 
 
 def _stand(results: Results) -> str:
-    """Thrust at rest as known before the flight and as estimated with the flight."""
+    """Say what thrust at rest was known before the flight, and what the flight's estimate gives."""
     measurements = results.pooling.prior_measurements if results.pooling else UNSET
     ratio = {p.name: p for p in results.parameters}.get("static_thrust_ratio")
     if ratio is None or not measurements:
@@ -71,7 +71,7 @@ def _stand(results: Results) -> str:
 
 
 def _best_range_on_battery(results: Results) -> str:
-    """The speed of best range on the battery, where it is not that of least drag, and why."""
+    """Say what speed gives best range on the battery, and why, if it is not the speed of least drag."""
     least_drag = results.best_range_speed.speed_mps
     if results.use is None or least_drag is None:
         return ""
@@ -82,7 +82,7 @@ def _best_range_on_battery(results: Results) -> str:
 
 
 def _drag_table(results: Results) -> HtmlTable | None:
-    """Drag and shaft power at the speeds of the curve; None where thrust is not known."""
+    """Return drag and shaft power at the speeds of the curve; None if thrust is not known."""
     if not results.power_required:
         return None
     shaft = {p.speed_mps: p for p in results.points(Kind.SHAFT)}
@@ -103,7 +103,7 @@ def _drag_table(results: Results) -> HtmlTable | None:
 
 
 def _data(results: Results) -> str:
-    """Number of runs of each kind, or length of the flight."""
+    """Return the number of runs of each kind, or the length of the flight."""
     if results.balance:
         return f"{results.balance.flown_s / 60:.1f} min in the air"
     kinds = [run.kind for run in results.runs]
@@ -112,7 +112,7 @@ def _data(results: Results) -> str:
 
 
 def at_whole_speeds(points: Sequence[PowerPoint], most: int = 40) -> list[PowerPoint]:
-    """The curve between its points at whole m/s, each or every few of them; empty where it has no two of them."""
+    """Interpolate the curve at whole m/s, at each or every few of them; empty if it spans fewer than two of them."""
     V = [point.speed_mps for point in points]
     speeds_mps = np.arange(math.ceil(min(V, default=0.0)), math.floor(max(V, default=0.0)) + 1)
     if len(speeds_mps) < 2:
@@ -151,9 +151,9 @@ ERRORS_IN_COMMON = (
 
 
 def shares_of_shared(sources: Sources | None, speed_mps: float) -> dict[Share, float]:
-    """Shares of the variance of power at a speed, of all that is common to the runs, the largest first.
+    """Return shares of the variance of power at a speed of all sources common to the runs, largest first.
 
-    Sources below half a percent are left out; empty if the sources cannot be separated.
+    Sources below half a percent are left out. Empty if the sources cannot be separated.
     """
     if sources is None:
         return {}
@@ -166,7 +166,7 @@ def shares_of_shared(sources: Sources | None, speed_mps: float) -> dict[Share, f
 
 
 def in_percent(shares: Mapping[Share, float]) -> str:
-    """ "40 % comes from updraft, 9 % from airspeed"."""
+    """Return text such as "40 % comes from updraft, 9 % from airspeed"."""
     first, *others = (f"from {source}" for source in shares)
     percents = [f"{100 * share:.0f} %" for share in shares.values()]
     rest = (f", {percent} {other}" for percent, other in zip(percents[1:], others, strict=True))
@@ -174,7 +174,7 @@ def in_percent(shares: Mapping[Share, float]) -> str:
 
 
 def shared_part(results: Results, sources: Sources | None = None) -> str:
-    """How much of the interval does not shrink with more data, and why; empty where it is not known."""
+    """Say how much of the interval does not shrink with more data, and why; empty if that is not known."""
     parts = results.main.interval_parts
     if not parts:
         return ""
@@ -194,15 +194,15 @@ def shared_part(results: Results, sources: Sources | None = None) -> str:
 class MethodsSection(NamedTuple):
     table: HtmlTable
     disagreements: list[str]
-    agree: bool  # methods were compared and no pair disagrees
+    agree: bool  # whether methods were compared and no pair disagrees
     cross_check_differs: bool
-    points: bool  # a method has points of its own
-    pitch_rate: str  # significance of C_Lq; empty where it was not estimated
+    points: bool  # whether a method has measured points
+    pitch_rate: str  # significance of C_Lq; empty if it was not estimated
     says: str  # whether they agree, in a few words
 
 
 def methods_section(results: Results) -> MethodsSection | None:
-    """None where no other method gave a curve."""
+    """Return the section; None if no other method gave a curve."""
     if not results.methods:
         return None
     rows = [
@@ -239,7 +239,7 @@ def _pitch_rate(rate: PitchRateResult | None) -> str:
 
 
 def _power_at_ends(curve: Sequence[PowerPoint]) -> tuple[str, str]:
-    """Power with half its 95 % interval at the slowest and at the fastest speed of a curve."""
+    """Return power with half its 95 % interval at the slowest and at the fastest speed of a curve."""
     if not curve:
         return "no curve", ""
     slow, fast = (

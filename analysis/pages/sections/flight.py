@@ -1,4 +1,4 @@
-"""What was flown, and with what: runs and rejected stretches, agreement of the sensors, origin of every input."""
+"""What was flown, and with what equipment: runs and rejected stretches, agreement of sensors, origin of every input."""
 
 import math
 from typing import NamedTuple
@@ -15,7 +15,7 @@ class FlightSection(NamedTuple):
 
 
 def flight_section(results: Results) -> FlightSection | None:
-    """None of a flight without runs."""
+    """Return the section; None for a flight without runs."""
     if not results.runs and not results.rejected:
         return None
     runs = [
@@ -51,7 +51,7 @@ class SensorsSection(NamedTuple):
 
 
 def sensors_section(results: Results) -> SensorsSection | None:
-    """None where no trajectory was reconstructed."""
+    """Return the section; None if no trajectory was reconstructed."""
     path = results.path
     if path is None:
         return None
@@ -81,12 +81,12 @@ def _error_row(error: SensorError) -> tuple[str, str, str, str]:
 
 
 def decimals(sigma: float) -> int:
-    """Decimals that show two significant digits of a standard error."""
+    """Return how many decimals show two significant digits of a standard error."""
     return max(0, 1 - math.floor(math.log10(sigma))) if sigma > 0 else 2
 
 
 class ProvenanceSection(NamedTuple):
-    """date_and_place: of the head of the page. wind: for the map. facts: name and text."""
+    """date_and_place: for the head of the page. wind: for the map. facts: each a name and a text."""
 
     date_and_place: str
     wind: str
@@ -96,7 +96,7 @@ class ProvenanceSection(NamedTuple):
 
 
 def provenance_section(results: Results) -> ProvenanceSection | None:
-    """None if the results do not name their inputs."""
+    """Return the section; None if the results do not name their inputs."""
     provenance = results.provenance
     if provenance is None:
         return None
@@ -147,7 +147,7 @@ def _recorder(results: Results, provenance: Provenance) -> str:
 
 
 def _of_daemon(results: Results, provenance: Provenance) -> list[tuple[str, str]]:
-    """What only our own recorder logs."""
+    """Return facts that only our own recorder logs."""
     if provenance.ticks is None:
         return []
     return [("Sampling", _ticks(results)), ("Messages of the daemon", "; ".join(provenance.events) or "no warning")]
@@ -166,7 +166,7 @@ class BalanceSection(NamedTuple):
 
 
 def balance_section(results: Results) -> BalanceSection | None:
-    """None where the curve is not by an energy balance."""
+    """Return the section; None if the curve is not from an energy balance."""
     balance = results.balance
     if balance is None:
         return None
@@ -222,12 +222,12 @@ def _length_of(air: AirFound) -> str:
 
 
 def temperature_text(air: AirFound) -> str:
-    """ " (15 °C)"; empty where it is not known."""
+    """Return text such as " (15 °C)"; empty if the temperature is not known."""
     return "" if air.temperature_K is None else f" ({air.temperature_K - 273.15:.0f} °C)"
 
 
 def _air(results: Results) -> list[tuple[str, str]]:
-    """As far as the flight shows it."""
+    """Return what the flight shows about the air."""
     air, where = results.air, "runs" if results.runs else "flight"
     facts = []
     if air.wind_mps is not None:

@@ -20,7 +20,7 @@ class PerformanceSection(NamedTuple):
     field_assumption: str
     speeds: HtmlTable
     loadings: HtmlTable
-    extrapolated: bool  # a line of the tables bears field_table.MARK
+    extrapolated: bool  # whether a line of the tables has field_table.MARK
     power_train_basis: str
     efficiency_points: str
     full_throttle: str
@@ -28,7 +28,7 @@ class PerformanceSection(NamedTuple):
 
 
 def performance_section(results: WithCurves, use: PerformanceResult | None) -> PerformanceSection | None:
-    """None where the propeller table does not allow performance."""
+    """Return the section; None if the propeller table does not allow performance."""
     if use is None:
         return None
     notes = (use.available.basis, ceilings(use), *use.available.notes, use.available.reason)
@@ -54,7 +54,7 @@ def performance_section(results: WithCurves, use: PerformanceResult | None) -> P
 
 
 def ceilings(use: PerformanceResult) -> str:
-    """Service and absolute ceiling in sentences, as far as they are known."""
+    """State service and absolute ceiling, as far as they are known."""
     service, absolute = use.available.service_ceiling_m, use.available.absolute_ceiling_m
     sentences = []
     if service:
@@ -84,7 +84,7 @@ class AutopilotSection(NamedTuple):
 
 
 def autopilot_section(results: WithCurves) -> AutopilotSection | None:
-    """None where no parameter follows from the results."""
+    """Return the section; None if no parameter follows."""
     if not results.autopilot_parameters:
         return None
     logged = any(parameter.logged is not None for parameter in results.autopilot_parameters)
@@ -106,7 +106,7 @@ def autopilot_section(results: WithCurves) -> AutopilotSection | None:
 
 
 def _number(value: float) -> str:
-    """No decimals from 100 up, three decimals below 1."""
+    """Format a number: no decimals from 100 up, three decimals below 1."""
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3f}" if abs(value) < 2 else f"{value:.1f}"
 
 
@@ -119,11 +119,11 @@ LOADINGS = ("", "mass, kg", "endurance, min", "at m/s", "range, km", "at m/s", "
 SLOWER = "Do not fly slower than the slowest flown: no slower flight was measured."
 
 
-MARK = " *"  # of an extrapolated row
+MARK = " *"  # marks an extrapolated row
 
 
 def speed_rows(use: PerformanceResult) -> list[list[str]]:
-    """Rows under SPEEDS, at the weight and air density of the flight."""
+    """Return rows under SPEEDS, at the weight and air density of the flight."""
     return [
         [
             f"{row.speed_mps:.0f}{MARK if row.extrapolated else ''}",
@@ -138,7 +138,7 @@ def speed_rows(use: PerformanceResult) -> list[list[str]]:
 
 
 def loading_rows(use: PerformanceResult) -> list[list[str]]:
-    """Rows under LOADINGS, one for each weight and air density."""
+    """Return rows under LOADINGS, one for each weight and air density."""
     return [
         [
             f"{case.title}{MARK if case.extrapolated else ''}",
@@ -155,8 +155,8 @@ def loading_rows(use: PerformanceResult) -> list[list[str]]:
 
 
 def _best_speed(speed: Interval, at_slowest: bool, at_fastest: bool) -> str:
-    """ "11.6"; "11.6 (slowest)" or "24.0 (fastest)" where it is an end of the speeds flown."""
-    end = "\u00a0(slowest)" if at_slowest else "\u00a0(fastest)" if at_fastest else ""  # the line must not break here
+    """Return "11.6", or "11.6 (slowest)" or "24.0 (fastest)" at an end of the speeds flown."""
+    end = "\u00a0(slowest)" if at_slowest else "\u00a0(fastest)" if at_fastest else ""  # no line break here
     return f"{speed.value:.1f}{end}"
 
 
@@ -170,7 +170,7 @@ def _value_or_dash(interval: Interval | None) -> str:
 
 
 def heading(results: WithCurves) -> str:
-    """Aircraft, weight, air density, propeller and battery that the table holds for."""
+    """Return aircraft, weight, air density, propeller and battery for which the table is valid."""
     return (
         f"{results.aircraft.title}, {results.test.weight_N / GRAVITY_MPS2:.2f} kg,"
         f" air {results.test.air_density_kgpm3:.3f} kg/m³, propeller {results.aircraft.propeller},"
@@ -179,12 +179,12 @@ def heading(results: WithCurves) -> str:
 
 
 def assumption(use: PerformanceResult) -> str:
-    """What the battery column assumes; "" where the power train was measured."""
+    """Say what the battery column assumes; "" if the power train was measured."""
     return "" if use.power_train.measured else use.power_train.basis
 
 
 def to_markdown(results: WithCurves, use: PerformanceResult) -> str:
-    """Both tables with heading and notes."""
+    """Return both tables with heading and notes."""
     parts = [f"# {heading(results)}", _markdown(SPEEDS, speed_rows(use)), _markdown(LOADINGS, loading_rows(use))]
     if has_extrapolation(use):
         parts.append("\\* outside the propeller table: an extrapolation.")
@@ -204,7 +204,7 @@ def _markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def to_csv(results: WithCurves, use: PerformanceResult) -> str:
-    """One line for each speed, at the weight and air density of the flight; units in the header."""
+    """Return a line for each speed, at the weight and air density of the flight; units are in the header."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     names = ("speed_mps", "power_required_W", "battery_W", "endurance_s", "range_m", "climb_mps")

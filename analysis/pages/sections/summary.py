@@ -14,7 +14,7 @@ from flightpower.flight.units import FOOT_M, GRAVITY_MPS2
 
 
 class AnswerCard(NamedTuple):
-    """A headline answer. Of one that is a speed, `speed` is its number in m/s and `answer` what follows the unit."""
+    """A headline answer. If it is a speed, `speed` is the number in m/s, and `answer` the text after the unit."""
 
     question: str
     speed: str
@@ -27,8 +27,8 @@ class SummarySection(NamedTuple):
     title: str
     condition: str
     cards: list[AnswerCard]
-    steady_points: bool  # shown in the figure
-    motor_note: str  # where the motor was not measured
+    steady_points: bool  # whether the figure shows them
+    motor_note: str  # set if the motor was not measured
     warnings: list[str]
     source: str
 
@@ -59,7 +59,7 @@ def _card(answer: HeadlineAnswer) -> AnswerCard:
 
 
 class NamedPoint(NamedTuple):
-    """A point of the curve and what is special about its speed."""
+    """A point of the curve, and the name of its speed."""
 
     point: PowerPoint
     meaning: str
@@ -71,17 +71,17 @@ class VerdictSection(NamedTuple):
     sentence: str
     heading: str
     color_class: str
-    reasons: str  # empty where nothing more is known than the heading
+    reasons: str  # empty if the heading says everything
 
     @property
     def colon(self) -> str:
-        """The punctuation after the heading: a colon before reasons, otherwise a period."""
+        """The punctuation between heading and reasons."""
         return ":" if self.reasons else "."
 
 
 def reference_point(results: Results) -> NamedPoint:
-    """The speed of best range, which is that of least drag where drag is known; else that of least power, or the
-    middle of the speeds flown."""
+    """Return the point at the speed of best range, which is the speed of least drag if drag is known; else at the speed
+    of least power, or at the middle of the speeds flown."""
     main = results.main
     candidates = (
         (main.best_range_speed, f"the speed of {'best range' if results.kind is Kind.ELECTRICAL else 'least drag'}"),
@@ -124,7 +124,7 @@ def verdict_section(results: Results) -> VerdictSection:
 
 
 def _support(results: Results) -> str:
-    """What supports the result; empty where no other method is applied."""
+    """Say what supports the result; empty if no other method was applied."""
     if results.kind is Kind.ELECTRICAL:
         return ""
     others = sum(bool(method.power_required) for method in results.methods)
