@@ -2,8 +2,7 @@
 
 The estimates of two flights are correlated, since the same prior pulls on both. For the shared parameters x, each
 estimate is v_f - x = a_f e + n_f + sum of c_f: e is the error of the prior's mean, n_f the flight's own error, and c_f
-the effect of errors that all flights have in common. Both tests use the covariance of the differences that
-follows.
+the effect of errors that all flights have in common. Both tests use the covariance of the differences between flights.
 """
 
 from collections.abc import Callable, Sequence
@@ -326,7 +325,7 @@ def likely_cause(difference: Difference) -> LikelyCause | None:
 
 
 def quadratic_form(d: Array, C: Array) -> Array:
-    """d' C^-1 d, of d (..., k) and C (..., k, k)."""
+    """Return d' C^-1 d for d (..., k) and C (..., k, k)."""
     scale = 1 / np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
     scaled = d * scale
     solution = np.linalg.solve(C * scale[..., :, None] * scale[..., None, :], scaled[..., None])[..., 0]

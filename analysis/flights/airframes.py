@@ -55,7 +55,7 @@ class FleetCurve(NamedTuple):
 
     @property
     def of_another(self) -> Polar:
-        """Prediction for an airframe of this fleet that has not flown yet."""
+        """Predicted polar of an airframe of this fleet that has not flown yet."""
         return Polar(self.mean.A, self.mean.covariance + self.among_airframes)
 
 

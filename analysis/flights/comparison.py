@@ -178,7 +178,7 @@ class Comparison(OfAKind["Comparison"]):
         return [*self._notes_of_kind(names, evidence), *([self.refused] if self.refused else [])]
 
     def _notes_of_kind(self, names: tuple[str, str], evidence: list[Evidence]) -> list[str]:
-        if self.a.kind is Kind.ELECTRICAL:  # both sides together, since a board may have flown on both
+        if self.a.kind is Kind.ELECTRICAL:  # both sides together, since one board may have flown on both
             contents = [flight.content for pool in (self.a, self.b) for flight in pool.flights]
             apart = one_name(self.a, self.b) and not self.relation.same_installation
             return [*vehicle_notes(contents), *([NOT_ONE_VEHICLE] if apart else [])]
@@ -199,9 +199,9 @@ class Comparison(OfAKind["Comparison"]):
 def compare(a: Pool, b: Pool) -> Comparison:
     """Compare B with A at the weight and density of A, at speeds that both flew, by a kind of power that both have.
 
-    If both kinds qualify, the kind of both pools' curves comes first, otherwise electrical power. Where the
-    other kind has flights that the first lacks, B is also compared by it: see `other_kind`. Raises InputError where
-    there is no common kind of power, where a flight is in both pools, and where they have no speeds in common.
+    Pools that have only one kind, the same in both, are compared by it. Otherwise both kinds are tried: power required
+    first if it is the kind of both pools, else electrical power first. The second comparison is `other_kind`. Raises
+    InputError if there is no common kind of power, if a flight is in both pools, or if they have no speeds in common.
     """
     if a.kind is b.kind and not a.other_kind and not b.other_kind:
         return _of_one_kind(a, b)
@@ -227,7 +227,7 @@ def _of_one_kind(a: Pool, b: Pool) -> Comparison:
         relation = _of_installations(a, b)
         powers = _by_joint_estimate(a, b, relation)
     else:
-        assert isinstance(a, CurvePool) and isinstance(b, CurvePool)  # pools of one kind
+        assert isinstance(a, CurvePool) and isinstance(b, CurvePool)  # both pools are of this kind
         relation = _of_aircraft(a, b)
         powers = _by_curves(a, b, relation)
     V, a_W, b_W, covariance, independent = powers

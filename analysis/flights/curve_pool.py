@@ -187,7 +187,7 @@ class CurvePool(Pool):
 
     @cached_property
     def homogeneity(self) -> Test | None:
-        """Tests the powers at three speeds; None for one flight, or if fewer than two share a speed."""
+        """Test of whether flights agree at three speeds; None for one flight, or if no two flights share a speed."""
         slow, fast = self.ends_mps
         if len(self.flights) < 2 or slow >= fast:
             return None
@@ -277,7 +277,7 @@ class CurvePool(Pool):
 def curve_pool(flights: Sequence[FlightCurve], condition: Condition | None = None) -> CurvePool:
     """Pool curves at the flights' mean weight and density, or at another condition.
 
-    Raises InputError for flights of two aircraft, and for the same flight twice.
+    Raises InputError for flights of two aircraft, or if a flight is given twice.
     """
     first = flights[0]
     for flight in flights:
@@ -314,7 +314,7 @@ def _smoothing(V: Array, error_W: Array) -> Array:
 def curve_difference(pool: CurvePool, other: CurvePool, shares_errors: bool) -> CurveDifference:
     """Return one pool's power minus the other's, at speeds that at least half of the flights in each pool reach.
 
-    Raises InputError where there are none.
+    Raises InputError if there are no such speeds.
     """
     ends = [pool.ends_mps, other.ends_mps]
     low, high = max(slow for slow, _ in ends), min(fast for _, fast in ends)

@@ -57,7 +57,7 @@ class StoredFlight(NamedTuple):
 class Dataset:
     """The rows below a folder or an address such as s3://bucket/fleet.
 
-    Raises InputError where the file system is not known or does not answer.
+    Raises InputError if the file system is not known or does not answer.
     """
 
     address: str
@@ -115,7 +115,7 @@ class Dataset:
                 content = _read_row(row)
                 if content is not None:
                     flight = read_curve(content) if content.pooling is None else of_content(content)
-                    folder = row.get("folder") or ""  # rows of earlier versions lack it
+                    folder = row.get("folder") or ""  # rows of earlier versions lack the folder
                     newest[row["flight"]] = (row["configuration"], replace(flight, folder=folder))
         by_configuration: dict[str, list[PoolFlight]] = defaultdict(list)
         for key in sorted(newest, key=lambda key: (newest[key][1].start_unix_s or math.inf, key)):

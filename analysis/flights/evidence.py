@@ -201,7 +201,7 @@ def shape_text(share: float, error: float) -> str:
 
 
 def one_vehicle(a: Sequence[Results], b: Sequence[Results]) -> bool:
-    """Whether the same boards logged both; true where one side's logs do not identify theirs."""
+    """Whether the same boards logged both groups of flights; also True if one group's logs identify none."""
     of_a, of_b = ({flight.vehicle for flight in flights if flight.vehicle} for flights in (a, b))
     return not of_a or not of_b or of_a == of_b
 

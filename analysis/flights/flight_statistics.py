@@ -68,7 +68,7 @@ class _OneFlight:
 
     @property
     def start_unix_s(self) -> float | None:
-        """Start of its log; None if not known."""
+        """Start of the flight's log [s, Unix time]; None if not known."""
         return self.content.start_unix_s
 
     @property
@@ -114,7 +114,7 @@ class FlightStatistics(_OneFlight):
     @property
     def statistics(self) -> PoolingStatistics:
         """The statistics for pooling in the flight's results."""
-        assert self.content.pooling is not None  # computed from these fields
+        assert self.content.pooling is not None  # `of_content` requires it
         return self.content.pooling
 
     @property
@@ -252,7 +252,7 @@ def _symmetric(lower_triangle: Sequence[Sequence[float]], size: int) -> Array:
 
 
 def check_one_aircraft(flights: Sequence[FlightStatistics]) -> None:
-    """Raises InputError for flights of two aircraft, propellers or installations, naming two of them."""
+    """Raise InputError for flights of two aircraft, propellers or installations; the message names two flights."""
     first = flights[0]
     for other in flights[1:]:
         for differs, what, values, advice in (

@@ -60,7 +60,7 @@ class Prior(NamedTuple):
 
     @property
     def covariance(self) -> Array:
-        """(k, k); 0 where there is no prior."""
+        """Covariance (k, k); 0 where there is no prior."""
         informed = np.diag(self.information) > 0
         covariance = np.zeros(self.information.shape)
         own = self.information[np.ix_(informed, informed)]
@@ -233,7 +233,7 @@ def shared_prior(flights: Sequence[FlightStatistics]) -> Prior:
 
 
 def solve(groups: Sequence[Group], prior: Prior) -> PooledEstimate:
-    """Solves for all shared parameters (k,)."""
+    """Solve for all shared parameters (k,)."""
     H, b = prior.information.copy(), prior.vector.copy()  # not symmetric: the first step ignores the second
     for stack, indices, counts in groups:
         H[np.ix_(indices, indices)] += np.tensordot(counts, stack.normal_matrix, 1)
@@ -276,7 +276,7 @@ def _sum_over_others(of_flights: Array) -> Array:
 
 
 def _congruent(W: Array, C: Array) -> Array:
-    """W C W', each (..., M, M)."""
+    """Return W C W', where W and C are (..., M, M)."""
     return np.asarray(W @ C @ np.swapaxes(W, -1, -2))
 
 

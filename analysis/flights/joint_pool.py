@@ -96,7 +96,7 @@ class JointPool(Pool):
 
     @cached_property
     def speeds_mps(self) -> Array:
-        """Speeds (`POOLING.compared_speeds`,) of comparisons [m/s]."""
+        """Speeds (`POOLING.compared_speeds`,) [m/s] at which flights are compared."""
         return np.linspace(self.curve.V_mps[0], self.curve.V_mps[-1], POOLING.compared_speeds)
 
     @cached_property
@@ -143,7 +143,7 @@ class JointPool(Pool):
         return notes
 
     def power(self, V: Array) -> tuple[Array, Array]:
-        """Power required and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
+        """Return power required and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
         return power_required(V, self.polar, self.condition)
 
     def half_widths_percent(self, counts: Sequence[int], V: Array) -> Array:
@@ -329,7 +329,7 @@ def thrust_known(flights: Sequence[FlightStatistics], CL: Array) -> NDArray[np.b
 
 
 def mean_condition(flights: Sequence[FlightStatistics]) -> Condition:
-    """Mean weight and density of the flights."""
+    """Return mean weight and density of the flights."""
     weight, rho, area = (float(np.mean(values)) for values in zip(*(f.condition for f in flights), strict=True))
     return Condition(weight, rho, area)
 

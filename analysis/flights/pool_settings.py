@@ -1,4 +1,4 @@
-"""Settings of pools and comparisons of flights (docs/understand/pooling.md)."""
+"""Settings for pools and comparisons of flights (docs/understand/pooling.md)."""
 
 from dataclasses import dataclass
 

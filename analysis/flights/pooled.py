@@ -1,7 +1,7 @@
 """What pools of drag and of electrical power have in common, and how results are written (docs/understand/pooling.md).
 
 Drag: the joint estimate of polar, thrust and installation (`joint_pool`). Electrical power: curves, without an
-installation (`curve_pool`). Each kind of pool supplies the power at any speeds from any number of its flights, and the
+installation (`curve_pool`). Each kind of pool supplies the power at any speed from any of its flights, and the
 difference of each flight from the others. Tests, outliers, trends, plans and the record are computed here.
 """
 
@@ -108,11 +108,11 @@ class Pool(OfAKind["Pool"], ABC):
     @property
     @abstractmethod
     def speeds_mps(self) -> Array:
-        """Speeds (`POOLING.compared_speeds`,) of comparisons [m/s]."""
+        """Speeds (`POOLING.compared_speeds`,) [m/s] at which flights are compared."""
 
     @abstractmethod
     def power(self, V: Array) -> tuple[Array, Array]:
-        """Power and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
+        """Return power and its standard error [W], each (n,), at speeds V (n,) [m/s]."""
 
     @property
     @abstractmethod
@@ -172,7 +172,7 @@ class Pool(OfAKind["Pool"], ABC):
 
     @abstractmethod
     def curve_result(self) -> CurveResult:
-        """The curve of all flights as results have it."""
+        """Return the curve of all flights in the form of the results."""
 
     def _form(self, results: PooledResults, request: Request) -> PooledResults:
         """Return the results with the fields that only this kind of pool has."""
@@ -359,8 +359,8 @@ def flights_to_see(pool: Pool, difference: float) -> int | None:
     """Return how many flights each of two configurations needs to show a difference in power in 9 of 10 campaigns.
 
     difference : fraction of power, at every lift coefficient. These flights are assumed to be like the flights of the
-    pool, all with the same shared errors. None for more than `EVIDENCE.most_repetitions`. Raises InputError where the
-    difference is not positive.
+    pool, all with the same shared errors. Returns None if that takes more than `EVIDENCE.most_repetitions`. Raises
+    InputError if the difference is not positive.
     """
     if not difference > 0:
         raise InputError(f"a difference of {difference:g} to be seen; give a fraction above 0, such as 0.02")
@@ -379,7 +379,7 @@ def flights_to_see(pool: Pool, difference: float) -> int | None:
 
 
 def plans_to_see(pool: Pool) -> list[FlightsToSee]:
-    """`flights_to_see` for each of `POOLING.differences_to_see`."""
+    """Return `flights_to_see` for each of `POOLING.differences_to_see`."""
     return [
         FlightsToSee(difference_percent=100 * share, flights_each=flights_to_see(pool, share))
         for share in POOLING.differences_to_see

@@ -1,9 +1,9 @@
 """Energy and time of legs in wind: steady flight along one leg after another, with turns, circles, climbs and descents.
 
-A leg's airspeed and the wind give its ground speed (wind triangle). Height changes evenly over the leg; if that exceeds
-the aircraft's rate of climb, the rest is climbed in circles. Turns between legs, and circles, are flown at a load
-factor. A change of speed counts as the change of height with the same energy. Wind components point where the wind
-blows to, in m/s.
+A leg's airspeed and the wind give its ground speed (wind triangle). Height changes evenly over the leg; if that
+requires more than the aircraft's rate of climb, the rest is climbed in circles. Turns between legs, and circles, are
+flown at a load factor. A change of speed counts as the change of height with the same energy. Wind components point
+where the wind blows to, in m/s.
 """
 
 from dataclasses import dataclass, replace

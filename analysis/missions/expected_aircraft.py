@@ -1,4 +1,4 @@
-"""What a plan assumes of an aircraft before its flight: stall, drag polar, lift curve, thrust."""
+"""What a plan assumes about an aircraft before the flight: stall, drag polar, lift curve, thrust."""
 
 from dataclasses import dataclass, field, replace
 
@@ -145,7 +145,7 @@ def expected_aircraft(
         if not len(can):
             raise InputError(f"{aircraft.name}: full throttle does not carry the aircraft; check propeller and motor")
         i = int(can[-1])
-        fastest_mps = float(np.interp(0.0, -excess[i : i + 2], V[i : i + 2]))  # or the last V
+        fastest_mps = float(np.interp(0.0, -excess[i : i + 2], V[i : i + 2]))  # or the last V if it has excess thrust
     expectation = ExpectedAircraft(
         aircraft=aircraft, propeller=propeller, rho=rho, A=A, stall_mps=stall_mps, fastest_mps=fastest_mps,
         acceleration_throttle=MANEUVERS.acceleration_throttle, full_throttle=True, basis="; ".join([*basis, motor]),
@@ -175,7 +175,7 @@ def _inside_the_table(expected: ExpectedAircraft) -> ExpectedAircraft:
     level = expected.revps_of_thrust(V, expected.drag_N(V))
     load = np.minimum(1 / np.cos(MANEUVERS.banks_rad[0]), (V / slowest) ** 2)
     turning = expected.revps_of_thrust(V, expected.drag_N(V, load))
-    spare = np.minimum(turning / MARGINS.fastest, _revps(expected, 1.0, V))  # to hold the speed in gusts
+    spare = np.minimum(turning / MARGINS.fastest, _revps(expected, 1.0, V))  # rev/s that hold the speed in gusts
     covered = _covered(expected, V, level) & _covered(expected, V, spare)
     first = int(np.argmax(covered))  # in slower flight the propeller may be too slow for the table
     full = bool(np.all(_covered(expected, V[-1:], _revps(expected, 1.0, V[-1:]))))

@@ -1,7 +1,8 @@
-"""Missions of INAV as mwp and the Configurator save them: XML with `missionitem`.
+"""Reads missions of INAV as mwp and the Configurator save them: XML with `missionitem`.
 
-Source: INAV's docs/Navigation.md. Places are degrees, heights meters above home, or above the sea where bit 0 of the
-third parameter is set; a jump names a number of this file. Speeds of legs apply to multicopters only.
+Source: INAV's docs/Navigation.md. Positions are in degrees. Heights are in meters above home, or above the sea if bit 0
+of the third parameter is set. A jump refers to an item by its number in the file. Speeds of legs apply to multicopters
+only.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Items of a mission as autopilots number them: commands (MAV_CMD), frames of heights, and where home is.
+"""Items of a mission with the numbers that autopilots use: commands (MAV_CMD), frames of heights, and home.
 
 Source: mavlink.io, Mission Protocol and the message set `common`; tests compare the numbers with pymavlink's.
 """
@@ -27,7 +27,7 @@ class Command(IntEnum):
     GUIDED = 92
     DELAY = 93
     PLACE_PAYLOAD = 94
-    LAST_PATH = 95  # commands up to this number fly somewhere
+    LAST_PATH = 95  # commands up to this number fly to a place
     SET_MODE = 176
     JUMP = 177
     CHANGE_SPEED = 178
@@ -102,14 +102,14 @@ ABOVE_TERRAIN = frozenset((Frame.TERRAIN, Frame.TERRAIN_INT))
 
 
 class SpeedType(IntEnum):
-    """First parameter of a change of speed."""
+    """Values of the first parameter of a change of speed."""
 
     AIRSPEED = 0
     GROUND_SPEED = 1
 
 
 class Gripper(IntEnum):
-    """Second parameter of a gripper's item."""
+    """Values of the second parameter of a gripper's item."""
 
     RELEASE = 0
     GRAB = 1

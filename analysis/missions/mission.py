@@ -1,6 +1,7 @@
-"""A mission as steps over flat ground, and the text of `--legs`.
+"""A mission as steps over flat ground; parses the text of `--legs` and `--wind`.
 
-Positions are meters east and north of home, heights above it. Airspeeds are equivalent ones, as autopilots show them.
+Positions are in meters east and north of home, heights in meters above it. Airspeeds are equivalent airspeeds, as
+autopilots show them.
 """
 
 import re
@@ -23,7 +24,7 @@ class Place(NamedTuple):
     height_m: float = 0.0
 
     def distance_m(self, other: "Place") -> float:
-        """Distance over the ground."""
+        """Return the distance over the ground [m]."""
         return hypot(other.east_m - self.east_m, other.north_m - self.north_m)
 
 
@@ -133,7 +134,7 @@ DROP = re.compile(r"drop\s+(?P<weight>.+)")
 def parse_legs(text: str, height_m: float) -> Mission:
     """Parse legs like "3 km 045, 2 km 135 +50 m at 17 m/s, drop 0.5 kg, 3 km 225", from `height_m` above home.
 
-    Raises InputError naming the leg.
+    Raises InputError that names the leg.
     """
     place, steps = HOME._replace(height_m=height_m), list[Step]()
     for number, part in enumerate(text.split(","), start=1):

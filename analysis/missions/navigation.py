@@ -110,7 +110,7 @@ def _parts(plan: Sequence[Maneuver], flown: Sequence[Path]) -> Iterator[_Part]:
             if isinstance(maneuver := plan[i], Hold | Porpoise)
         ]
         held_mps, number, duration_s = max(candidates, default=(0.0, None, 0.0))
-        shortest_s = 8.0  # of a circuit
+        shortest_s = 8.0  # of a held maneuver in a circuit
         yield _Part(
             through_air_m=sum(float(flown[i].V.sum()) for i in numbers) * PATH.step_s,
             seconds=sum(float((flown[i].V > 0).sum()) for i in numbers) * PATH.step_s,

@@ -1,4 +1,4 @@
-"""The pieces of 20 to 100 s that a flight plan is made of, and their catalog for one aircraft, space and pilot.
+"""The pieces of 20 to 100 s from which a flight plan is made, and their catalog for one aircraft, space and pilot.
 
 Speeds are true airspeeds [m/s], angles in rad, times in s.
 """
@@ -95,7 +95,7 @@ class Space:
 
 @dataclass(frozen=True)
 class Pilot:
-    """What the pilot or the autopilot can fly. load: largest change of the load factor from 1."""
+    """What the pilot or the autopilot can fly. load: largest deviation of the load factor from 1."""
 
     autopilot: bool
     load: float

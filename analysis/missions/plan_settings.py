@@ -7,7 +7,7 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class Trainer(Settings):
-    """An aircraft about which nothing more is known; its drag is the median of the prior of
+    """An aircraft about which nothing else is known; its drag is the median of the prior in
     `analysis.methods.whole_flight.settings`."""
 
     largest_CL: float = setting(1.2, "1", "of a plain wing without flaps")

@@ -27,7 +27,7 @@ from flightpower.flight.propeller_speed import corrected_thrust, full_throttle_r
 
 
 class SteadyPower(Protocol):
-    """Battery power [W] at n draws: (n, k) at V (k,) or (n, k) [m/s], for a condition of arrays (k,)."""
+    """Gives battery power [W] at n draws: (n, k) at V (k,) or (n, k) [m/s], for a condition with arrays (k,)."""
 
     def battery_W(self, V: Array, condition: Condition, sine: Floats, load_factor: Floats) -> Array: ...
 

@@ -65,7 +65,7 @@ class Air(NamedTuple):
     temperature_K: float
 
     def rho(self, height_m: Array) -> Array:
-        """Density [kg/m^3] at heights above home."""
+        """Return the density [kg/m^3] at heights above home [m]."""
         at_home = {"ground_pressure_Pa": self.pressure_Pa, "ground_temperature_K": self.temperature_K}
         return np.asarray(density(pressure_at(height_m, **at_home), temperature_at(height_m, self.temperature_K)))
 
@@ -134,10 +134,10 @@ class RouteResult(msgspec.Struct, frozen=True, kw_only=True):
     time_s: Interval
     energy_Wh: Interval
     charge_left: Interval
-    probability: float  # of ending the route with the reserve left
+    probability: float  # that the route ends with the reserve left
     sure: float
     reserve: float
-    no_return: NoReturn | None  # null where the direct way home is safe everywhere
+    no_return: NoReturn | None  # None if the way home is safe everywhere
     headwind_Wh_per_km: Interval
     directions: list[Direction]
     slowest_airspeed_mps: float  # lowest allowed, equivalent

@@ -1,7 +1,7 @@
 """Finds the sequence of pieces that makes the interval smallest in the time available, by an exchange algorithm.
 
-Information about the sensor errors and about the polar adds up over the pieces of a flight. The information of a piece
-is what it adds to a short flight (`information.expected` with and without it). While time remains, the piece that
+Information about the sensor errors and about the polar adds up over the pieces of a flight. A piece's information is
+what it adds to a short flight (`information.expected` with and without the piece). While time remains, the piece that
 lowers the cost most for its duration is added; then single pieces are exchanged as long as that lowers the cost.
 Finally the whole flight is computed once more.
 """

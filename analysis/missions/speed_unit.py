@@ -1,4 +1,4 @@
-"""Speeds as a pilot reads them: in m/s, and in the unit of the display."""
+"""Speeds as a pilot reads them: in m/s and in the unit of the pilot's display."""
 
 from enum import StrEnum
 
@@ -6,7 +6,7 @@ from flightpower.flight.units import to_si
 
 
 class SpeedUnit(StrEnum):
-    """The unit that the pilot's display has."""
+    """The unit on the pilot's display."""
 
     MPS = "m/s"
     KNOT = "kt"

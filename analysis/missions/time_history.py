@@ -1,7 +1,7 @@
 """Time history of a plan flown exactly as written in air without gusts: kinematics only, no controls, no pilot.
 
 Speed follows from drag and thrust along the plan, attitude and load factor from the path; sensors are exact in flight.
-The columns are those of `air_data`, so the estimator can treat the history like a flight.
+The columns are the same as in `air_data`, so that the estimator can treat the history like a flight.
 """
 
 from collections.abc import Sequence
@@ -247,7 +247,7 @@ def _history(
     drag = expected.drag_N(flown, load)
     thrust = drag + expected.aircraft.mass_kg * (np.gradient(V, PATH.step_s) + g * np.sin(climb))
     revps = np.where(V > 0, expected.revps_of_thrust(np.maximum(flown, 1.0), thrust / np.cos(alpha)), 0.0)
-    # Pressure differences of a hemisphere in potential flow: C = dp_alpha/q_c, and its derivative at constant q_c.
+    # A hemispherical probe in potential flow: C = dp_alpha/q_c, and d alpha / d ln(dp_alpha) at constant q_c.
     C = 9 / 4 * np.sin(2 * alpha) / (1 - 9 / 4 * np.sin(alpha) ** 2)
     dalpha_dlndp_alpha = np.tan(2 * alpha) / 2 / (1 + C * np.tan(2 * alpha) / 2)
     columns = {

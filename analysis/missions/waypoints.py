@@ -1,7 +1,7 @@
 """Reads and writes the text of waypoints that Mission Planner, MAVProxy and QGroundControl exchange (QGC WPL 110).
 
 Format: mavlink.io, File Formats, Plain-Text. The first item is home; a line that begins with # is a comment. QGC WPL
-120 has the same columns, and no home.
+120 has the same columns but no home.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The report page of an analysis: its sections and figures put into the template `report.html`."""
+"""The report page of an analysis: puts sections and figures into the template `report.html`."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial

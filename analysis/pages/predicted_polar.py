@@ -18,7 +18,8 @@ from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import number_or_nan
 
-# Names of a column, the most specific first: XFLR5 calls the rolling moment Cl, and its old versions the drag TCd.
+# Possible names of a column, the most specific first: in XFLR5, Cl is the rolling moment; its old versions call drag
+# TCd.
 LIFT, DRAG = ("CL", "C_L", "CLtot", "cl"), ("CD", "C_D", "CDtot", "TCd", "cd")
 # Columns for transition of the boundary layer on top and bottom, which XFOIL, XFLR5 and AeroSandbox write for airfoils
 # only.

@@ -27,7 +27,7 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 
 def print_summary(results: Results, page: Path, console: Console) -> None:
-    """Print the curve, the headline answers, the verdict unless stderr has it, warnings, and where the page is."""
+    """Print the curve, the headline answers, the verdict unless it is on stderr, warnings, and where the page is."""
     curve = HtmlTable(
         ("speed, m/s", "power, W", "95 % interval, W"),
         [
@@ -74,7 +74,7 @@ def print_comparison(comparison: ComparisonResults, page: Path | None, console: 
 
 
 def print_fleet(fleet: FleetResults, page: Path | None, console: Console) -> None:
-    """Print what changed, the airframes, what could not be read, and where the page is."""
+    """Print changes, the airframes, files that could not be read, and where the page is."""
     news = news_table(fleet)
     if news.rows:
         _print_table(console, "what changed", news)

@@ -10,7 +10,7 @@ from flightpower.analysis.trajectory.observability import SENSOR_ERROR_KINDS
 
 T = TypeVar("T")
 
-# The heading of a verdict, and its class in page.css.
+# For each verdict, its heading and the heading's class in page.css.
 VERDICT = {
     Trust.TRUSTED: ("Trusted", "good"),
     Trust.DOUBTFUL: ("Doubtful", "doubt"),

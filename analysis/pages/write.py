@@ -104,7 +104,7 @@ def write_left_out(analysis: WholeFlightAnalysis, folder: Path) -> Path | None:
 def write_run_list(analysis: Analysis, folder: Path, log_name: str, *, source: Path | None) -> Path | None:
     """Write runs.toml into `folder`; return where different earlier content is kept, if there was any.
 
-    source: the list of runs that the analysis used. It is not overwritten, since it holds the user's remarks.
+    source: the list of runs that the analysis used. That list is not overwritten, since it contains the user's remarks.
     Raises InputError when the file cannot be written.
     """
     path = folder / "runs.toml"

@@ -43,7 +43,7 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 _WORST_FIRST = (Trust.NOT_TO_BE_TRUSTED, Trust.DOUBTFUL, Trust.TRUSTED)
 
-# What usually makes a sensor error larger than assumed, by its name in `path`.
+# The usual reason why a sensor error is larger than assumed, by the error's name in `path`.
 CULPRIT = {
     "alpha_bias": "the probe is mounted at an angle to the IMU, or the IMU is not level with the aircraft",
     "alpha_scale": "the boom bends, or upwash or the probe's calibration is wrong",
@@ -195,7 +195,7 @@ def _level(figure: float, limit: float) -> Trust:
 
 @dataclass(frozen=True)
 class _Deviation:
-    """The deviating quantity, its name in the file, and the deviation in the standard deviations assumed."""
+    """A deviating quantity: title, name in the file, and deviation in standard deviations."""
 
     title: str
     subject: str
@@ -536,8 +536,8 @@ def _sensor_errors_together(results: Results) -> Iterator[Evidence]:
     )
 
 
-# The measurements that each of the daemon's comparisons puts in doubt. Other comparisons need no item: GPS is only an
-# aid, and the trajectory shows its faults.
+# The measurement that each of these comparisons by the daemon puts in doubt. Other comparisons need no item: GPS is
+# only an aid, and the trajectory shows its faults.
 _DOUBTED = {
     Comparison.AIRSPEED: "airspeed, which the speed over the ground contradicts by more than any wind",
     Comparison.ANGLE_OF_ATTACK: "angle of attack, which attitude and climb contradict",

@@ -1,7 +1,8 @@
 """Autopilot parameters derived from a flight, as a file that the autopilot's ground station loads.
 
 ArduPilot: `NAME,VALUE`, comments after #. PX4: QGroundControl's table of vehicle, component, name, value and type (9:
-float). INAV: `set NAME = VALUE` of its command line, whole numbers. No airspeed is below the stall margin.
+float). INAV: `set NAME = VALUE` for its command line, with whole numbers. No airspeed in the file is below the stall
+margin.
 """
 
 from collections.abc import Iterator

@@ -8,7 +8,7 @@ from flightpower.analysis.records.flight import Results
 from flightpower.analysis.results.read import read_results
 from flightpower.flight.errors import InputError
 
-OUTPUT, QUIET = ("-o", "--output"), ("-q", "--quiet")  # options that change no result
+OUTPUT, QUIET = ("-o", "--output"), ("-q", "--quiet")  # options that do not change results
 
 
 TABLES = ("power_required.csv", "path.csv", "field_table.md", "field_table.csv", "electrical_power.csv")

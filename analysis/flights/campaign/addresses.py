@@ -54,7 +54,7 @@ class RemoteLog:
 
     @property
     def place(self) -> PurePosixPath:
-        """The address as a file path: bucket or host, folders, name."""
+        """The address in the form of a file path: bucket or host, folders, name."""
         return PurePosixPath("/", str(self).split("://", 1)[1])
 
 
@@ -176,7 +176,7 @@ def _answer_of(address: str, ask: Callable[[], T]) -> T:
     while True:
         try:
             return ask()
-        except Exception as error:  # each library has its own kinds of errors
+        except Exception as error:  # each library raises its own kinds of errors
             if pause_s > left_s or isinstance(error, FOR_GOOD):
                 message = " ".join(str(error).replace(address, printable(address)).split())
                 # The error for a missing file contains only the address.
@@ -205,7 +205,7 @@ def fetch(log: RemoteLog, to: Path) -> str:
 
 
 def content_digest(log: RemoteLog) -> str:
-    """SHA-256 of the content. Raises InputError."""
+    """Return the SHA-256 digest of a log's content. Raises InputError."""
     with TemporaryDirectory(prefix="flightpower-") as folder:
         return fetch(log, Path(folder, "log"))
 

@@ -52,7 +52,7 @@ class Work:
 
 
 class Monitor(Protocol):
-    """Receives the progress of the jobs."""
+    """Is notified of the progress of the jobs."""
 
     def planned(self, jobs: int, completed: int) -> None: ...
 
@@ -86,8 +86,8 @@ def run(
 ) -> Campaign:
     """Analyze logs into folders below `output`, `jobs` at a time, or on the cluster of a scheduler.
 
-    `output` belongs to the caller (`folders.exclusive`). Raises InputError when it cannot be written, and StorageError,
-    with the rest of the logs left as they are, when the disk is full or fails.
+    `output` belongs to the caller (`folders.exclusive`). Raises InputError when it cannot be written, and StorageError
+    when the disk is full or fails; the remaining logs are not analyzed then.
     """
     if scheduler is None:
         load_ahead(work.preload)
@@ -172,7 +172,7 @@ def _rename(output: Path, logs: Mapping[str, LogFile], earlier: Mapping[Path, Re
     """
     notes = []
     records, wanted = dict(earlier), {log.digest for log in logs.values()}
-    of_digest = {record.log.digest: folder for folder, record in reversed(list(earlier.items()))}  # of copies the first
+    of_digest = {record.log.digest: folder for folder, record in reversed(list(earlier.items()))}  # the first copy
     for name, log in logs.items():
         folder = output / name
         if folder in records and not _belongs(folder, records[folder], log):

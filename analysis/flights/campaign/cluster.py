@@ -39,9 +39,9 @@ def cluster(address: str, analyze: Analyze, step: Callable[[Job, str], None]) ->
         from distributed import Client
     except ModuleNotFoundError:
         raise InputError('--scheduler: distributed is not installed; in the clone: pip install ".[fleet]"') from None
-    settings = {"distributed.admin.large-graph-warning-threshold": 2**31}  # bytes: each job carries its log
+    settings = {"distributed.admin.large-graph-warning-threshold": 2**31}  # bytes; each job contains its log
     with dask.config.set(settings), _client(Client, address) as client:
-        executor = client.get_executor(pure=False, retries=2)  # closed with the client, which forgets its jobs
+        executor = client.get_executor(pure=False, retries=2)  # closing the client closes it, and drops its jobs
 
         def submit(job: Job, folder: Path) -> "Future[Returned]":
             step(job, "on the cluster")

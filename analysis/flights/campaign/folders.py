@@ -1,6 +1,6 @@
 """The folders of the flights: one for each log, either complete or absent.
 
-Each has a record of what its results were computed from, as digests: files, options, version of the software.
+Each has a record with digests of the input of its results: files, options, version of the software.
 """
 
 import contextlib
@@ -96,13 +96,13 @@ def _version(library: str) -> str:
 
 
 RECORD, RUNS, RESULTS = "inputs.json", "runs.toml", "results.json"
-PARTIAL, REPLACED = ".partial", ".replaced"  # ends of the names of folders that a run leaves behind when it is killed
+PARTIAL, REPLACED = ".partial", ".replaced"  # suffixes of folders that a killed run leaves behind
 
 
 class LogFile(msgspec.Struct, frozen=True, kw_only=True):
     """A log as it was when analyzed. Its content is not read again while all fields but the digest stay the same."""
 
-    path: str  # absolute, or the address
+    path: str  # absolute path, or the address
     size: int
     changed_ns: int  # time of the last change; 0 at an address
     version: str = ""  # at an address, the ETag or the store's equivalent
@@ -118,9 +118,9 @@ class LogFile(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True):
-    """inputs.json in a flight's folder."""
+    """The content of inputs.json in a flight's folder."""
 
-    key: str  # digest of everything that the results depend on (`key`)
+    key: str  # from `key`: digest of everything that the results depend on
     log: LogFile
     runs_edited: bool  # whether the results use the folder's own runs.toml
     runs_digest: str | None  # digest of runs.toml when the folder was written
@@ -130,7 +130,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
 
 def names(absolute: Sequence[PurePath]) -> list[str]:
     """Name a folder for each log: the log's stem, preceded by as many parents as are needed to distinguish the logs."""
-    repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # one flight logged in two formats
+    repeated = _repeated([str(log.with_suffix("")) for log in absolute])  # for one flight logged in two formats
     own = [log.name if str(log.with_suffix("")).casefold() in repeated else log.stem for log in absolute]
     names = own
     for depth in range(1, max((len(log.parts) for log in absolute), default=1)):
@@ -245,7 +245,7 @@ def complete(partial: Path, folder: Path, *, key: str, log: LogFile, runs: Path 
             results_digest=digest(partial / RESULTS) if (partial / RESULTS).is_file() else None,
         )
         write_file(partial / RECORD, msgspec.json.format(msgspec.json.encode(record), indent=1))
-        partial.chmod(0o755)  # the mode of a temporary folder is 0o700
+        partial.chmod(0o755)  # a temporary folder has the mode 0o700
         if earlier:
             replaced = folder.with_name(f".{folder.name}{REPLACED}")
             shutil.rmtree(replaced, ignore_errors=True)
@@ -291,7 +291,7 @@ def exclusive(output: Path) -> Iterator[None]:
             except BlockingIOError:
                 raise InputError(f"{output}: another `analyze` is writing into it; wait until it ends") from None
             except OSError:
-                pass  # a file system without locks
+                pass  # the file system has no locks
         _mend(output)
         try:
             yield
@@ -303,7 +303,7 @@ def _mend(output: Path) -> None:
     """Remove incomplete folders; restore a folder that was about to be replaced if its replacement is missing."""
     for replaced in output.glob(f".*{REPLACED}"):
         complete = output / replaced.name[1 : -len(REPLACED)]
-        if not complete.exists():  # killed between the two renames
+        if not complete.exists():  # the run was killed between the two renames
             replaced.rename(complete)
     for suffix in (PARTIAL, REPLACED):
         for left in output.glob(f".*{suffix}"):

@@ -137,7 +137,7 @@ def run_jobs(
             folder = new_folder(job.name)
             try:
                 running[computers.submit(job, folder)] = job, folder
-            except OSError as error:  # a log that existed a moment ago
+            except OSError as error:  # the log existed a moment ago
                 yield job, folder, Outcome(f"{job.log}: could not be read ({error.strerror or error})")
         for future in wait(running, return_when=FIRST_COMPLETED).done:
             job, folder = running.pop(future)
@@ -168,7 +168,7 @@ def processors(analyze: Analyze, count: int, step: Callable[[Job, str], None]) -
     """Yield this computer: `count` threads, each of which waits for the process of one job.
 
     A ProcessPoolExecutor would not do: there, a process that dies breaks the whole pool and fails all other jobs.
-    step: called with each step of a job. Jobs that still run at the end are killed.
+    step: called with each step of a job. Jobs that are still running at the end are killed.
     """
     processes = OwnProcesses(analyze, step)
     with ThreadPoolExecutor(count) as threads:
@@ -179,7 +179,7 @@ def processors(analyze: Analyze, count: int, step: Callable[[Job, str], None]) -
 
 
 class OwnProcesses:
-    """Runs each job in its own process, so that memory stays flat and a crash costs one job."""
+    """Runs each job in its own process, so that memory does not grow and a crash affects only one job."""
 
     def __init__(self, analyze: Analyze, step: Callable[[Job, str], None]):
         self._analyze, self._step = analyze, step

@@ -7,7 +7,7 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class CampaignLimits(Settings):
-    """Limits of one analysis among many, and how a cluster is kept busy."""
+    """Limits for each analysis among many, and for keeping a cluster busy."""
 
     memory_GB: float = setting(
         4.0, "GB", "of one analysis (2^30 bytes each): a flight of two hours needs a quarter of it"

@@ -1,7 +1,8 @@
 """Draws a figure as SVG text: the drawing that a reader sees on the screen, on paper, and in a saved file.
 
-Positions are percentages of the width, or units of 1/10,000 of an axis in a drawing that stretches (strokes do not), so
-that one drawing fits every width. Colors are variables of the page's style, which adapt to a dark page and to paper.
+Positions are percentages of the width, or units of 1/10,000 of an axis in a drawing that stretches, except for its
+strokes. So one drawing fits every width. Colors are variables of the page's style, which adapt to a dark page and to
+paper.
 """
 
 import math

@@ -99,7 +99,7 @@ def _curve_table(curves: Mapping[str, list[PowerPoint]]) -> pd.DataFrame:
 
 
 INDEX = "t_s"
-# Columns of a whole flight that lack their unit; ratios have none.
+# Columns of a whole flight whose names lack the unit; ratios have no unit.
 WITH_UNITS = {"rho": "rho_kgpm3"}
 
 

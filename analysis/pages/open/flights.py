@@ -33,7 +33,7 @@ def open_flight(path: Path, workspace: Path, reading: Reading | None = None) -> 
 
         refuse_without_method(source)
     if method.kind is Kind.POWER_REQUIRED:
-        from flightpower.analysis.pages.open.runs_flight import RunsFlight  # loads casadi
+        from flightpower.analysis.pages.open.runs_flight import RunsFlight  # imported late, as it loads casadi
 
         assert isinstance(source, Log)
         return RunsFlight(path, workspace, source)
@@ -45,7 +45,7 @@ def open_flight(path: Path, workspace: Path, reading: Reading | None = None) -> 
 class Folder:
     """The folder that was opened.
 
-    workspace : for files that the analysis reads while the user edits     reading : logs that are being read, by name
+    workspace : folder for files that the analysis reads while the user edits     reading : logs being read, by name
     """
 
     def __init__(self, path: Path, workspace: Path, reading: Mapping[str, Reading] = {}):

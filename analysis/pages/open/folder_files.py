@@ -42,7 +42,7 @@ def is_polar(path: Path) -> bool:
 
 @lru_cache(LIMITS.entries)
 def _is_polar(path: Path, mtime_ns: int, size: int) -> bool:
-    """For one state of the file."""
+    """Whether one state of a file holds a predicted polar; the answer is cached."""
     from flightpower.analysis.pages.predicted_polar import read_predicted_polar
 
     try:
@@ -79,7 +79,7 @@ def _minutes(length_s: float) -> str:
 
 @lru_cache(LIMITS.entries)
 def _extent(path: Path, mtime_ns: int, size: int) -> Extent:
-    """For one state of the file."""
+    """Return date, length and kind of one state of a log; the answer is cached."""
     try:
         log_extent = extent(path)
         return log_extent if log_extent.kind is not LogKind.TABLE or is_table(path) else Extent(LogKind.UNKNOWN)

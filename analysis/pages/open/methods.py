@@ -1,4 +1,4 @@
-"""The curve by another method, drawn next to the report's curve if the flight allows that method."""
+"""Computes the curve by another method, to be drawn next to the report's curve if the flight allows that method."""
 
 from flightpower.analysis.curve import Condition
 from flightpower.analysis.flight import Reconstructed

@@ -101,7 +101,7 @@ class OpenedFlight(ABC):
         options = self._options(values, folder)
         backups = [path.name for path in self._write_inputs(values, folder) if path]
         done = analyze_log(self.path, folder, options, lambda _: None, self.command(values))
-        self.__dict__.pop("shown", None)  # the next session begins with the written list
+        self.__dict__.pop("shown", None)  # so that the next session starts with the written list
         return {"said": _summary_lines(done), "kept": backups, "command": self.command(values)}
 
     def command(self, values: Values) -> str:

@@ -1,4 +1,4 @@
-"""The drawings of the page: the flight over time, from above, and its curve."""
+"""The drawings of the page: time histories of the flight, its track from above, and its curve."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

@@ -52,7 +52,7 @@ from flightpower.flight.shipped_propellers import shipped_propellers
 
 
 class _Prepared(NamedTuple):
-    """Data that do not depend on the runs. path : None until a curve is asked for"""
+    """Data that do not depend on the runs. path : None until a curve is requested"""
 
     measured: Measured
     path: FlightPath | None

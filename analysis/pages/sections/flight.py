@@ -159,7 +159,7 @@ def _log(results: Results, provenance: Provenance) -> str:
 
 
 class BalanceSection(NamedTuple):
-    """The energy balance of a whole flight: wind and airspeed, and the residuals."""
+    """The energy balance of a whole flight: wind, airspeed, and residuals."""
 
     air: str
     residual: str
