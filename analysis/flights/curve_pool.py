@@ -182,7 +182,7 @@ class CurvePool(Pool):
         return dict(outliers(len(self.flights), self._compared, TRUST.false_alarm_rate))
 
     def reason(self, difference: Compared) -> str:
-        assert isinstance(difference, FlightDifference)  # of these flights
+        assert isinstance(difference, FlightDifference)  # the type that these flights give
         return shape_text(difference.share, difference.error)
 
     @cached_property

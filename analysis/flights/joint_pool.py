@@ -120,7 +120,7 @@ class JointPool(Pool):
         return dict(outliers(len(self.flights), compared, TRUST.false_alarm_rate))
 
     def reason(self, difference: Compared) -> str:
-        assert isinstance(difference, Difference)  # of these flights
+        assert isinstance(difference, Difference)  # the type that these flights give
         return cause_text(likely_cause(difference))
 
     @cached_property

@@ -90,7 +90,7 @@ def _field_tables(results: WithCurves, use: PerformanceResult | None) -> dict[st
 
 
 def write_left_out(analysis: WholeFlightAnalysis, folder: Path) -> Path | None:
-    """Write left_out.txt, the stretches that the user left out, if there are any or an earlier file exists.
+    """Write the stretches that the user left out to left_out.txt, if there are any or an earlier file exists.
 
     The file becomes empty if no stretch is left out any more. Returns where different earlier content is kept, if there
     was any. Raises InputError.

@@ -121,9 +121,9 @@ def assemble_energy_balance(
 def against_field_table(
     electrical: CurveResult, required: Sequence[PowerPoint], table: Sequence[FieldRow]
 ) -> list[str]:
-    """Return a sentence if battery power from the whole flight's energy and from the field table, which is computed
-    from drag, propeller and motor, differ by more than their errors do once in a thousand flights. It is about the
-    speed where the difference is clearest.
+    """Return a sentence if battery power from the whole flight's energy differs from that in the field table, which is
+    computed from drag, propeller and motor, by more than errors cause once in a thousand flights. The sentence is about
+    the speed where the difference is clearest.
 
     required : points of the curve from which the table is computed; the table's relative interval is at least theirs
     """

@@ -120,7 +120,7 @@ class LogFile(msgspec.Struct, frozen=True, kw_only=True):
 class Record(msgspec.Struct, frozen=True, kw_only=True):
     """The content of inputs.json in a flight's folder."""
 
-    key: str  # from `key`: digest of everything that the results depend on
+    key: str  # digest of everything that the results depend on, from the function `key`
     log: LogFile
     runs_edited: bool  # whether the results use the folder's own runs.toml
     runs_digest: str | None  # digest of runs.toml when the folder was written
