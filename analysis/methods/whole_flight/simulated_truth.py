@@ -55,7 +55,7 @@ def compared(flight: FlightRecording, table: FlightTable, estimate: ElectricalEs
     """Compare an estimate with the truth; None if the log is not from a simulation or has no comparable sample."""
     if recording.TRUE_AIRSPEED not in flight.truth:
         return None
-    t_s = table.table.index.to_numpy() + flight.channels[recording.AIRSPEED_PRESSURE].t_s[0]
+    t_s = table.table.index.to_numpy() + table.start_s
     true_V, true_height = (
         resampled(flight.truth[name], t_s) if name in flight.truth else np.full(len(t_s), np.nan)
         for name in (recording.TRUE_AIRSPEED, recording.TRUE_HEIGHT)

@@ -23,6 +23,7 @@ from flightpower.analysis.methods.whole_flight.energy_balance import FlightCondi
 from flightpower.analysis.methods.whole_flight.fit import Estimate, SharedError
 from flightpower.analysis.methods.whole_flight.flight_table import FlightTable, flight_table
 from flightpower.analysis.methods.whole_flight.parameters import Source
+from flightpower.analysis.methods.whole_flight.simulated_truth import compared
 from flightpower.analysis.methods.whole_flight.thrust_balance import PARAMETERS, MotorConstants
 from flightpower.analysis.options import Options
 from flightpower.analysis.performance.autopilot_parameters import flight_values
@@ -221,6 +222,17 @@ def test_without_gps_the_airspeed_is_believed_to_its_prior(truth: Truth) -> None
     errors = airspeed_errors(flight_table(flown(truth, gps=False), MASS_KG * g, AREA_M2))
     assert (errors.scale, errors.zero_Pa, errors.wind_mps) == (0.0, 0.0, None)
     assert np.sqrt(np.diag(errors.covariance)) == pytest.approx([0.0125, 0.7], rel=0.02)
+
+
+def test_a_simulation_without_a_pitot_is_compared_with_its_truth(truth: Truth) -> None:
+    """The recording then starts with the GPS receiver, which is late."""
+    flight = flown(truth)
+    channels = {name: channel for name, channel in flight.channels.items() if name != recording.AIRSPEED_PRESSURE}
+    airspeed = {recording.TRUE_AIRSPEED: Channel(truth.t_s, truth.V_mps)}
+    without_pitot = replace(flight, channels=channels, truth=airspeed)
+    rows = flight_table(without_pitot, MASS_KG * g, AREA_M2)
+    result = compared(without_pitot, rows, estimate(rows, MASS_KG * g, AREA_M2, SPAN_M))
+    assert result is not None and abs(result.airspeed_error) < 0.005
 
 
 def level_truth_W(V: Array, rho: float) -> Array:
