@@ -1,6 +1,6 @@
-"""Whatever holds a flight becomes channels in SI units: logs of the daemon and of autopilots, telemetry, tables.
+"""Turns every record of a flight into channels in SI units: logs of the daemon and of autopilots, telemetry, tables.
 
-`recognize` says what a log is, `autopilot` and `table` read it into a `recording` or into messages of the daemon,
-`daemon` brings a daemon's channels onto one grid, `rest` finds when the aircraft stands and the zeros of its sensors.
-`laws` and `ranges` refuse impossible values.
+`recognize` identifies the kind of log. `autopilot` reads it into a `recording`, `table` into messages of the daemon.
+`daemon` puts a daemon's channels on one grid. `rest` finds when the aircraft stands still, and the sensors' zeros then.
+`laws` and `ranges` reject impossible values.
 """

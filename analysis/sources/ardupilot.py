@@ -1,4 +1,4 @@
-"""Reads an ArduPilot log into the channels of an ordinary flight: dataflash (.BIN), its text (.log), or .tlog."""
+"""Reads an ArduPilot log into the channels of an ordinary flight: dataflash (.BIN), its text form (.log), or .tlog."""
 
 from collections.abc import Mapping
 from enum import IntEnum
@@ -53,7 +53,7 @@ ENABLED_BY = {
 
 
 class FlightMode(IntEnum):
-    """Numbers of MODE; in those that begin with Q a QuadPlane is on its lifting motors."""
+    """Mode numbers in MODE messages; in modes whose names begin with Q, a QuadPlane flies on its lifting motors."""
 
     MANUAL = 0
     CIRCLE = 1
@@ -85,21 +85,21 @@ LIFTED = tuple(mode for mode in FlightMode if FlightMode.QSTABILIZE <= mode <= F
 
 
 class BatteryMonitor(IntEnum):
-    """BATTn_MONITOR"""
+    """Value of the parameter BATTn_MONITOR."""
 
     SUM = 10
 
 
 class ServoFunction(IntEnum):
-    """SERVOn_FUNCTION"""
+    """Value of the parameter SERVOn_FUNCTION."""
 
     THROTTLE = 70
 
 
 def read_ardupilot(path: Path) -> FlightRecording:
-    """The channels of an ArduPilot log.
+    """Return the channels of an ArduPilot log.
 
-    Raises InputError, in one line, when the file cannot be read, and for vehicles without wings.
+    Raises InputError, with a one-line message, when the file cannot be read, and for vehicles without wings.
     """
     log = read_messages(path)
     tables, parameters, notes = log.tables, log.parameters, log.notes
@@ -158,8 +158,8 @@ def _batteries(tables: Mapping[tuple[str, int], Table], kinds: tuple[str, ...]) 
 
 
 def _with_sums(batteries: Mapping[tuple[str, int], Battery], parameters: Mapping[str, float]) -> list[Battery]:
-    """The battery monitors; BATTn_MONITOR marks those that sum others: the ones in BATTn_SUM_MASK, or all later
-    ones."""
+    """Return the battery monitors. BATTn_MONITOR marks a monitor that shows the sum of other monitors: those in
+    BATTn_SUM_MASK, or all that follow it."""
     numbers = [instance + (kind in SECOND_MONITOR) for kind, instance in batteries]
     sums = []
     for number, battery in zip(numbers, batteries.values(), strict=True):
@@ -175,7 +175,7 @@ def _with_sums(batteries: Mapping[tuple[str, int], Battery], parameters: Mapping
 
 
 def _throttle(log: Messages) -> Channel | None:
-    """Throttle, 0 to 1, as commanded or as the motor's servo channel shows it."""
+    """Return the throttle, 0 to 1, as commanded, or else as the motor's servo channel shows it."""
     for kind in ("CTUN", "AETR"):
         for table in log.of((kind,)):
             for field in FIELDS[kind]:
@@ -194,7 +194,7 @@ def _throttle(log: Messages) -> Channel | None:
 
 
 def _lifting_s(log: Messages, t_s: Array) -> list[Array]:
-    """Times at which the lifting motors run: by their throttle, and those of t_s (n,) in whose mode they run."""
+    """Return times with lift-motor throttle above zero, and the times in t_s (n,) in modes that use the lift motors."""
     times = [table["t_s"][table["ThO"] > 0] for table in log.of(LIFT)]
     for table in log.of(("MODE",)):
         numbers = _mode_numbers(table)
@@ -213,13 +213,13 @@ def _modes(log: Messages) -> list[Event]:
 
 
 def _truth(log: Messages) -> dict[str, Channel]:
-    """What ArduPilot's own simulation flew."""
+    """Return the true airspeed and height from ArduPilot's own simulation, where logged."""
     names = (("SIM2", "As", recording.TRUE_AIRSPEED), ("SIM", "Alt", recording.TRUE_HEIGHT))
     return {name: channel(table["t_s"], table[field]) for kind, field, name in names for table in log.of((kind,))[:1]}
 
 
 def _without_current(batteries: list[Battery]) -> dict[frozenset[str], str]:
-    """Readings of a battery without a current."""
+    """Describe, for a message, a battery that shows a voltage but no current."""
     with_voltage = [battery for battery in batteries if len(battery.voltage.value)]
     return (
         {recording.OF_BATTERY: f" (it shows {np.median(with_voltage[0].voltage.value):.1f} V and no current)"}
@@ -234,7 +234,7 @@ def _as_set(names: tuple[str, ...], parameters: dict[str, float]) -> str:
 
 
 def _working(tables: list[Table]) -> list[Table]:
-    """Instances of one kind of sensor, those first that the firmware does not call unhealthy."""
+    """Return the instances of one kind of sensor; those that the firmware calls unhealthy come last."""
 
     def unhealthy(table: Table) -> bool:
         return any(float(np.mean(table[name] == 0)) > 0.5 for name in ("Health", "H") if name in table)
@@ -243,8 +243,9 @@ def _working(tables: list[Table]) -> list[Table]:
 
 
 def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, list[str]]:
-    """Differential pressure of the sensor that the autopilot used at each time, and notes; of the one that varies most
-    where it used none, or where old firmware does not say.
+    """Return the differential pressure of the sensor that the autopilot used at each time, and notes.
+
+    If it used none, or old firmware does not record which, this is the sensor that varies most.
     """
     sensors = {name: table for name, table in tables.items() if name[0] in AIRSPEED}
     used = []
@@ -269,7 +270,7 @@ def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, lis
 
 
 def _thermometers(log: Messages) -> dict[str, Channel]:
-    """Exactly 0 °C throughout is what firmware writes without a thermometer. BARO_GND_TEMP is what the user entered."""
+    """Without a thermometer, firmware writes exactly 0 °C throughout. The user has entered BARO_GND_TEMP."""
     channels = {
         f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + 273.15)
         for (kind, instance), table in log.tables.items()
@@ -283,7 +284,7 @@ def _thermometers(log: Messages) -> dict[str, Channel]:
 
 
 def _motors(log: Messages) -> list[Channel]:
-    """Speeds of rotation [rev/s]: by the speed controllers, or by RPM sensors."""
+    """Return the motor speeds [rev/s] from the speed controllers, or else from RPM sensors."""
     for kinds in (CONTROLLERS, RPM):
         fields = [field for field in FIELDS[kinds[0]] if field.upper().startswith("RPM")]
         motors = [channel(table["t_s"], table[field] / 60) for table in log.of(kinds) for field in fields]
@@ -293,8 +294,10 @@ def _motors(log: Messages) -> list[Channel]:
 
 
 def _airspeed_pressure(table: Table) -> Channel:
-    """Differential pressure at the density of indicated airspeed. The message's own airspeed does not contain
-    ARSPD_RATIO."""
+    """Return the differential pressure that gives the logged airspeed at sea-level density, with the sign of DiffPress.
+
+    DiffPress itself does not include ARSPD_RATIO.
+    """
     sign = np.where(np.asarray(table["DiffPress"]) < 0, -1.0, 1.0)
     return channel(table["t_s"], recording.pressure_of_indicated_airspeed(sign * np.asarray(table["Airspeed"])))
 

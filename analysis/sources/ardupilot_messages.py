@@ -1,4 +1,4 @@
-"""The messages of an ArduPilot log that are read, by kind and instance, in SI units or those of their fields."""
+"""Reads the messages that an analysis needs from an ArduPilot log, by kind and instance, in SI or the fields' units."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -17,21 +17,21 @@ from flightpower.analysis.sources.unpacked import unpacked
 from flightpower.flight.errors import InputError
 from flightpower.flight.formats import Format, format_of
 
-if TYPE_CHECKING:  # they load pymavlink, a third of a second that dataflash logs do not need
+if TYPE_CHECKING:  # both load pymavlink, which takes a third of a second and is not needed for dataflash logs
     from flightpower.analysis.sources.telemetry import RawTelemetryLog, TelemetryLog
     from flightpower.analysis.sources.text_log import TextLog
 
-# Messages of one kind: later firmware numbers the instances within one message type, earlier firmware has a type for
-# each.
+# Message types for one kind of sensor: later firmware numbers the instances within one message type, earlier firmware
+# has one type per instance.
 AIRSPEED, BATTERY = ("ARSP", "ASP2"), ("BAT", "BAT2", "CURR", "CUR2")
 SECOND_MONITOR = ("BAT2", "CUR2")
 CONTROLLERS, RPM = ("ESC", *(f"ESC{i}" for i in "12345678")), ("RPM",)
 SIMULATION = ("SIM", "SIM2")
-LIFT = ("QTUN",)  # control of a VTOL's lifting motors
-# Number of the GPS week and milliseconds in it, now and in early firmware; Unix time in telemetry [s].
+LIFT = ("QTUN",)  # messages on the control of a VTOL's lifting motors
+# Fields for the GPS week and the milliseconds within it, in today's and early firmware; for Unix time [s] in telemetry.
 GPS_WEEK, EARLY_WEEK, UNIX = ("GWk", "GMS"), ("Week", "TimeMS"), "Unix"
 BAROMETER, IMU, GPS = ("BARO", "BAR2", "BAR3"), ("IMU", "IMU2", "IMU3"), ("GPS", "GPS2")
-# The fields read of each message type; an empty list means all.
+# The fields that are read from each message type; an empty list means all.
 FIELDS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(AIRSPEED, ("Airspeed", "DiffPress", "Temp", "U", "H", "Pri")),
     **dict.fromkeys(BATTERY, ("Volt", "Curr")),
@@ -48,27 +48,27 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "SIM": ("Alt",),
     "SIM2": ("As",),
 }
-# Fields of the time since start, with their units [s]; TimeMS of early GPS messages is that of the week.
+# Fields with the time since the start, and their units [s]. In early GPS messages TimeMS is the time of the week.
 CLOCKS = ((("TimeUS", 1e-6), ("TimeMS", 1e-3)), (("TimeUS", 1e-6), ("T", 1e-3)))
 INSTANCE = ("I", "Inst", "Instance", "C")
 KINDS_READ = (*FIELDS, "MSG", "PARM", "DSF", "FMTU", "MULT", "VER", "TECS")
 WINGED = re.compile(r"Ardu ?Plane|APM:Plane|^Plane\b")
-# What only ArduPlane logs: parameters of its control and its energy controller, whose message is TECS.
+# Prefixes of controller parameters that only ArduPlane logs. Its energy controller also logs TECS messages.
 OF_PLANES = ("TECS_", "RLL2SRV_", "PTCH2SRV_", "RLL_RATE_", "PTCH_RATE_")
 WINGLESS = re.compile(r"Ardu(Copter|Rover|Sub)|APM:(Copter|Rover|Sub)|^(Copter|Rover|Sub|Blimp|AntennaTracker)\b")
-# Name of the board and the 96 bits of its processor: "CubeOrange 0041002B 3038511A 32383232".
+# Name of the board and the 96-bit serial number of its processor: "CubeOrange 0041002B 3038511A 32383232".
 SERIAL_NUMBER = re.compile(r"^\S+ ([0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8})\s*$")
 KINDS = {"Copter": "a multicopter", "Rover": "a rover or boat", "Sub": "a submarine"}
 
-Table = dict[str, NDArray[np.float64]]  # by field
+Table = dict[str, NDArray[np.float64]]  # columns by field
 
 
 @dataclass(frozen=True)
 class Messages:
     """tables : by kind and instance, t_s and FIELDS, each (n,)          parameters : the autopilot's, by name
-    notes : on the log, in sentences          vehicle : of `recording.vehicle_of`; empty where it is not known
+    notes : on the log, in sentences          vehicle : from `recording.vehicle_of`; empty where it is not known
     texts : times [s], NaN where the log has none, and texts for the pilot
-    on_unix_time : whether times are those of a ground station's clock
+    on_unix_time : whether times are from a ground station's clock
     """
 
     tables: dict[tuple[str, int], Table]
@@ -83,7 +83,7 @@ class Messages:
 
 
 def all_channels(path: Path) -> AllChannels:
-    """Every field of every message: `BARO.Alt`, of later instances `BARO 1.Alt`; of telemetry by MAVLink's names.
+    """Return every field of every message: `BARO.Alt`, for later instances `BARO 1.Alt`, for telemetry MAVLink's names.
 
     Raises InputError where the log cannot be read.
     """
@@ -116,7 +116,7 @@ def _raw_telemetry(data: bytes) -> "RawTelemetryLog":
 def _read(
     path: Path, telemetry: Callable[[bytes], Telemetry], kinds: tuple[str, ...]
 ) -> "Telemetry | DataflashLog | TextLog | MatlabLog":
-    """telemetry : reads a .tlog     kinds : of messages in a text or a .mat file; none stands for all
+    """telemetry : reads a .tlog     kinds : message types to read from a text or .mat file; empty means all
 
     Raises InputError where the file cannot be read.
     """
@@ -141,7 +141,7 @@ def _read(
 
 
 def read_messages(path: Path) -> Messages:
-    """The messages of a log. Raises InputError where it cannot be read, or is that of a vehicle without wings."""
+    """Return the messages of a log. Raises InputError if it cannot be read or is from a vehicle without wings."""
     log = _read(path, _telemetry, KINDS_READ)
     messages = log.columns("MSG")
     texts = [_text(text) for text in messages.get("Message", ())]
@@ -173,7 +173,7 @@ def read_messages(path: Path) -> Messages:
 
 
 def _columns(log: "DataflashLog | TelemetryLog | TextLog | MatlabLog", kind: str) -> dict[str, NDArray[Any]]:
-    """The columns of a message type; from a large file only those that are needed."""
+    """Return the columns of a message type; from a dataflash log, only those that are needed."""
     if not isinstance(log, DataflashLog) or not FIELDS[kind]:
         return log.columns(kind)
     clocks = (name for clocks in CLOCKS for name, _ in clocks)
@@ -181,9 +181,9 @@ def _columns(log: "DataflashLog | TelemetryLog | TextLog | MatlabLog", kind: str
 
 
 def _units(form: Form | None, units: dict[str, NDArray[Any]], multipliers: dict[str, NDArray[Any]]) -> dict[str, float]:
-    """SI value of one unit of each unscaled integer field, by FMTU and MULT.
+    """Return the factor to SI units for each unscaled integer field, from FMTU and MULT.
 
-    Firmware before 2015, which writes no FMTU, has voltage and current in hundredths.
+    Firmware before 2015 writes no FMTU; its voltages and currents are in hundredths.
     """
     if form is None:
         return {}
@@ -200,12 +200,12 @@ def _units(form: Form | None, units: dict[str, NDArray[Any]], multipliers: dict[
 
 
 def _text(packed: Any) -> str:
-    """A text; arbitrary bytes if the definition of the message is damaged."""
+    """Return a text; if the definition of the message is damaged, `packed` may be anything."""
     return packed.decode("ascii", "replace") if isinstance(packed, bytes) else str(packed)
 
 
 def _clock(kind: str, columns: Mapping[str, NDArray[Any]]) -> tuple[str, float] | None:
-    """The field of the time of a kind of message, and its unit [s]."""
+    """Return the time field of a kind of message, and its unit [s]."""
     return next(((name, unit) for name, unit in CLOCKS[kind == "GPS"] if name in columns), None)
 
 
@@ -219,7 +219,7 @@ def _times_s(kind: str, columns: Mapping[str, NDArray[Any]], count: int) -> list
 def _instances(
     kind: str, columns: dict[str, NDArray[Any]], fields: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, int], Table]]:
-    """The times [s] and fields of each instance of a message type; an empty list of fields means all."""
+    """Yield the times [s] and fields of each instance of a message type; an empty list of fields means all."""
     numbers = {name: without_damage(values) for name, values in columns.items() if values.dtype.kind == "f"}
     clock = _clock(kind, numbers)
     fields = fields or tuple(numbers)
@@ -236,14 +236,16 @@ def _instances(
 
 
 def _are_instances(numbers: NDArray[np.float64]) -> bool:
-    """Whether these are numbers of sensors: the name I is also used for the integral of a controller. A few may be
-    damaged."""
+    """Return whether these values are instance numbers, of which a few may be damaged.
+
+    The field name I is also used for the integral term of a controller.
+    """
     finite = numbers[np.isfinite(numbers)]
     return bool(np.mean((finite == np.round(finite)) & (finite >= 0) & (finite < 256)) > 0.5) if len(finite) else True
 
 
 def _refuse_unknown(path: Path, energy_control: dict[str, NDArray[Any]]) -> None:
-    """Raises InputError unless the energy controller of a plane was at work."""
+    """Raises InputError if there are no messages of a plane's energy controller."""
     if not energy_control:
         raise InputError(
             f"{path}: the log does not say which vehicle wrote it (no readable text of its firmware, no parameter of"

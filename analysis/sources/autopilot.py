@@ -1,4 +1,4 @@
-"""Reads a log of an autopilot by the reader of its format."""
+"""Reads an autopilot's log with the reader for its format."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def read_autopilot_log(path: Path, autopilot: Autopilot) -> "FlightRecording":
-    """The recording in a log. Raises InputError. The readers are loaded here, since they load NumPy."""
+    """Return the recording in a log. Raises InputError. Readers are imported here because they load NumPy."""
     match autopilot:
         case Autopilot.PX4:
             from flightpower.analysis.sources.px4 import read_px4
@@ -28,7 +28,7 @@ def read_autopilot_log(path: Path, autopilot: Autopilot) -> "FlightRecording":
 
 
 def all_channels(path: Path, autopilot: Autopilot) -> "AllChannels":
-    """All numbers that a log has over time. Raises InputError where it cannot be read."""
+    """Return every number that a log has over time. Raises InputError if it cannot be read."""
     match autopilot:
         case Autopilot.PX4:
             from flightpower.analysis.sources import px4

@@ -1,4 +1,4 @@
-"""Thresholds of reading autopilots' logs."""
+"""Thresholds for reading autopilots' logs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ READABLE = Readable()
 
 @dataclass(frozen=True)
 class Instances(Settings):
-    """Which of several sensors is used."""
+    """Thresholds for choosing among several sensors of one kind."""
 
     turning_revps: float = setting(5.0, "rev/s", "a motor that stands shows less, by noise")
     second_pack: float = setting(0.5, "1", "of its power; one with more feeds the motor, too, or measures the same")

@@ -1,7 +1,7 @@
-"""Axes and signs that only motion shows: angular rate, angle of attack, sideslip and GPS velocity, from the air data.
+"""Checks axes and signs that only motion reveals: angular rate, angle of attack, sideslip and GPS velocity.
 
-Each is compared with another sensor by a law of mechanics. The limits were tried on simulated flights of all plans and
-aircraft, also with large sensor errors and in 15 kt of turbulence; the figures are from the worst of them.
+A law of mechanics compares each with another sensor. The limits were tested on simulated flights of all plans and
+aircraft, including large sensor errors and 15 kt turbulence; the figures are from the worst of these flights.
 """
 
 from typing import NamedTuple
@@ -21,10 +21,10 @@ Q = Quantity
 
 
 class _Limit(NamedTuple):
-    """When the signs of a log contradict a law of `motion`.
+    """Limits beyond which the signs in a log contradict a law of `motion`.
 
-    least : correlation below which one of its two sides has the wrong sign. spread : standard deviation of the second
-    one, in its unit, below which nothing is judged. remedy : for the user.
+    least : correlation below which one side of the law has the wrong sign. spread : standard deviation of the second
+    side, in its unit, up to which the law is not judged. remedy : message for the user.
     """
 
     least: float
@@ -38,7 +38,7 @@ LIMITS = {
         "/imu: the nose goes down where specific_force_z_mps2 shows a pull-up: angular_rate_y_radps has the wrong sign;"
         " write it positive nose up",
     ),
-    Motion.LIFT_BY_ANGLE_OF_ATTACK: _Limit(  # at a constant lift coefficient nothing correlates with it
+    Motion.LIFT_BY_ANGLE_OF_ATTACK: _Limit(  # nothing correlates with a constant lift coefficient
         *AXES.wrong_sign.angle_of_attack,
         "/probe/alpha: the angle of attack falls where lift rises: differential_pressure_Pa has the wrong sign; write"
         " lower minus upper port, in the calibration of the probe too",
@@ -56,7 +56,7 @@ LIMITS = {
         *AXES.wrong_sign.climb,
         "/gps: velocity_down_mps is positive where /static shows a climb: write it positive downwards",
     ),
-    Motion.COURSE_IN_TURN: _Limit(  # in a turn the course turns as the nose does
+    Motion.COURSE_IN_TURN: _Limit(  # in a turn the course changes in the same direction as the nose
         *AXES.wrong_sign.course,
         "/imu and /gps: angular_rate_z_radps turns against the course of velocity_north_mps and velocity_east_mps: the"
         " rate is not positive to the right, or north and east are exchanged",
@@ -75,7 +75,7 @@ COLUMNS = {
 
 
 class _Means(Signals):
-    """The quantities of a table of means over stretches."""
+    """The quantities in a table of means over stretches of flight."""
 
     def __init__(self, means: pd.DataFrame):
         self._means = means
@@ -101,7 +101,7 @@ class _Means(Signals):
         return self.change(value, 2) / (2 * self._step_s)
 
     def change(self, value: Array, samples: int = 1) -> Array:
-        """To each sample from the one before; of two, from the sample before to the one after it."""
+        """Return the change from the sample before to each sample, or for samples=2 to the sample after it."""
         change = np.full(len(value), np.nan)
         late = samples // 2
         change[samples - late : len(value) - late] = value[samples:] - value[:-samples]
@@ -114,7 +114,7 @@ class _Means(Signals):
 def check_axes(table: pd.DataFrame, log: str) -> None:
     """Raises InputError naming the log if an axis, sign or unit contradicts the motion of the aircraft.
 
-    table: of `air_data`. Nothing is judged by less than STATISTICS.fewest_values of flight.
+    table: from `air_data`. Nothing is judged from fewer than STATISTICS.fewest_values means of flight.
     """
     flown = table["flying"] & (table["qbar_Pa"] > table["qbar_Pa"].quantile(AXES.slowest_share))
     means = _means(table, flown, REST.window_s)
@@ -148,7 +148,7 @@ def _over_mean(value: Array) -> Array:
 
 
 def _check_rate_unit(means: pd.DataFrame, log: str) -> None:
-    """V times pitch and yaw rate is acceleration, which specific force and gravity supply: at most |f| + g."""
+    """Check that V times pitch and yaw rate, an acceleration, is at most |f| + g, all that force and gravity supply."""
     force = np.sqrt(sum(means[f"a{axis}_mps2"] ** 2 for axis in "xyz"))
     needed = means["V_mps"] * np.hypot(means["q_radps"], means["r_radps"])
     slack_mps2, most_exceeded = AXES.rate_unit
@@ -161,7 +161,7 @@ def _check_rate_unit(means: pd.DataFrame, log: str) -> None:
 
 
 def _check_side_ports(means: pd.DataFrame, log: str) -> None:
-    """More lift needs more angle of attack: the pressure of alpha follows it, that of beta does not."""
+    """Check that the pressure of alpha follows the lift, as angle of attack does, and that of beta does not."""
     _, lift_coefficient = SIDES[Motion.LIFT_BY_ANGLE_OF_ATTACK](_Means(means))
     limit, lift = LIMITS[Motion.LIFT_BY_ANGLE_OF_ATTACK], pd.Series(_over_mean(lift_coefficient), means.index)
     if not lift.std() > limit.spread:
@@ -183,7 +183,7 @@ def _check_side_ports(means: pd.DataFrame, log: str) -> None:
 
 
 def _check_ground_speed(means: pd.DataFrame, log: str) -> None:
-    """The ground speed is airspeed and wind."""
+    """Check that the ground speed is plausible for the airspeed."""
     if means["gps_north_mps"].notna().sum() < STATISTICS.fewest_values:
         return
     ground = float(np.nanmedian(np.hypot(means["gps_north_mps"], means["gps_east_mps"])))
@@ -200,7 +200,7 @@ def _check_ground_speed(means: pd.DataFrame, log: str) -> None:
 
 
 def _climb_mps(table: pd.DataFrame) -> pd.Series:
-    """Climb rate by the barometer over REST.window_s on both sides."""
+    """Return the barometric climb rate [m/s] from means over REST.window_s on either side of each row."""
     step_s = float(table.index[1] - table.index[0])
     n = max(1, round(REST.window_s / step_s))
     height = table["height_m"].rolling(n, center=True, min_periods=1).mean()
@@ -208,10 +208,10 @@ def _climb_mps(table: pd.DataFrame) -> pd.Series:
 
 
 def _means(table: pd.DataFrame, rows: pd.Series, seconds: float) -> pd.DataFrame:
-    """Means over `seconds`, of those stretches all of whose rows count; the others are NaN."""
+    """Return means over stretches of `seconds`; a stretch is NaN unless all of its rows are in `rows`."""
     n = max(1, round(seconds / float(table.index[1] - table.index[0])))
     counting = table.where(rows)
-    # The stretches are centered at rows 0, n, 2 n, …; the first and the last one are not whole.
+    # The stretches are centered at rows 0, n, 2 n, …; the first and the last stretch may be incomplete.
     before = n // 2
     after = -(before + len(table)) % n
     padded = np.pad(counting.to_numpy(dtype=float), ((before, after), (0, 0)), constant_values=np.nan)
@@ -221,7 +221,7 @@ def _means(table: pd.DataFrame, rows: pd.Series, seconds: float) -> pd.DataFrame
 
 
 def _correlation(x: pd.Series, y: pd.Series) -> float:
-    """0 where it is not known."""
+    """Return the correlation; 0 if there are too few values or one of them is constant."""
     finite = x.notna() & y.notna()
     if finite.sum() < STATISTICS.fewest_values or x[finite].std() == 0 or y[finite].std() == 0:
         return 0.0

@@ -7,7 +7,7 @@ from flightpower.flight.settings import Settings, setting
 
 
 class WrongSigns(NamedTuple):
-    """Limits of each law: correlation below which a sign is wrong, spread below which it is not judged."""
+    """Limits for each law: correlation below which a sign is wrong, and spread up to which the law is not judged."""
 
     pitch: tuple[float, float]
     angle_of_attack: tuple[float, float]
@@ -29,7 +29,7 @@ class PlausibleLimits(NamedTuple):
 
 @dataclass(frozen=True)
 class AxesSettings(Settings):
-    """Axes and signs by motion; figures are those of the worst of simulated flights of all plans and aircraft."""
+    """Limits for axes and signs from motion; the figures are from the worst of simulated flights of all plans."""
 
     wrong_sign: WrongSigns = setting(
         WrongSigns(
@@ -68,7 +68,7 @@ class AxesSettings(Settings):
 
 @dataclass(frozen=True)
 class StructureSettings(Settings):
-    """Topics, fields and times of a log."""
+    """Limits for the topics, fields and times of a log."""
 
     interval_s: tuple[float, float] = setting(
         (1 / 210, 1.1),
@@ -82,7 +82,7 @@ class StructureSettings(Settings):
 
 @dataclass(frozen=True)
 class UnitSettings(Settings):
-    """Units by physical limits, besides the table LIMITS."""
+    """Physical limits that reveal a wrong unit, in addition to the table LIMITS."""
 
     plausible: PlausibleLimits = setting(
         PlausibleLimits(

@@ -1,13 +1,13 @@
-"""The map of a table's columns: which quantity each is, in which unit, with which sign and delay.
+"""The map of a table's columns: the quantity, unit, sign and delay of each.
 
     [true_airspeed]
     column = "tas_kt"
     unit = "knot"
     factor = 1        # -1 reverses the sign; 2 makes both motors of one
     offset = "0 m/s"  # added after that
-    delay = "0.3 s"   # the value is of so long before its time
+    delay = "0.3 s"   # each value was measured this long before its time
 
-A map lies beside its table, with .columns.toml added to its name, or as columns.toml for all tables of a folder.
+A map is next to its table, named after it with .columns.toml added, or is columns.toml for all tables in a folder.
 """
 
 import tomllib
@@ -42,7 +42,7 @@ class MappedColumn:
     delay_s: float = 0.0
 
     def in_si(self, value: Array, quantity: Quantity, where: str) -> Array:
-        """Raises InputError for an unknown unit, or for a unit of another quantity."""
+        """Return the values in SI units. Raises InputError for an unknown unit, or for a unit of another quantity."""
         unit = KINDS[quantity].unit
         zero, unity = (to_si(f"{x} {self.unit}".strip(), unit, f"{where}: {quantity}.unit") for x in (0, 1))
         added = to_si(self.offset, unit, f"{where}: {quantity}.offset") if self.offset else 0.0
@@ -55,13 +55,15 @@ class ColumnMap:
     columns: Mapping[Quantity, MappedColumn]
 
     def named(self, quantity: Quantity) -> str:
-        """The quantity with its column, for messages."""
+        """Return the quantity with the name of its column, for messages."""
         return f"{quantity} (column {self.columns[quantity].column})" if quantity in self.columns else quantity
 
 
 def map_of(table: Path, map_file: Path | None = None) -> ColumnMap:
-    """The column map given by option, or the file next to the table. Raises InputError when there is none, or it is
-    wrong."""
+    """Return the column map from the option, or from the file next to the table.
+
+    Raises InputError if there is none, or if it is wrong.
+    """
     candidates = map_files(table, map_file)
     if not candidates:
         raise InputError(
@@ -72,13 +74,13 @@ def map_of(table: Path, map_file: Path | None = None) -> ColumnMap:
 
 
 def map_files(table: Path, map_file: Path | None) -> list[Path]:
-    """The map that `map_of` reads, or none."""
+    """Return the map file that `map_of` reads, in a list that is empty if there is none."""
     beside = [table.with_name(f"{table.name}.{BESIDE}"), table.with_name(BESIDE)]
     return [map_file] if map_file else [path for path in beside if path.is_file()][:1]
 
 
 def load_map(path: Path) -> ColumnMap:
-    """Raises InputError when the file cannot be read or has a wrong entry."""
+    """Load a column map. Raises InputError when the file cannot be read or has a wrong entry."""
     text = read_text(path)
     try:
         entries = tomllib.loads(text)
@@ -95,7 +97,7 @@ def load_map(path: Path) -> ColumnMap:
 
 
 def mapped_channels(table: Path, columns: Columns, column_map: ColumnMap) -> dict[Quantity, Channel]:
-    """The quantities of a table in SI units, each at the times for which it is valid.
+    """Return the quantities of a table in SI units, each at the times when it was measured.
 
     Raises InputError when the table lacks a column, holds several aircraft, or its times do not ascend.
     """

@@ -1,6 +1,6 @@
-"""From a log to synchronized channels: all on one uniform grid of the tick rate, each corrected for its delay.
+"""Turns a log into synchronized channels: all on one uniform grid at the tick rate, each corrected for its delay.
 
-Samples that failed, were stale or saturated are left out. Long gaps are not interpolated: the channel is NaN there.
+Failed, stale and saturated samples are left out. Long gaps are not interpolated: the channel is NaN there.
 """
 
 import math
@@ -31,17 +31,17 @@ CLIPPED = "at the end of its range"
 
 
 def times_ns(entries: Entries) -> NDArray[np.int64]:
-    """Unix times of all messages [ns], (n,)."""
+    """Return the log times of all messages [ns], (n,)."""
     return np.array(entries.time_ns, dtype=np.int64)
 
 
 def is_good(entries: Entries) -> NDArray[np.bool_]:
-    """Which messages have the status `ok`, (n,)."""
+    """Return which messages have the status `ok`, (n,)."""
     return np.asarray(np.array(entries.status) == STATUS_CODE[Status.OK])
 
 
 def values(entries: Entries, field: str) -> Array:
-    """A field of all messages, (n,): NaN where it is null, or where their type has no such field of numbers."""
+    """Return a field of all messages, (n,): NaN where it is null, or if the message type has no such numeric field."""
     numbers = entries.columns[field].numbers if field in entries.columns else None
     if numbers is None:
         return np.full(len(entries), np.nan)
@@ -52,7 +52,7 @@ def values(entries: Entries, field: str) -> Array:
 
 
 def field_of(log: Log, topic: str, field: str) -> tuple[Array, Array]:
-    """Times since the first good message [s] and values of a topic's field, both (n,); empty if there are none."""
+    """Return times since the first good message [s] and the values of a field, both (n,); empty if there are none."""
     entries = log.entries.get(topic, NO_ENTRIES)
     value = values(entries, field)
     good = is_good(entries) & ~np.isnan(value)
@@ -61,14 +61,14 @@ def field_of(log: Log, topic: str, field: str) -> tuple[Array, Array]:
 
 
 def first_ns(log: Log) -> int:
-    """Log time of the first message [ns]."""
+    """Return the log time of the first message [ns]."""
     return min(entries[0].time_ns for entries in log.entries.values() if entries)
 
 
 def fix_of_log(log: Log, start_ns: int) -> Fix:
-    """Date and place of a log by the satellites; the date by the computer where they show none and its clock was set.
+    """Return date and place from GPS; the date is from the computer if GPS gives none and the computer's clock was set.
 
-    start_ns : log time at zero of the recording's clock
+    start_ns : log time at which the recording's clock is zero
     """
     gps = log.entries.get("/gps", NO_ENTRIES)
     positions = np.stack(
@@ -91,14 +91,14 @@ def fix_of_log(log: Log, start_ns: int) -> Fix:
 
 
 def events(log: Log, start_ns: int) -> list[Event]:
-    """What the daemon reported, on the clock that starts at `start_ns`."""
+    """Return the events that the daemon reported, on the clock that starts at `start_ns`."""
     entries = log.entries.get("/daq/event", NO_ENTRIES)
     reported = zip(times_ns(entries), entries.columns["text"][:], strict=True) if len(entries) else ()
     return [Event((int(t) - start_ns) / 1e9, EventKind.MESSAGE, str(text)) for t, text in reported]
 
 
 def all_channels(log: Log, start_ns: int) -> AllChannels:
-    """Every field of numbers: `/imu angular_rate_x_radps`, on the clock that starts at `start_ns`."""
+    """Return every numeric field, such as `/imu angular_rate_x_radps`, on the clock that starts at `start_ns`."""
 
     def read(entries: Entries, field: str) -> Channel:
         return Channel(*samples(entries, field, start_ns))
@@ -112,7 +112,7 @@ def all_channels(log: Log, start_ns: int) -> AllChannels:
 
 
 def samples(entries: Entries, field: str, start_ns: int) -> tuple[Array, Array]:
-    """Times [s] and values of the good messages, (m,), in order of time, one for each time."""
+    """Return times [s] and values of the good messages, both (m,), in order of time, with one value per time."""
     value = values(entries, field)
     good = is_good(entries) & ~np.isnan(value)
     taken_s = ((times_ns(entries) - start_ns) / 1e9 - _delay_s(entries, field))[good]
@@ -121,25 +121,25 @@ def samples(entries: Entries, field: str, start_ns: int) -> tuple[Array, Array]:
 
 
 def _delay_s(entries: Entries, field: str) -> Array:
-    """Age of the field of each message at its log_time [s], (n,), as far as the messages give it.
+    """Return the age of the field in each message at its log_time [s], (n,); 0 where the messages do not tell it.
 
-    An IMU's accelerometers may be filtered otherwise than its gyroscopes: by 1.9 ms in an MPU-9250, which made power in
-    gusts 0.8 % too high at 1.1 V_stall.
+    An IMU may filter its accelerometers differently from its gyroscopes. The delays differ by 1.9 ms in an MPU-9250,
+    which made power in gusts 0.8 % too high at 1.1 V_stall.
 
     A motor speed is the mean over the timed period, and at a tick the newest frame is on average half a frame interval
-    old: together 16 ms at 90 rev/s. Without this correction the motor speed would seem to lag. A counter that tells how
-    many pulses it timed sends every 10 ms what came since the last frame, where that is more than ten electrical
-    periods; the last pulse is then half an electrical period old when the frame is sent.
+    old: together 16 ms at 90 rev/s. Without this correction the motor speed would seem to lag. A counter that reports
+    how many pulses it timed sends a frame every 10 ms on the pulses since the last frame, if these are more than ten;
+    the last pulse is then on average half an electrical period old when the frame is sent.
     """
     timed_s = np.nan_to_num(values(entries, "period_us")) * 1e-6
     timed = timed_s > 0
-    # The counter sends a period once in 10 ms at most.
+    # The counter sends at most one period every 10 ms.
     frame_interval_s = timed_s * np.ceil(0.01 / np.where(timed, timed_s, 1.0))
     period_s = timed_s / 10
     pulses = (
         values(entries, "pulses_captured") - values(entries, "pulses_rejected") + values(entries, "pulses_inserted")
     )
-    since_last_frame = (pulses > 10) & (timed_s < 0.01)  # false where pulses are not stated
+    since_last_frame = (pulses > 10) & (timed_s < 0.01)  # false where the number of pulses is not given
     timed_s = np.where(since_last_frame, np.nan_to_num(pulses) * period_s, timed_s)
     frame_interval_s = np.where(since_last_frame, 0.01 + period_s, frame_interval_s)
     delay_s = values(entries, "group_delay_s")
@@ -150,7 +150,7 @@ def _delay_s(entries: Entries, field: str) -> Array:
 
 
 def losses(topic: str, entries: Entries, start_ns: int) -> list[str]:
-    """Notes on a topic: the share of clipped samples, and long gaps."""
+    """Return notes on a topic: the share of clipped samples, and long gaps."""
     if not entries:
         return []
     notes = []
@@ -159,7 +159,7 @@ def losses(topic: str, entries: Entries, start_ns: int) -> list[str]:
         notes.append(f"{topic} was {CLIPPED} for {100 * clipped:.1f} % of the log and is left out there.")
     good_s = (times_ns(entries)[is_good(entries)] - start_ns) / 1e9
     if topic == "/rpm" or len(good_s) < 2:
-        return notes  # a standing motor sends no messages; `synchronize` reports a topic without values
+        return notes  # a stopped motor sends no messages; `synchronize` reports a topic without values
     gaps = np.diff(good_s)
     long = np.flatnonzero(gaps > max(CHANNELS.long_gap_s, 5 * float(np.median(gaps))))
     for i in long[np.argsort(gaps[long])[::-1][:3]].tolist():
@@ -168,10 +168,10 @@ def losses(topic: str, entries: Entries, start_ns: int) -> list[str]:
 
 
 def tick_period_s(log: Log) -> float:
-    """The period of a log's ticks [s].
+    """Return the period of a log's ticks [s].
 
-    The nominal one where the log's metadata give it. Else from the time between the first and the last tick, so that
-    missed ticks do not matter; or, where the sequence does not count ticks, from the median interval.
+    It is the nominal period if the log's metadata give it. Otherwise it follows from the time between the first and the
+    last tick, so that missed ticks do not matter, or from the median interval if the sequence does not count ticks.
     Raises InputError if the metadata have a wrong rate.
     """
     imu = log.entries["/imu"]
@@ -194,7 +194,7 @@ def tick_period_s(log: Log) -> float:
 
 
 def servo_pulses(log: Log, output: int) -> tuple[Array, Array]:
-    """Times since the first pulse [s] and pulses [us] of a servo output, counted from 1; both (n,), or empty."""
+    """Return times since the first pulse [s] and pulses [us] of a servo output, counted from 1; both (n,), or empty."""
     t_s, pulses = [], []
     for entry in log.entries.get("/controls", []):
         pulse_us = getattr(entry.message, "pulse_us", None)
@@ -204,7 +204,7 @@ def servo_pulses(log: Log, output: int) -> tuple[Array, Array]:
     return np.array(t_s) - (t_s[0] if t_s else 0.0), np.array(pulses, dtype=float)
 
 
-# Column of the table: (topic, field).
+# Columns of the table, each with its (topic, field).
 COLUMNS = {
     "ax_mps2": ("/imu", "specific_force_x_mps2"),
     "ay_mps2": ("/imu", "specific_force_y_mps2"),
@@ -239,14 +239,14 @@ class Channels(NamedTuple):
     rate_Hz: float
     start_ns: int  # Unix time of t_s = 0
     notes: list[str]  # clipping and long gaps, in sentences
-    resolution: Mapping[str, float] = MappingProxyType({})  # by column, the step of its values, where it has one
+    resolution: Mapping[str, float] = MappingProxyType({})  # by column, the step size of its values, if it has one
 
 
 def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
-    """Every channel of a log on one uniform grid.
+    """Put every channel of a log on one uniform grid.
 
     log: accepted by `analysis.sources`.
-    lag_s: by topic, a known delay of its quantity [s], in addition to the delay in its messages.
+    lag_s: by topic, a known delay of its quantity [s] in addition to the delay that its messages give.
     Raises InputError if the log's metadata have a wrong rate.
     """
     ticks_ns, period_s = times_ns(log.entries["/imu"]), tick_period_s(log)
@@ -265,25 +265,25 @@ def synchronize(log: Log, lag_s: dict[str, float] | None = None) -> Channels:
     return Channels(pd.DataFrame(table, index=pd.Index(t_s, name="t_s")), 1 / period_s, start_ns, notes, resolution)
 
 
-# How thresholds scale with the size of the aircraft (`flight.runs.AIRCRAFT_SIZE`), in a table of air data.
-SPEED_SCALE = "speed_scale"  # column of the table of `air_data`, the `speed_ratio` in all rows
+# Thresholds scale with the size of the aircraft (`flight.runs.AIRCRAFT_SIZE`), which a table of air data carries.
+SPEED_SCALE = "speed_scale"  # column of the table from `air_data`; it has the speed ratio in every row
 
 
 def speed_scale(aircraft: Aircraft) -> float:
-    """Speed at C_L = 1 over the reference speed, at most 1."""
+    """Return the speed at C_L = 1 over the reference speed, at most 1."""
     return runs.speed_scale(aircraft.mass.weight_N, aircraft.geometry.wing_area_m2)
 
 
 def speed_ratio_of(table: pd.DataFrame) -> float:
-    """Speed at C_L = 1 over the reference speed, for the aircraft of a table from `air_data`; 1 without the column."""
+    """Return the speed at C_L = 1 over the reference speed for a table from `air_data`; 1 without the column."""
     return float(table[SPEED_SCALE].iloc[0]) if SPEED_SCALE in table and len(table) else 1.0
 
 
 def speed_scale_of(table: pd.DataFrame) -> float:
-    """`speed_ratio_of`, at most 1."""
+    """Return `speed_ratio_of`, limited to at most 1."""
     return min(1.0, speed_ratio_of(table))
 
 
 def least_height_m(table: pd.DataFrame) -> float:
-    """Height above the ground for the aircraft of a table from `air_data`, below which wind shear matters."""
+    """Return the height above ground [m] below which wind shear matters to the aircraft of a table from `air_data`."""
     return AIRCRAFT_SIZE.least_height_m * speed_scale_of(table)

@@ -1,4 +1,4 @@
-"""A log of the daemon as the recording of an ordinary flight: without flow angles, with its electrical power."""
+"""Turns a log of the daemon into the recording of an ordinary flight: without flow angles, with electrical power."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from flightpower.flight.log_reader import Log
 from flightpower.flight.messages import TOPICS_FOR_DRAG
 from flightpower.flight.runs import flying_Pa
 
-# By channel of a recording: topic and field.
+# Topic and field for each channel of a recording.
 CHANNELS = {recording.AIRSPEED_PRESSURE: COLUMNS["q_c_Pa"], recording.MOTOR: COLUMNS["n_revps"]}
 CHANNELS |= {
     name: COLUMNS[name] for name in (recording.STATIC, recording.FORCE_X, recording.FORCE_Y, recording.FORCE_Z)
@@ -27,7 +27,7 @@ NOTE = "The pitot's pressure is taken as dynamic pressure: without flow angles t
 
 
 def recording_of(log: Log) -> FlightRecording:
-    """The channels of a log of the daemon; its clock starts at the first airspeed, or at the first GPS without one."""
+    """Return a daemon log's channels. Their clock starts at the first airspeed message, or else the first GPS one."""
     start_ns = _start_ns(log)
     channels: dict[str, Channel] = {}
     for name, (topic, field) in CHANNELS.items():
@@ -40,7 +40,7 @@ def recording_of(log: Log) -> FlightRecording:
         channels[recording.AIRSPEED_PRESSURE] = Channel(pitot.t_s, pitot.value - zero_Pa)
     warm = Channel(*samples(log.entries.get("/static", NO_ENTRIES), "temperature_K", start_ns))
     first = float(np.mean(warm.value[:50])) if len(warm.value) else float("nan")
-    # The tray warms up: its first reading is that of the air.
+    # The tray warms up, so only its first readings show the air's temperature.
     air = Channel(warm.t_s, np.full(len(warm.t_s), first))
     version = log.metadata.get("flightpower", {}).get("version", "")
     missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
@@ -62,10 +62,10 @@ def recording_of(log: Log) -> FlightRecording:
 
 
 def recording_with_air_data(log: Log, table: pd.DataFrame) -> FlightRecording:
-    """The recording of a log with flow angles: its airspeed's pressure is the dynamic pressure by the calibrated probe.
+    """Return the recording of a log with flow angles, with the dynamic pressure that the calibrated probe gives.
 
-    A probe's center port shows less the larger the angle of attack: a hemisphere's 5 % less at 8 deg. table : of
-    `air.air_data`. Outside the probe's calibrated angles there are no samples.
+    The pressure at a probe's center port falls with angle of attack, by 5 % at 8 deg for a hemisphere. Outside the
+    probe's calibrated angles there are no samples. table : from `air.air_data`
     """
     as_recorded = recording_of(log)
     on_ground = table["q_c_Pa"].to_numpy() <= flying_Pa(speed_scale_of(table))
@@ -82,7 +82,7 @@ def recording_with_air_data(log: Log, table: pd.DataFrame) -> FlightRecording:
 
 
 def _start_ns(log: Log) -> int:
-    """Log time of the first airspeed, or of the first GPS without one [ns]."""
+    """Return the log time of the first airspeed message [ns], or if there is none, of the first GPS message."""
     return next(log.entries[topic][0].time_ns for topic in ("/probe/airspeed", "/gps") if log.entries.get(topic))
 
 

@@ -1,7 +1,7 @@
-"""Finds the messages in a log in ArduPilot's dataflash format (.BIN), however damaged, and unpacks those of one name.
+"""Finds messages in a log in ArduPilot's dataflash format (.BIN), even a damaged one, and unpacks those of one name.
 
-A message is 0xA3 0x95, the number of its kind, and packed fields. Messages of kind 0x80 (FMT) define kinds: number,
-length, name, codes and names of the fields.
+A message consists of 0xA3 0x95, the number of its kind, and packed fields. Messages of kind 0x80 (FMT) define kinds:
+number, length, name, and the codes and names of the fields.
 """
 
 import itertools
@@ -19,21 +19,21 @@ from flightpower.flight.errors import InputError
 START, DEFINITION = b"\xa3\x95", ord(b"\x80")
 FORMAT = struct.Struct("<BB4s16s64s")
 HEADER_BYTES = struct.calcsize("2sB")  # START, number of the kind
-# Codes of packed fields, as NumPy types. Those of cCeE are in hundredths, of L in 1e-7 degrees.
+# NumPy types for the codes of packed fields. Fields with codes cCeE are in hundredths, those with L in 1e-7 degrees.
 PACKED = {"a": "(32,)<i2", "b": "i1", "B": "u1", "M": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "f": "<f4",
           "d": "<f8", "g": "<f2", "n": "S4", "N": "S16", "Z": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4",
           "L": "<i4", "q": "<i8", "Q": "<u8"}  # fmt: skip
 
 
 class Form(NamedTuple):
-    """Number of a kind of message, its fields, and a code for each."""
+    """The number of a kind of message, its fields, and a code for each."""
 
     number: int
     fields: tuple[str, ...]
     codes: str
 
     def whole_numbers(self) -> list[str]:
-        """The fields that are integers without a scale of their own."""
+        """Return the integer fields whose code implies no scale."""
         return [field for field, code in zip(self.fields, self.codes, strict=False) if code in "bBhHiIqQ"]
 
 
@@ -52,11 +52,11 @@ def _read(stream: BinaryIO, size: int) -> bytes:
 
 
 class DataflashLog:
-    """The messages of a file by kind. Of the file itself, one block is in memory at a time.
+    """The messages of a file by kind. One block of the file at a time is in memory.
 
-    The file is read, not mapped: where the card of a mapped file is pulled, the process ends without a word.
+    The file is read rather than memory-mapped: pulling the card of a mapped file ends the process without a message.
 
-    Raises OSError where the file cannot be read, InputError where that happens later, or where it became shorter.
+    Raises OSError if the file cannot be read at first, InputError if it cannot be read later or has become shorter.
     """
 
     notes = ()
@@ -85,7 +85,7 @@ class DataflashLog:
                 if number == DEFINITION and (defined := self._define(data, offset)) is not None:
                     lengths[defined] = HEADER_BYTES + self._kinds[defined].dtype.itemsize
                 offset += length
-            rest = offset if offset >= 0 else len(data) - 1  # whose byte may be the first one of START
+            rest = offset if offset >= 0 else len(data) - 1  # the last byte may be the first byte of START
             begin, data = begin + rest, data[rest:]
 
     def _blocks(self) -> Iterator[bytes]:
@@ -107,7 +107,7 @@ class DataflashLog:
             raise InputError(f"{self._source}: cannot be read any longer ({error.strerror or error})") from None
 
     def _define(self, data: bytes, offset: int) -> int | None:
-        """The number of the kind that a format message defines; None where it is damaged, or known before."""
+        """Store and return the number of the kind that a format message defines; None if damaged or already defined."""
         number, length, *texts = FORMAT.unpack_from(data, offset + HEADER_BYTES)
         name, codes, listed = (text.rstrip(b"\0").decode("ascii", "replace") for text in texts)
         fields = tuple(listed.split(","))
@@ -122,16 +122,16 @@ class DataflashLog:
         return int(number)
 
     def names(self) -> list[str]:
-        """The kinds of message that the log holds, in order of their numbers."""
+        """Return the kinds of message that the log holds, in order of their numbers."""
         return [kind.name for number, kind in sorted(self._kinds.items()) if len(self._offsets[number])]
 
     def form(self, name: str) -> Form | None:
-        """How messages of a name are packed; None where the log has none."""
+        """Return how messages of a name are packed; None if the log has none."""
         numbered = next(((number, kind) for number, kind in self._kinds.items() if kind.name == name), None)
         return None if numbered is None else Form(numbered[0], numbered[1].fields, numbered[1].codes)
 
     def columns(self, name: str, wanted: Collection[str] = ()) -> dict[str, NDArray[Any]]:
-        """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers.
+        """Return the fields of all messages of a name, (n,): numbers as float64, texts as bytes; arrays are left out.
 
         wanted: the fields to read, if not all.
         """
@@ -154,7 +154,7 @@ class DataflashLog:
         return out
 
     def _fill(self, kind: _Kind, offsets: NDArray[np.uint64], out: dict[str, NDArray[Any]]) -> None:
-        """The fields `out` (n,) of the messages at these offsets (n,), all within one block."""
+        """Fill `out`, fields (n,), from the messages at these offsets (n,), which are all within one block."""
         if not len(offsets):
             return
         begin, end = int(offsets[0]) + HEADER_BYTES, int(offsets[-1]) + HEADER_BYTES + kind.dtype.itemsize

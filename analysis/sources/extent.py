@@ -1,6 +1,6 @@
-"""When a log began, and how long it is, by its first and last bytes: for a list of many logs.
+"""Finds when a log began and how long it is from its first and last bytes, for a list of many logs.
 
-A file without times there causes no message here; the analysis reports what is wrong with it.
+A file without times in these bytes gives no message here; the analysis reports what is wrong with it.
 """
 
 import gzip
@@ -37,7 +37,7 @@ class LogKind(StrEnum):
 
 
 class Extent(NamedTuple):
-    """kind : what wrote the log     start_s : Unix time, if the log says it     length_s : if it is known"""
+    """kind : what wrote the log     start_s : Unix time, if the log gives it     length_s : duration, if it is known"""
 
     kind: LogKind
     start_s: float | None = None
@@ -45,11 +45,11 @@ class Extent(NamedTuple):
 
 
 def extent(path: Path) -> Extent:
-    """Facts about a log from the first and last bytes of its file. Raises OSError where it cannot be read."""
+    """Return facts about a log from the first and last bytes of its file. Raises OSError if it cannot be read."""
     first, last = _edges(path)
     try:
         form = format_of(path)
-    except InputError:  # the file is damaged; the analysis says how
+    except InputError:  # the file is damaged; the analysis reports how
         return Extent(LogKind.UNKNOWN)
     match form:
         case Format.ULOG:
@@ -74,7 +74,7 @@ def _length(times_s: list[float]) -> float | None:
 
 
 def _edges(path: Path, count: int = 1 << 17) -> tuple[bytes, bytes]:
-    """The first and the last bytes, of a compressed file those of its contents."""
+    """Return the first and the last bytes of the file, or of its contents if it is compressed."""
     with path.open("rb") as stream:
         start = stream.read(count)
         if start.startswith(GZIP_MAGIC):
@@ -89,14 +89,14 @@ def _edges(path: Path, count: int = 1 << 17) -> tuple[bytes, bytes]:
 
 
 def _ulog_start_s(path: Path, count: int = 1 << 20) -> float | None:
-    """Unix time of the start by the satellites. count: number of first bytes, some ten seconds, that contain it."""
+    """Return the Unix time of the start, from GPS. count: number of first bytes, about ten seconds, that contain it."""
     from flightpower.analysis.sources.px4 import start_unix_s  # loads pyulog
 
     return start_unix_s(_edges(path, count)[0])
 
 
 def _ulog_times_s(first: bytes, last: bytes) -> list[float]:
-    """The time in the head, and the last one of the data, from a place whence messages follow to the end."""
+    """Return the time in the header and the last time in the data, found where whole messages run on to the end."""
     (start_us,) = struct.unpack_from("<Q", first, 8) if len(first) >= 16 else (0,)
     data = last or first[16:]
     for begin in range(min(len(data), 1 << 16)):
@@ -107,7 +107,7 @@ def _ulog_times_s(first: bytes, last: bytes) -> list[float]:
 
 
 def _ulog_chain_us(data: bytes, offset: int) -> list[int]:
-    """Times of data from a message on; empty unless ten messages or more follow each other to the end."""
+    """Return the data messages' times [us] from `offset` on; empty unless ten or more messages run on to the end."""
     times: list[int] = []
     count = 0
     while offset + 3 <= len(data):
@@ -127,7 +127,7 @@ def _dataflash_times_s(data: bytes) -> list[float]:
         for field, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3)):
             times = log.columns(name).get(field, np.zeros(0)) if name != "GPS" or field == "TimeUS" else np.zeros(0)
             times_s += [unit * float(t) for t in times if t > 0]
-    # A damaged byte can make a time years long.
+    # A damaged byte can put a time years off.
     usual = float(np.median(times_s)) if times_s else 0.0
     return [t for t in times_s if abs(t - usual) < 1e5]
 
@@ -144,7 +144,7 @@ def _line_times_s(text: bytes) -> list[float]:
 
 
 def _mcap(path: Path) -> Extent:
-    """Reads the statistics at the end of the file; a truncated one has none."""
+    """Reads the statistics at the end of the file; a truncated file has none."""
     from mcap.exceptions import McapError
     from mcap.reader import SeekingReader
 

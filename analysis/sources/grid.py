@@ -1,8 +1,8 @@
-"""Gaps filled, local polynomials, cubic splines, and stretches of a boolean signal.
+"""Fills gaps, fits local polynomials and cubic splines, and finds stretches of a boolean signal.
 
-Local polynomials smooth and differentiate (Savitzky and Golay, Anal. Chem. 36, 1964); their numbers are those of
-`scipy.signal.savgol_filter`, whose import takes half a second and 30 MB for what is not used here. The cubic spline has
-the not-a-knot condition (de Boor, A Practical Guide to Splines, ch. IV) and the numbers of
+Local polynomials smooth and differentiate (Savitzky and Golay, Anal. Chem. 36, 1964). They give the same numbers as
+`scipy.signal.savgol_filter`, whose import takes half a second and 30 MB for code that is not used here. The cubic
+spline has the not-a-knot condition (de Boor, A Practical Guide to Splines, ch. IV) and gives the same numbers as
 `scipy.interpolate.CubicSpline`, whose import takes 0.15 s and 20 MB.
 """
 
@@ -20,9 +20,9 @@ from flightpower.flight.arrays import Array
 
 
 def without_gaps(values: Array) -> Array:
-    """Values (n,) with NaN interpolated linearly, and constant before the first and after the last known value.
+    """Interpolate NaN in values (n,) linearly; hold the first and the last known value beyond the ends.
 
-    All NaN if none is known. The numbers are those of `pandas.Series.interpolate(limit_direction="both")`.
+    All stay NaN if none is known. `pandas.Series.interpolate(limit_direction="both")` gives the same numbers.
     """
     finite = ~np.isnan(values)
     if finite.all() or not finite.any():
@@ -32,7 +32,7 @@ def without_gaps(values: Array) -> Array:
 
 
 def rows_within(t_s: Array, stretches_s: Iterable[tuple[float, float]]) -> NDArray[np.bool_]:
-    """Rows (n,) at times (n,) within one of the stretches, both ends included."""
+    """Return which of the times (n,) lie within one of the stretches, both ends included."""
     rows = np.zeros(len(t_s), dtype=bool)
     for start_s, end_s in stretches_s:
         rows |= (t_s >= start_s) & (t_s <= end_s)
@@ -40,10 +40,10 @@ def rows_within(t_s: Array, stretches_s: Iterable[tuple[float, float]]) -> NDArr
 
 
 def local_quadratic(values: Array, window: int, derivative: int = 0, step: float = 1.0) -> Array:
-    """The value or derivative of a quadratic fitted by least squares around each of the values (n,), (n,).
+    """Return the value or derivative (n,) of a quadratic fitted by least squares around each of the values (n,).
 
-    window: odd number of values of a fit, at most n. step: distance of two values. The first and the last half window
-    are those of one quadratic each, fitted to the first and to the last window.
+    window: odd number of values in a fit, at most n. step: distance between two values. The first half window is
+    evaluated from one quadratic fitted to the first window; the last half window likewise.
     """
     half = window // 2
     powers = np.arange(half, half - window, -1.0) ** np.arange(3).reshape(-1, 1)
@@ -62,7 +62,7 @@ def local_quadratic(values: Array, window: int, derivative: int = 0, step: float
 
 
 def _correlated(values: Array, weights: Array) -> Array:
-    """Sums of the values (n,) around each, times an odd number of weights; zero beyond the ends.
+    """Return weighted sums (n,) of the values around each, with an odd number of weights; values beyond the ends are 0.
 
     The order of operations is that of `scipy.ndimage`, whose import takes 0.06 s.
     """
@@ -84,7 +84,7 @@ def _correlated(values: Array, weights: Array) -> Array:
 class CubicSpline:
     """A piecewise cubic through values (n,) or (n, k) at increasing x (n,), with two continuous derivatives."""
 
-    fewest_points = 4  # for the not-a-knot condition at both ends
+    fewest_points = 4  # needed for the not-a-knot condition at both ends
 
     def __init__(self, x: Array, values: Array):
         """Raises ValueError for fewer than four points, or where x does not increase."""
@@ -112,7 +112,7 @@ class CubicSpline:
         self._coefficients = values[:-1], derivative[:-1], (slope - derivative[:-1]) / h - excess, excess / h
 
     def __call__(self, x: Array, derivative: int = 0) -> Array:
-        """The value, or the first derivative, at x (m,); beyond the ends the first and the last cubic continue."""
+        """Return the value or first derivative at x (m,); beyond the ends, the first and the last cubic continue."""
         interval = np.clip(np.searchsorted(self._x, x, side="right") - 1, 0, len(self._x) - 2)
         constant, linear, square, cubic = (c.take(interval, axis=0) for c in self._coefficients)
         d = (x - self._x[interval]).reshape(-1, *[1] * (constant.ndim - 1))
@@ -122,7 +122,7 @@ class CubicSpline:
 
 
 def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
-    """Values (m,) measured at `taken_s` (m,), by a cubic spline at `t_s` (n,); NaN in gaps and beyond the ends."""
+    """Return values (m,) from times `taken_s` (m,) at `t_s` (n,) by a cubic spline; NaN in gaps and beyond the ends."""
     if len(value) < CubicSpline.fewest_points:
         return np.full_like(t_s, np.nan)
     interval = max(float(np.median(np.diff(taken_s))), t_s[1] - t_s[0])
@@ -136,7 +136,7 @@ def on_grid(t_s: Array, taken_s: Array, value: Array) -> Array:
 
 
 def stretches(flag: NDArray[np.bool_]) -> list[slice]:
-    """The slices of a boolean array (n,) in which it is True."""
+    """Return the slices in which a boolean array (n,) is True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flag, [False]]).astype(np.int8)))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -144,9 +144,9 @@ def stretches(flag: NDArray[np.bool_]) -> list[slice]:
 def resampled(
     channel: Channel, t_s: Array, window_s: float = FLIGHT.smoothing_s, longest_gap_s: float = FLIGHT.longest_gap_s
 ) -> Array:
-    """Values at t_s (n,): moving average over a Hann window, then linear interpolation; NaN in gaps, beyond the ends.
+    """Return values at t_s (n,), averaged with a Hann window, then interpolated; NaN in gaps and beyond the ends.
 
-    A channel slower than half the window is only interpolated, and a gap is at least four of its intervals.
+    A channel whose interval exceeds two thirds of the window is only interpolated. A gap is at least four intervals.
     """
     if len(channel.t_s) < 2:
         return np.full(len(t_s), np.nan)
@@ -160,7 +160,7 @@ def resampled(
 
 
 def smoothed(value: Array, width: int) -> Array:
-    """Centered average (n,) with Hann weights over `width` samples; the ends are repeated beyond them."""
+    """Return the centered average (n,) with Hann weights over `width` samples; end values repeat beyond the ends."""
     weights = np.hanning(width + 2)[1:-1]
     padded = np.pad(value, (width // 2, width - 1 - width // 2), mode="edge")
     return np.convolve(padded, weights / weights.sum(), mode="valid")

@@ -8,7 +8,7 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class StatisticsSettings(Settings):
-    """What is enough, significant, determined or worth a note, for all folders above this one."""
+    """Thresholds for what is enough, significant, determined or worth a note; used by all folders above this one."""
 
     sigmas: float = setting(
         3.0, "1", "standard errors beyond which a departure from what is assumed counts: one in 400 by chance"
@@ -34,7 +34,7 @@ class StatisticsSettings(Settings):
 
 @dataclass(frozen=True)
 class ChannelSettings(Settings):
-    """Synchronized channels of a log."""
+    """Limits for the synchronized channels of a log."""
 
     smoothing_s: float = setting(
         0.2,
@@ -53,7 +53,7 @@ class ChannelSettings(Settings):
 
 @dataclass(frozen=True)
 class RestSettings(Settings):
-    """Rest on the ground and the zeros there; spreads of the sensors at rest are in `flight.runs.STANDING`."""
+    """Limits for rest on the ground and its zeros. `flight.runs.STANDING` has the spreads of the sensors at rest."""
 
     window_s: float = setting(
         1.0,
@@ -94,7 +94,7 @@ REST = RestSettings()
 
 @dataclass(frozen=True)
 class FlightDetection(Settings):
-    """Which part of a log is flight, by airspeed, GPS and height; what an autopilot says of it is not used."""
+    """Limits that find the flight in a log by airspeed, GPS and height; the autopilot's flight state is not used."""
 
     step_s: float = setting(0.2, "s", "the fastest change that matters, of the throttle, takes a few steps")
     smoothing_s: float = setting(1.0, "s", "of pressures and accelerations: slower than short-period motion")

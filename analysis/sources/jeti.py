@@ -1,8 +1,8 @@
-"""Reads the telemetry log of a Jeti radio (.log) as a table: a line for each moment of a device, its sensors' values.
+"""Reads a Jeti radio's telemetry log (.log) as a table: each line has the values of one device's sensors at one time.
 
 000000000;4309320782;0;MUI-50;          time [ms]; device; 0; its name
 000000000;4309320782;2;Current;A        time; device; sensor; name; unit
-000450158;4309320782;2;1;1;17           time; device; and of each sensor: number; type; decimals; value
+000450158;4309320782;2;1;1;17           time; device; then for each sensor: number; type; decimals; value
 """
 
 from collections import Counter, defaultdict
@@ -13,11 +13,11 @@ import numpy as np
 from flightpower.flight.arrays import Array
 
 TIME = "Time [s]"
-VALUE = ("number", "type", "decimals", "value")  # the cells of each sensor's value
+VALUE = ("number", "type", "decimals", "value")  # cells that make up each sensor's value
 
 
 class Type(IntEnum):
-    """Types of values that are numbers; the other types are times and dates."""
+    """Types of numeric values; the other types are times and dates."""
 
     BITS_6 = 0
     BITS_14 = 1
@@ -27,9 +27,9 @@ class Type(IntEnum):
 
 
 def read_jeti(text: str) -> dict[str, Array]:
-    """Time since the first value, and the values of each sensor at all times, (n,) each; NaN where it has no value.
+    """Return the time since the first value [s] and each sensor's values at all times, (n,) each; NaN without a value.
 
-    A column's name is that of device and sensor, with the unit in brackets. Lines that are damaged are left out.
+    A column is named after device and sensor, with the unit in brackets. Damaged lines are left out.
     """
     devices: dict[str, str] = {}
     names: dict[tuple[str, str], str] = {}
@@ -65,11 +65,11 @@ def read_jeti(text: str) -> dict[str, Array]:
 
 
 def _value(kind: str, decimals: str, value: str) -> float | None:
-    """The number; of a position in degrees. None for a time, a date, and what is damaged."""
+    """Return the number, in degrees for a position; None for a time, a date or a damaged value."""
     try:
         value_type, digits, number = Type(int(kind)), int(decimals), int(value)
     except ValueError:
         return None
-    if value_type is Type.POSITION:  # thousandths of a minute, degrees; South and West are marked beside the decimals
+    if value_type is Type.POSITION:  # thousandths of a minute, degrees; the cell of decimals marks South and West
         return ((number >> 16 & 0xFF) + (number & 0xFFFF) / 60_000) * (-1 if digits & 2 else 1)
     return number / 10**digits if 0 <= digits <= 8 and abs(number) < 2**31 else None

@@ -1,4 +1,4 @@
-"""Settings of `analysis.sources`: how well quantities of a table have to agree."""
+"""Settings of `analysis.sources`: how well the quantities of a table must agree."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -7,7 +7,7 @@ from flightpower.flight.settings import Settings, setting
 
 
 class Agreement(NamedTuple):
-    """Least correlations of the two sides of a law: to follow each other, to show a delay, to show a unit."""
+    """Least correlations between the two sides of a law for them to be related, to show a delay, and to show a unit."""
 
     related: float
     delayed: float
@@ -15,7 +15,7 @@ class Agreement(NamedTuple):
 
 
 class Delay(NamedTuple):
-    """Shortest delay that is reported, the share it has to explain, and the delay of lift against pitch."""
+    """Shortest delay that is reported, the share of variance left with it, and the delay of lift behind pitch."""
 
     shortest_s: float
     explained: float
@@ -24,7 +24,7 @@ class Delay(NamedTuple):
 
 @dataclass(frozen=True)
 class LawSettings(Settings):
-    """Laws of motion between columns, smoothed over a second."""
+    """Limits for laws of motion between columns that are smoothed over a second."""
 
     correlation: Agreement = setting(
         Agreement(0.4, 0.6, 0.8),

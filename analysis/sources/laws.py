@@ -1,7 +1,8 @@
-"""Quantities of a table compared with each other by laws of motion: a wrong unit, sign, delay or column is reported.
+"""Compares a table's quantities by laws of motion, and reports a wrong unit, sign, delay or column.
 
-A law gives one quantity from others. Both sides are smoothed over a second on one grid; their correlation at the best
-delay, the delay, and the ratio of their spreads say what is wrong. The limits were tried on simulated and real flights.
+A law gives one quantity from others. Both sides are smoothed over a second on one grid. Their correlation at the best
+delay, that delay, and the ratio of their spreads show what is wrong. The limits were tested on simulated and real
+flights.
 """
 
 from collections import Counter
@@ -43,7 +44,7 @@ class Mistake(StrEnum):
 
 
 class Finding(NamedTuple):
-    """quantities : of which one is wrong    text : in words, with the remedy"""
+    """quantities : those of which one is wrong    text : the finding in words, with the remedy"""
 
     mistake: Mistake
     quantities: tuple[Quantity, ...]
@@ -51,7 +52,7 @@ class Finding(NamedTuple):
 
 
 class Relation(NamedTuple):
-    """Relation of two signals: correlation at no delay and at the best [s], and the ratio of their spreads."""
+    """Relation of two signals: correlation without delay and at the best delay [s], and the ratio of their spreads."""
 
     at_once: float
     best: float
@@ -62,9 +63,9 @@ class Relation(NamedTuple):
 class Law(NamedTuple):
     """Two signals (n,) that rise together.
 
-    quantities : first those of the first signal     exact : whether their ratio is one
-    least : spread of the second signal below which disturbances hide the law, and nothing is judged
-    lag_s : delay of one against the other that belongs to the law
+    quantities : those in the law, starting with the first signal's     exact : whether the signals' ratio is one
+    least : spread of the second signal below which disturbances hide the law, so that nothing is judged
+    lag_s : delay of one signal behind the other that the law itself implies
     """
 
     quantities: tuple[Quantity, ...]
@@ -75,7 +76,7 @@ class Law(NamedTuple):
     lag_s: float = 0.0
 
 
-# Units that are mistaken for SI units, by words: the SI unit for a ratio.
+# Units that are mistaken for SI units: by the unit in words, the unit and the SI unit.
 TAKEN_FOR_SI = {
     "degrees": ("deg", "rad"), "knots": ("knot", "m/s"), "km/h": ("km/h", "m/s"), "feet": ("ft", "m"),
     "miles per hour": ("mile/hour", "m/s"), "g": ("standard_gravity", "m/s^2"), "thousandths": ("mm", "m"),
@@ -93,7 +94,7 @@ class Grid:
         self._channels, self._made = channels, dict[Quantity, Array | None]()
 
     def __getitem__(self, quantity: Quantity) -> Array | None:
-        """None where the table has it not."""
+        """Return the quantity (n,); None if the table does not have it."""
         if quantity not in self._made:
             channel = self._channels.get(quantity)
             if channel is not None and quantity in (Q.HEADING, Q.COURSE, Q.ROLL):
@@ -105,27 +106,27 @@ class Grid:
         return self._made[quantity]
 
     def all(self, *quantities: Quantity) -> list[Array] | None:
-        """None where one is missing."""
+        """Return all of these quantities; None if one is missing."""
         columns = [self[quantity] for quantity in quantities]
         return (
             None if any(values is None for values in columns) else [values for values in columns if values is not None]
         )
 
     def rate(self, value: Array) -> Array:
-        """Derivative by time (n,)."""
+        """Return the derivative with respect to time (n,)."""
         return np.asarray(np.gradient(value, FLIGHT.step_s))
 
     def change(self, value: Array, samples: int = 1) -> Array:
-        """Difference between values so many samples apart (n,)."""
+        """Return the change over this many samples (n,), from the derivative."""
         return np.asarray(samples * FLIGHT.step_s * self.rate(value))
 
     def climb(self) -> Array:
-        """Rate of the height (n,) [m/s]; NaN where there is none."""
+        """Return the rate of climb (n,) [m/s]; NaN if there is no height."""
         height = self.height()
         return np.full(len(self.t_s), np.nan) if height is None else self.rate(height[1])
 
     def true_airspeed(self) -> Array:
-        """In flight (n,); NaN on the ground."""
+        """Return the true airspeed in flight (n,); NaN on the ground."""
         airspeed_table = self.airspeed()
         return (
             np.full(len(self.t_s), np.nan)
@@ -134,11 +135,11 @@ class Grid:
         )
 
     def pressure_of_flight(self) -> Array:
-        """The square of the airspeed in flight (n,), to which it is proportional."""
+        """Return the square of the airspeed in flight (n,), to which dynamic pressure is proportional."""
         return np.asarray(np.maximum(self.true_airspeed(), 1.0) ** 2)
 
     def turn_rate(self) -> Array:
-        """Rate of the course over ground (n,); NaN where it is slow, or not known."""
+        """Return the rate of the course over ground (n,); NaN where ground speed is low or unknown."""
         ground = self.ground_velocity()
         if ground is None:
             return np.full(len(self.t_s), np.nan)
@@ -156,7 +157,7 @@ class Grid:
         return None if pressure is None else (Q.STATIC_PRESSURE, np.asarray(height_at(np.maximum(pressure, 1.0))))
 
     def airspeed(self) -> tuple[Quantity, Array] | None:
-        """True airspeed (n,), and by which quantity."""
+        """Return the quantity that gives the true airspeed, and the true airspeed (n,)."""
         height = self.height()
         rho = SEA_LEVEL_DENSITY
         if height is not None:
@@ -171,7 +172,7 @@ class Grid:
         return None
 
     def ground_velocity(self) -> tuple[tuple[Quantity, ...], Array, Array] | None:
-        """North and east, by which quantities."""
+        """Return the quantities that give the ground velocity, and its north and east components (n,)."""
         if (pair := self.all(Q.VELOCITY_NORTH, Q.VELOCITY_EAST)) is not None:
             return (Q.VELOCITY_NORTH, Q.VELOCITY_EAST), pair[0], pair[1]
         if (pair := self.all(Q.GROUND_SPEED, Q.COURSE)) is not None:
@@ -184,7 +185,7 @@ class Grid:
 
 
 def _flown(V: Array) -> NDArray[np.bool_]:
-    """Rows in which an aircraft of this airspeed (n,) flies, and does not stand or roll."""
+    """Return the rows in which an aircraft with this airspeed (n,) flies, rather than stands or rolls."""
     finite = V[np.isfinite(V)]
     if not len(finite):
         return np.zeros(len(V), dtype=bool)
@@ -193,13 +194,13 @@ def _flown(V: Array) -> NDArray[np.bool_]:
 
 
 def _heave_s(V: Array) -> float:
-    """How long lift follows the pitch of an aircraft of this airspeed (n,) [s]."""
+    """Return how long [s] lift lags behind pitch at the median airspeed in flight; V : (n,)."""
     flown = _flown(V)
     return LAWS.delay.heave_s_per_mps * float(np.median(V[flown])) if flown.any() else 0.0
 
 
 def relation(first: Array, second: Array) -> Relation | None:
-    """None where too little is known, or one of them hardly varies."""
+    """Return the relation of two signals; None if too little is known, or if one is constant."""
     finite = np.isfinite(first + second)
     if finite.sum() * FLIGHT.step_s < 20.0:
         return None
@@ -214,7 +215,7 @@ def relation(first: Array, second: Array) -> Relation | None:
 
 
 def _correlations(x: Array, y: Array, finite: NDArray[np.bool_], reach: int) -> Array:
-    """Correlations of y and x delayed by -reach to reach samples; zero if too few are known."""
+    """Return correlations of x with y delayed by -reach to reach samples; zero if too few are known."""
 
     def sums(first: Array, second: Array) -> Array:
         late = sliding_window_view(np.pad(second, reach), len(second))[::-1]
@@ -230,7 +231,7 @@ def _correlations(x: Array, y: Array, finite: NDArray[np.bool_], reach: int) -> 
 
 
 def findings(channels: Channels, name: Callable[[Quantity], str]) -> list[Finding]:
-    """What cannot be true together, first what contradicts most. name: of a quantity, for the texts."""
+    """Return the contradictions, impossible ranges first, then the most contradicted. name: gives a quantity's name."""
     if not channels:
         return []
     findings = list(_ranges(channels, name))
@@ -262,7 +263,7 @@ def _ranges(channels: Channels, name: Callable[[Quantity], str]) -> Iterator[Fin
 
 
 def _gravity(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
-    """The mean specific force of a flight is that of gravity, upward."""
+    """Check that the median specific force is near g and points upward."""
     force = grid.all(*ForceAxes)
     if force is None:
         return
@@ -375,7 +376,7 @@ def _speed_laws(grid: Grid) -> Iterator[Law]:
     if down is not None and q is not None and angles is not None:
         needed = V * q + g * np.cos(angles[0]) * np.cos(angles[1])
         lag_s = _heave_s(V)
-        if alpha is not None:  # less the acceleration in heave
+        if alpha is not None:  # the part of gravity that accelerates the aircraft in heave
             needed, lag_s = needed - grid.rate(V * np.sin(alpha)), 0.0
         yield Law(
             (Q.FORCE_DOWN, Q.PITCH_RATE, speed_quantity), np.where(flown, -down, np.nan), needed, False, lag_s=lag_s
@@ -450,12 +451,12 @@ def _judged(law: Law, name: Callable[[Quantity], str]) -> Finding | None:
 
 @cache
 def _factors() -> dict[str, float]:
-    """The size in SI units of each unit that is mistaken for the SI unit, by the unit in words."""
+    """Return, by the unit in words, the factor from that unit to the SI unit for which it is mistaken."""
     return {words: to_si(f"1 {unit}", si, words) for words, (unit, si) in TAKEN_FOR_SI.items()}
 
 
 def _one_unit(ratio: float) -> bool:
-    """Whether a ratio is nearer to one than to any of two units."""
+    """Return whether a ratio is nearer to one than to the ratio of any unit to its SI unit."""
     return bool(abs(np.log(ratio)) < min(abs(np.log(factor)) for factor in _factors().values()) / 2)
 
 
@@ -470,18 +471,20 @@ def _looks_like(ratio: float) -> str:
 
 
 class EnergyBalance(NamedTuple):
-    """What climbs give for changes of speed. ratio: of their spreads, 1 where both units are right. correlation: the
-    ratio lies between `ratio` times and over it, as each of the two has noise."""
+    """How changes of height balance changes of speed. ratio: of their spreads, 1 if both units are right.
+
+    correlation: since both have noise, the true ratio is between ratio * correlation and ratio / correlation.
+    """
 
     ratio: float
     correlation: float
 
 
 def energy_balance(grid: Grid) -> EnergyBalance | None:
-    """Height against speed by energy: g dh/dt and -V dV/dt, both without what airspeed and power explain.
+    """Compare height and speed by energy: g dh/dt and -V dV/dt, both less the parts that airspeed and power explain.
 
     Drag power is a function of airspeed (constant, V^3, 1/V), and the rest of the power raises kinetic and potential
-    energy. Both are smoothed over LAWS.energy. None where too little is known.
+    energy. Both are smoothed over LAWS.energy[0] seconds. Returns None if too little is known.
     """
     airspeed, height = grid.airspeed(), grid[Q.HEIGHT]
     if airspeed is None or height is None:
@@ -515,7 +518,7 @@ def _moving_mean(values: Array, width: int) -> Array:
 
 
 def height_is_checked(channels: Channels) -> bool:
-    """Whether something in the table shows the unit of its height: pressure, climb, or changes of speed."""
+    """Return whether pressure, climb or changes of speed in the table can check the unit of its height."""
     grid = Grid(channels)
     if grid[Q.STATIC_PRESSURE] is not None or grid[Q.VELOCITY_DOWN] is not None:
         return True
@@ -524,7 +527,7 @@ def height_is_checked(channels: Channels) -> bool:
 
 
 def _energy(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
-    """Finds a ratio of climb and speed that no noise can explain, for a table without a column of climb."""
+    """Yield a finding if noise cannot explain the ratio of climb to speed changes; only without a climb column."""
     airspeed, balance = grid.airspeed(), energy_balance(grid)
     if airspeed is None or balance is None or grid[Q.VELOCITY_DOWN] is not None:
         return
@@ -541,7 +544,7 @@ def _energy(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
 
 
 def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Finding]:
-    """Ground velocity is airspeed and a wind; a scale and a delay of the airspeed are fitted with the wind."""
+    """Check the airspeed against ground velocity: its scale, its delay and a steady wind are fitted."""
     ground, airspeed = grid.ground_velocity(), grid.airspeed()
     if ground is None or airspeed is None:
         return
@@ -554,7 +557,7 @@ def _ground_speed(grid: Grid, name: Callable[[Quantity], str]) -> Iterator[Findi
     over = " and ".join(name(quantity) for quantity in quantities)
 
     def fit(lag: int) -> tuple[float, float]:
-        """Scale, and remaining spread over the airspeed: |v - w|² = k² V², linear in w, |w|² and k²."""
+        """Return the scale k and the remaining spread of airspeed, from |v - w|² = k² V², linear in w, |w|² and k²."""
         rows = np.flatnonzero(flown)
         rows = rows[(rows - lag >= 0) & (rows - lag < len(V))][::5]
         n, e, d, airspeed = north[rows - lag], east[rows - lag], down[rows - lag], V[rows]

@@ -1,7 +1,7 @@
-"""A draft of the map of a table's columns: quantities by name, units by name or by what the numbers can be.
+"""Drafts the map of a table's columns: quantities by name, units by name or by which values are possible.
 
-Of each quantity the best-named column is proposed; what contradicts others by a law is proposed otherwise, in
-another unit or with the other sign, where that removes the contradiction, and is left out where nothing does.
+For each quantity the best-named column is proposed. A quantity that contradicts others by a law is proposed in another
+unit or with the other sign if that removes the contradiction, and is left out if nothing does.
 """
 
 import re
@@ -24,13 +24,13 @@ from flightpower.flight.units import to_si
 
 Q = Quantity
 
-# Names that say more than the quantity, and name another: a set point, a servo's supply, one cell, the time of now.
+# Words that show that a name means another quantity: a set point, a servo's supply voltage, one cell, the time of day.
 UNSPECIFIC = r"(?!.*\b(indicated|calibrated|equivalent|ground|demand|desired|target|set ?point|sp|error)\b)"
 PROPULSION = r"(?!.*\b(cells?|servos?|[rt]x|receiver|bec|vcc|board|time|date|state|mode|limit|waypoint|wp|mission)\b)"
-VECTOR = r"(.*\.)?v(el|elocity)? {}"  # one component
-CLIMB = r".*\bclimb( ?rate)?\b.*|vspd|vs|vario|.*\bvertical speed\b.*"  # positive up
-# Words of a column's name, without a unit in brackets, in lower case, by quantity: the first pattern that fits is the
-# better name. Names with "nav vel", "acc smooth", "vbat" and "amperage" are those of blackbox_decode (INAV).
+VECTOR = r"(.*\.)?v(el|elocity)? {}"  # one component of a vector
+CLIMB = r".*\bclimb( ?rate)?\b.*|vspd|vs|vario|.*\bvertical speed\b.*"  # rates that are positive up
+# Patterns for a column's name, without a unit in brackets and in lower case, by quantity; earlier patterns are better
+# names. Names with "nav vel", "acc smooth", "vbat" and "amperage" come from blackbox_decode (INAV).
 NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.TIME: (
         r"(^|.*[. ])(times?|timestamp|t|zeit)( s| sec| ms| us)?$",
@@ -96,9 +96,9 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.THRUST: (r".*\bthrust\b.*",),
     Q.THROTTLE: (r".*\bthrottle\b.*",),
 }
-# Names of accelerations, in g or m/s^2, and of gyros: accelerations where the vertical one shows gravity.
+# Names that are used for accelerations as well as gyros: they are accelerations if the vertical one shows gravity.
 GRAVITY_NAMES = {Q.FORCE_FORWARD: "[gn] ?x", Q.FORCE_RIGHT: "[gn] ?y", Q.FORCE_DOWN: "[gn] ?z"}
-# Units by the end of a name, and what else a column without one may be in, by SI unit of the quantity.
+# Units by the last word of a column's name.
 SUFFIXES = {
     "mps": "m/s",
     "m/s": "m/s",
@@ -155,7 +155,7 @@ SUFFIXES = {
     "percent": "percent",
     "%": "percent",
 }
-# Units accepted only in brackets; some belong to quantities that no method reads.
+# Units in brackets: all suffixes, and units that count only in brackets. Some belong to quantities no method reads.
 IN_BRACKETS = SUFFIXES | {
     "°": "deg", "@": "deg", "degrees": "deg", "°c": "degC", "@c": "degC", "°f": "degF", "f": "degF",
     "feet": "ft", "kn": "knot", "f/s": "ft/s", "cm/s": "cm/s", "mm/s": "mm/s",
@@ -178,7 +178,7 @@ UNITS = {
     "N": ("N", "lbf"),
     "dimensionless": ("dimensionless", "percent"),
 }
-UNITS_BY_NAME_ALONE = ("mbar", "inHg", "mile/hour", "ft/min", "degF")  # not by values
+UNITS_BY_NAME_ALONE = ("mbar", "inHg", "mile/hour", "ft/min", "degF")  # known by name, never found by values
 ANGLES = (Q.ROLL, Q.PITCH, Q.HEADING, Q.COURSE, Q.ANGLE_OF_ATTACK, Q.SIDESLIP)
 UNSIGNED = {Q.TRUE_AIRSPEED, Q.INDICATED_AIRSPEED, Q.DYNAMIC_PRESSURE, Q.STATIC_PRESSURE, Q.HEIGHT, Q.AIR_TEMPERATURE,
             Q.GROUND_SPEED, Q.VOLTAGE, Q.MOTOR_SPEED}  # fmt: skip
@@ -190,7 +190,7 @@ ALIKE = (
 
 
 def draft(table: Path, output: Path | None = None) -> str:
-    """The text of a map. Raises InputError when the table cannot be read, or none of its columns is a time."""
+    """Return the text of a map. Raises InputError if the table cannot be read, or none of its columns is a time."""
     if autopilot := autopilot_of(table):
         raise InputError(f"{table}: a log of {autopilot}, which needs no map of columns: analyze it as it is")
     columns, notes = read_table(table)
@@ -210,12 +210,12 @@ def draft(table: Path, output: Path | None = None) -> str:
 
 
 def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
-    """Proposes a map by the recorder that named the columns, else by names and possible values.
+    """Propose a map from the known recorder that named the columns, or else from names and possible values.
 
-    Raises InputError where no column has the name of a time.
+    Raises InputError if no column is named as a time or runs like a clock.
     """
     mapped = _of_recorder(columns)
-    if not mapped.keys() & MOTION:  # other columns may show it
+    if not mapped.keys() & MOTION:  # columns other than the recorder's may show motion
         mapped = _by_names(columns) | mapped
     if Q.TIME not in mapped and (name := _running_clock(columns)) is not None:
         unit = _unit_by_name(name, Q.TIME) or _unit_by_values(columns[name], Q.TIME) or "s"
@@ -229,7 +229,7 @@ def proposal(table: Path, columns: Columns, path: Path) -> ColumnMap:
 
 
 def _running_clock(columns: Columns) -> str | None:
-    """The first column that rises throughout in similar steps; None if there is none."""
+    """Return the first column that rises throughout in similar steps; None if there is none."""
     for name, value in columns.items():
         step = np.diff(value[np.isfinite(value)])
         regular = len(step) and step.min() > 0 and np.percentile(step, 95) < 2 * np.median(step)
@@ -239,9 +239,9 @@ def _running_clock(columns: Columns) -> str | None:
 
 
 def map_without_question(table: Path, columns: Columns) -> tuple[ColumnMap, str] | None:
-    """The map of a table whose columns a known program has named and no law of motion contradicts, and that program.
+    """Return a map that needs no review, because a known program named the columns, and that program's title.
 
-    None where the program is not known, its columns show no motion, or the laws contradict its names.
+    Returns None if the program is not known, its columns show no motion, or laws of motion contradict its names.
     """
     recorder = recorder_of(columns)
     mapped = _of_recorder(columns)
@@ -250,12 +250,12 @@ def map_without_question(table: Path, columns: Columns) -> tuple[ColumnMap, str]
     proposed = ColumnMap(table, mapped)
     try:
         return None if _findings(table, columns, proposed) else (proposed, recorder.title)
-    except InputError:  # of its times
+    except InputError:  # its times cannot be used
         return None
 
 
 def _of_recorder(columns: Columns) -> dict[Quantity, MappedColumn]:
-    """The varying columns of a known recorder; empty if there is none."""
+    """Map the columns that vary, by the known recorder that named them; empty if the recorder is not known."""
     recorder = recorder_of(columns)
     if recorder is None:
         return {}
@@ -297,15 +297,17 @@ def _by_names(columns: Columns) -> dict[Quantity, MappedColumn]:
 
 
 def _shows_gravity(columns: Columns) -> bool:
-    """Whether a column named as in GRAVITY_NAMES is near 1 g in the middle, to either side, in g or in m/s^2."""
+    """Return whether the vertical column of GRAVITY_NAMES has a median near +1 g or -1 g, in g or in m/s^2."""
     named = [x for name, x in columns.items() if re.fullmatch(GRAVITY_NAMES[Q.FORCE_DOWN], _words(_plain(name)))]
     loads = [abs(float(np.nanmedian(x))) / size for x in named for size in (1.0, g)]
     return any(0.9 < load < 1.3 for load in loads)
 
 
 def _with_alike_angles(mapped: dict[Quantity, MappedColumn], columns: Columns) -> dict[Quantity, MappedColumn]:
-    """The map with all angles in degrees that have no unit in their names, where one of these cannot be in radians: a
-    logger writes all alike, and small angles show no unit."""
+    """Put all angles without a unit in their names in degrees if one of them cannot be in radians.
+
+    A logger writes all angles in one unit, and the values of small angles do not show which.
+    """
     unnamed = [q for q in ANGLES if q in mapped and _unit_by_name(mapped[q].column, q) is None]
     if all(_may_be_radians(columns[mapped[q].column], q) for q in unnamed):
         return mapped
@@ -313,8 +315,10 @@ def _with_alike_angles(mapped: dict[Quantity, MappedColumn], columns: Columns) -
 
 
 def _may_be_radians(value: Array, quantity: Quantity) -> bool:
-    """Whether an angle's values are possible in radians. A direction over two pi has to have come there without a jump:
-    one that was counted on through full circles."""
+    """Return whether an angle's values are possible in radians.
+
+    A direction beyond two pi is possible only if it got there without a jump, counted on through full circles.
+    """
     finite = value[np.isfinite(value)]
     if quantity not in (Q.HEADING, Q.COURSE):
         kind = KINDS[quantity]
@@ -324,7 +328,7 @@ def _may_be_radians(value: Array, quantity: Quantity) -> bool:
 
 
 def _is_named(name: str, pattern: str, quantity: Quantity) -> bool:
-    """Whether a name, with or without its unit, is the quantity's, and no unit in brackets is another quantity's."""
+    """Return whether a name, with or without its unit, fits the pattern, and a unit in brackets fits the quantity."""
     units = (*UNITS[KINDS[quantity].unit], *UNITS_BY_NAME_ALONE)
     unit = _in_brackets(name)
     if unit is not None and unit not in units:
@@ -336,7 +340,7 @@ def _is_named(name: str, pattern: str, quantity: Quantity) -> bool:
 
 
 def _without_suffix(name: str) -> str:
-    """A name without its last word; empty if it has only one."""
+    """Return a name without its last word; empty if it has only one."""
     return re.sub(r"[^A-Za-z0-9%/^]*[A-Za-z0-9%/^]+$", "", name)
 
 
@@ -349,18 +353,18 @@ BRACKET = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
 
 
 def _in_brackets(name: str) -> str | None:
-    """The unit in brackets at the end of a name; None where there is none that is known."""
+    """Return the unit in brackets at the end of a name; None if there is none, or it is unknown."""
     bracket = BRACKET.search(name)
     return IN_BRACKETS.get(bracket[1].strip().lower()) if bracket else None
 
 
 def _plain(name: str) -> str:
-    """A name without the unit in brackets."""
+    """Return a name without its unit in brackets."""
     return name if _in_brackets(name) is None else BRACKET.sub("", name)
 
 
 def _unit_by_name(name: str, quantity: Quantity) -> str | None:
-    """The unit in brackets, or as the last word."""
+    """Return the unit in brackets, or else the unit that is the last word; None if neither suits the quantity."""
     unit = _in_brackets(name)
     if unit is None and not BRACKET.search(name):
         unit = SUFFIXES.get(re.split(r"[^a-z0-9%/^]+", name.lower())[-1])
@@ -377,7 +381,7 @@ def _converts(unit: str, si: str) -> bool:
 
 
 def _unit_by_values(value: Array, quantity: Quantity) -> str | None:
-    """The first unit in which nearly all values are possible; of a motor's speed and of angles, the most plausible."""
+    """Return the first unit in which nearly all values are possible, and a motor speed is not mostly below 5 rev/s."""
     kind = KINDS[quantity]
     if quantity is Q.TIME:
         step = np.diff(value[np.isfinite(value)])
@@ -394,7 +398,7 @@ def _unit_by_values(value: Array, quantity: Quantity) -> str | None:
 
 
 def _offset(quantity: Quantity, name: str) -> str:
-    """Some tables give the load beyond that of level flight."""
+    """Return an offset of -1 g for a column that gives the load less 1 g, as some tables do; else nothing."""
     return f"{-g:.5f} m/s^2" if quantity is Q.FORCE_DOWN and re.search(r"less.?1.?g", name.lower()) else ""
 
 
@@ -409,8 +413,10 @@ def _without_aircraft(proposed: ColumnMap) -> ColumnMap:
 def _corrected_map(
     table: Path, columns: Columns, proposed: ColumnMap, wrong: list[Finding], tried: list[ColumnMap]
 ) -> ColumnMap | None:
-    """The map with a change that leaves fewer contradictions, or as many but without the one it fixes (one mistake can
-    hide another); None if no untried change does."""
+    """Return the map with one change that leaves fewer contradictions; None if no change helps.
+
+    An untried change that leaves as many, but not the one that it fixes, also helps: one mistake can hide another.
+    """
     as_many = None
     for finding in wrong:
         best, fewest = None, len(wrong)
@@ -429,14 +435,16 @@ def _corrected_map(
 
 
 def _changes(proposed: ColumnMap, wrong: Finding) -> Iterator[ColumnMap]:
-    """Proposes other signs for a quantity in the finding, and other units for it and its sensor's other quantities
-    together."""
+    """Yield maps with other units or signs for each quantity in the finding.
+
+    A unit is changed for all quantities of the same sensor together, a sign for one quantity alone.
+    """
     for quantity in wrong.quantities:
         if quantity not in proposed.columns:
             continue
         column = proposed.columns[quantity]
         alike = next((group for group in ALIKE if quantity in group), (quantity,))
-        # Values of angles show their unit themselves.
+        # The values of angles already decided their unit.
         fixed = KINDS[quantity].unit == "rad" or _unit_by_name(column.column, quantity) is not None
         for unit in (column.unit,) if fixed else UNITS[KINDS[quantity].unit]:
             entries = dict(proposed.columns)
@@ -449,7 +457,7 @@ def _changes(proposed: ColumnMap, wrong: Finding) -> Iterator[ColumnMap]:
 
 
 def _suspect(wrong: list[Finding]) -> Quantity:
-    """The quantity in most findings; of equals, the least needed one."""
+    """Return the quantity that is in most findings; among equals, the one that is needed least."""
     needed = [Q.TIME, Q.TRUE_AIRSPEED, Q.VOLTAGE, Q.CURRENT, Q.VELOCITY_NORTH, Q.VELOCITY_EAST, Q.HEIGHT, Q.THRUST]
     rank = {q: i for i, q in enumerate(needed)} | {Q.HEADING: len(needed) + 1}  # no method requires a heading
     count = {q: sum(q in finding.quantities for finding in wrong) for q in wrong[0].quantities}

@@ -1,7 +1,7 @@
-"""Reads the variables of a .mat file of version 5 to 7, whatever damage has done to it.
+"""Reads the variables of a .mat file of version 5 to 7, even a damaged one.
 
 The format is MathWorks' "MAT-File Format": elements with a type and a length, nested in one another. SciPy's reader
-ends the whole program by a segmentation fault at some damaged files.
+is not used because some damaged files crash it with a segmentation fault.
 """
 
 import struct
@@ -15,11 +15,11 @@ import numpy as np
 
 from flightpower.flight.log_chunk import allowed_bytes
 
-HEADER = struct.Struct("<124xH2s")  # version, and the order of bytes
+HEADER = struct.Struct("<124xH2s")  # version, and byte order
 
 
 class Kind(IntEnum):
-    """Types of elements."""
+    """Types of elements in the file."""
 
     INT8 = 1
     UINT8 = 2
@@ -49,7 +49,7 @@ class Class(IntEnum):
 
 
 class Flag(IntEnum):
-    """Marks of a matrix."""
+    """Flags of a matrix."""
 
     COMPLEX = 0x0800
 
@@ -58,17 +58,17 @@ NUMBERS = {
     Kind.INT8: "i1", Kind.UINT8: "u1", Kind.INT16: "i2", Kind.UINT16: "u2", Kind.INT32: "i4", Kind.UINT32: "u4",
     Kind.SINGLE: "f4", Kind.DOUBLE: "f8", Kind.INT64: "i8", Kind.UINT64: "u8",
 }  # fmt: skip
-TEXTS = {  # {}: l or b, for the order of bytes
+TEXTS = {  # {}: l or b, for the byte order
     Kind.INT8: "latin-1", Kind.UINT8: "latin-1", Kind.UINT16: "utf-16-{}e", Kind.UTF8: "utf-8",
     Kind.UTF16: "utf-16-{}e", Kind.UTF32: "utf-32-{}e",
 }  # fmt: skip
 
 
 def read_mat(data: bytes) -> dict[str, Any]:
-    """The variables by name: arrays of numbers without axes of length 1, texts, structures as dictionaries, and cells
-    as arrays of objects. Everything else is left out.
+    """Return the variables by name: arrays of numbers without axes of length 1, texts, structures as dictionaries,
+    and cells as arrays of objects. Everything else is left out.
 
-    Raises ValueError, or whatever damage leads to, where an element does not end within the file.
+    Raises ValueError if an element does not end within the file; other damage may raise any exception.
     """
     version, order = HEADER.unpack_from(data)
     end = "<" if order == b"IM" else ">"
@@ -88,12 +88,12 @@ def read_mat(data: bytes) -> dict[str, Any]:
 
 
 def _elements(data: memoryview, end: str) -> Iterator[tuple[int, memoryview]]:
-    """The type and the content of each element. Raises ValueError for one that is longer than what is left."""
+    """Yield each element's type and content. Raises ValueError for an element that is longer than the data left."""
     offset = 0
     while offset + 8 <= len(data):
         kind, length = struct.unpack_from(f"{end}II", data, offset)
         start = offset + 8
-        if kind >> 16:  # a small element, within its own header
+        if kind >> 16:  # a small element, whose content is within its header
             kind, length, start = kind & 0xFFFF, kind >> 16, offset + 4
         if start + length > len(data) or (start == offset + 4 and length > 4):
             raise ValueError(f"an element of {length} bytes is longer than what is left of it")
@@ -103,7 +103,7 @@ def _elements(data: memoryview, end: str) -> Iterator[tuple[int, memoryview]]:
 
 
 def _matrix(content: memoryview, end: str) -> tuple[str, Any]:
-    """The name and the value of a matrix; None for a value that is not read."""
+    """Return the name and the value of a matrix; the value is None if it is of a kind that is not read."""
     parts = _elements(content, end)
     flags = next(parts, None)
     if flags is None:
@@ -138,7 +138,7 @@ def _matrix(content: memoryview, end: str) -> tuple[str, Any]:
 
 
 def _text(packed: bytes, encoding: str, end: str, shape: tuple[int, ...]) -> Any:
-    """One text, or an array of those in the rows of a matrix of characters."""
+    """Return one text, or for a matrix of characters an array with the text in each row."""
     text = packed.decode(encoding.format("l" if end == "<" else "b"), "replace")
     rows = shape[0] if shape else 1
     if rows <= 1:

@@ -1,7 +1,7 @@
 """Reads an ArduPilot log that Mission Planner or mavlogdump.py has converted to a .mat file.
 
-Mission Planner writes a matrix for each message, with the names of its columns in a cell array of its name and
-`_label`, and the parameters in a cell array of two columns; mavlogdump.py a structure of vectors for each message.
+Mission Planner writes a matrix for each kind of message, its column names in a cell array called the same plus
+`_label`, and the parameters in a cell array of two columns. mavlogdump.py writes a structure of vectors for each kind.
 """
 
 from pathlib import Path
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from flightpower.analysis.sources.mat_file import read_mat
 from flightpower.flight.units import number_or_nan
 
-CLOCKS = ("TimeUS", "TimeMS", "T")  # of messages: one of them distinguishes a log from another structure
+CLOCKS = ("TimeUS", "TimeMS", "T")  # fields with a message's time; having one distinguishes a log from other structures
 LABEL = "_label"
 
 
 def is_matlab_log(path: Path) -> bool:
-    """Whether a .mat file has the messages of a log; False where it cannot be read."""
+    """Return whether a .mat file has the messages of a log; False if it cannot be read."""
     return bool(_messages(path, ("ARSP", "BARO", "BAT", "CURR", "GPS", "IMU")))
 
 
 class MatlabLog:
-    """The messages of a file by kind, as `dataflash.DataflashLog` gives them. kinds : to read; none stands for all."""
+    """The messages of a file by kind, as `dataflash.DataflashLog` gives them. kinds : to read; empty means all."""
 
     notes = ("The log was converted to a .mat file, which drops part of the log: analyze the .BIN to see all of it.",)
 
@@ -31,14 +31,14 @@ class MatlabLog:
         self._messages = _messages(path, kinds)
 
     def form(self, name: str) -> None:
-        """How messages are packed: their units are those of their fields here."""
+        """Return nothing: messages in a .mat file are not packed and need no scaling."""
 
     def names(self) -> list[str]:
-        """The kinds of message that the file holds."""
+        """Return the kinds of message that the file holds."""
         return list(self._messages)
 
     def columns(self, name: str) -> dict[str, NDArray[Any]]:
-        """The fields of all messages of a name, (n,): numbers as float64, texts as bytes."""
+        """Return the fields of all messages of a name, (n,): numbers as float64, texts as bytes."""
         return self._messages.get(name, {})
 
 
@@ -53,9 +53,9 @@ def _messages(path: Path, kinds: tuple[str, ...]) -> dict[str, dict[str, NDArray
 
 
 def _columns(value: Any, labels: Any) -> dict[str, NDArray[Any]]:
-    """The columns of a labeled matrix, a structure, or the list of parameters; empty where it is none of them."""
+    """Return the columns of a labeled matrix, a structure, or the list of parameters; empty for any other value."""
     if isinstance(value, np.ndarray) and value.ndim == 1 and (value.dtype == object or labels is not None):
-        value = value[None]  # one message, or one parameter
+        value = value[None]  # only one message, or one parameter
     if isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2 and value.shape[1] == 2:
         return {"Name": _texts(value[:, 0]), "Value": np.array([number_or_nan(x) for x in value[:, 1]])}
     if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu" and labels is not None:
@@ -71,7 +71,7 @@ def _columns(value: Any, labels: Any) -> dict[str, NDArray[Any]]:
 
 
 def _timed(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """The columns, if they include a clock and all have its length."""
+    """Return the columns if they include a clock and all have its length; otherwise none."""
     clock = next((columns[name] for name in CLOCKS if name in columns), np.zeros(0))
     return columns if len(clock) and all(len(x) == len(clock) for x in columns.values()) else {}
 
@@ -81,5 +81,5 @@ def _texts(values: Any) -> NDArray[np.bytes_]:
 
 
 def _text(value: Any) -> str:
-    """A text; nothing for the cells and matrices of a damaged file, which take NumPy long to print."""
+    """Return a text; empty for the cells and matrices of a damaged file, which NumPy takes long to print."""
     return str(value) if isinstance(value, str | int | float) else ""

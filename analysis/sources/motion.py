@@ -1,6 +1,6 @@
-"""The laws of mechanics by which one quantity of a flight shows another, once for tables and for logs of the daemon.
+"""The laws of mechanics by which one quantity of a flight reveals another, shared by tables and logs of the daemon.
 
-`laws` judges with them the units, signs and delays of a table's columns, `axes` the signs and axes of a daemon's log.
+With them `laws` judges the units, signs and delays of a table's columns, and `axes` the signs and axes of daemon logs.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,7 +17,7 @@ Q = Quantity
 
 
 class Motion(StrEnum):
-    """Laws, each named after the quantity that it shows."""
+    """Laws of motion, each with a description."""
 
     LIFT_BY_ANGLE_OF_ATTACK = "lift rises with the angle of attack"
     FORCE_ALONG_PATH = "the force along the path gains speed and height"
@@ -29,37 +29,37 @@ class Motion(StrEnum):
 
 
 class Signals(Protocol):
-    """Quantities in SI units on one grid, (n,) each; NaN where one is not known, or the aircraft does not fly."""
+    """Quantities in SI units on one grid, (n,) each; NaN where one is not known or the aircraft is not flying."""
 
     def __getitem__(self, quantity: Quantity) -> Array | None:
-        """None where there is none."""
+        """Return the quantity (n,); None if there is none."""
         ...
 
     def true_airspeed(self) -> Array: ...
 
     def pressure_of_flight(self) -> Array:
-        """The divisor of lift: dynamic pressure, or a quantity proportional to it."""
+        """Return dynamic pressure, or a quantity proportional to it; forces are divided by it."""
         ...
 
     def climb(self) -> Array:
-        """Rate of climb from pressure [m/s]."""
+        """Return the rate of climb from pressure or height [m/s]."""
         ...
 
     def turn_rate(self) -> Array:
-        """Rate of the course over ground [rad/s]."""
+        """Return the rate of the course over ground [rad/s]."""
         ...
 
     def rate(self, value: Array) -> Array:
-        """Derivative by time."""
+        """Return the derivative with respect to time."""
         ...
 
     def change(self, value: Array, samples: int = 1) -> Array:
-        """Difference between values so many samples apart."""
+        """Return the change over this many samples."""
         ...
 
 
 def quantity(signals: Signals, quantity: Quantity) -> Array:
-    """Raises KeyError where there is none."""
+    """Return the quantity (n,). Raises KeyError if there is none."""
     value = signals[quantity]
     if value is None:
         raise KeyError(quantity)
@@ -71,20 +71,20 @@ def _lift(s: Signals) -> tuple[Array, Array]:
 
 
 def _along_path(s: Signals) -> tuple[Array, Array]:
-    """The gain is that of speed, and the share of gravity in a climb."""
+    """Compare the force along the path with the rate of speed plus g times the sine of the climb angle."""
     alpha, V = quantity(s, Q.ANGLE_OF_ATTACK), s.true_airspeed()
     force = quantity(s, Q.FORCE_FORWARD) * np.cos(alpha) + quantity(s, Q.FORCE_DOWN) * np.sin(alpha)
     return force, s.rate(V) + g * s.climb() / np.maximum(V, 1.0)
 
 
 def _side_force(s: Signals) -> tuple[Array, Array]:
-    """Changes are compared: offsets of both sensors drop out."""
+    """Compare changes rather than values, so that offsets of both sensors drop out."""
     sideways = quantity(s, Q.SIDESLIP) * s.pressure_of_flight()
     return s.change(sideways), -s.change(quantity(s, Q.FORCE_RIGHT))
 
 
 def _bank(s: Signals) -> tuple[Array, Array]:
-    """The sine of the bank of a turn without sideslip is V r/g."""
+    """Compare the roll rate with the change of bank, whose sine is V r/g in a turn without sideslip."""
     bank = np.arcsin(np.clip(s.true_airspeed() * quantity(s, Q.YAW_RATE) / g, -1, 1))
     return quantity(s, Q.ROLL_RATE), s.change(bank, 2)
 

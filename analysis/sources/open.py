@@ -1,4 +1,4 @@
-"""Opens whatever holds a flight: a log of the daemon or of an autopilot, or a table."""
+"""Opens any record of a flight: a log of the daemon or of an autopilot, or a table."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,17 +13,17 @@ from flightpower.flight.log_reader import Log, read_log
 if TYPE_CHECKING:
     from flightpower.analysis.sources.recording import FlightRecording
 
-TABLES = (".csv", ".parquet", ".mat")  # suffixes of tables; their first bytes show what they are
+TABLES = (".csv", ".parquet", ".mat")  # suffixes of tables; the first bytes show the actual format
 
 
 def suffixes() -> tuple[str, ...]:
-    """Suffixes of readable logs in lower case, including those of readers from other packages."""
+    """Return the suffixes of readable logs in lower case, including those of readers from other packages."""
     others = (suffix.lower() for installed_reader in installed_readers() for suffix in installed_reader.reader.suffixes)
     return tuple(dict.fromkeys((*SUFFIXES.values(), *others)))
 
 
 def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecording":
-    """A log of the daemon, or a table with the map of its columns, as messages; a log of an autopilot as channels.
+    """Open a log of the daemon, or a table with its column map, as messages; open an autopilot's log as channels.
 
     Raises InputError where the file cannot be read.
     """
@@ -44,15 +44,15 @@ def open_source(path: Path, columns: Path | None = None) -> "Log | FlightRecordi
 
 
 def has_log_suffix(name: str) -> bool:
-    """Whether a file's name is that of a log or a table, also of a compressed one."""
+    """Return whether a file's name is that of a log or a table, including compressed ones."""
     return Path(name.lower().removesuffix(".gz")).suffix in (*suffixes(), *TABLES)
 
 
 def refuse_non_log(path: Path) -> None:
-    """Look at the first bytes of a file and at its name, before something is begun with it.
+    """Check the first bytes and the name of a file before any work starts on it.
 
-    Raises InputError where it is neither a log nor a table, where lists of logs would leave it out, or where it
-    cannot be read.
+    Raises InputError if it is neither a log nor a table, if lists of logs would leave it out, or if it cannot be
+    read.
     """
     if format_of(path) not in (Format.DAEMON, *READ_BY_OTHERS) and reader_of(path) is None and not is_table(path):
         raise refusal(path)
@@ -64,14 +64,14 @@ def refuse_non_log(path: Path) -> None:
 
 
 def is_table(path: Path) -> bool:
-    """Whether a file is a table of columns. Raises InputError when it cannot be read."""
+    """Return whether a file is a table of columns. Raises InputError if it cannot be read."""
     from flightpower.analysis.sources.table_file import table_kind
 
     return path.is_file() and table_kind(path) is not None
 
 
 def refuse_folder(path: Path) -> None:
-    """Raises InputError for a folder; names a log in it."""
+    """Raises InputError for a folder; the message names a log in it."""
     if path.is_dir():
         inside = sorted(path.glob("*.mcap"))
         raise InputError(

@@ -1,7 +1,7 @@
 """Reads a telemetry log of Paparazzi (.data) into the channels of an ordinary flight.
 
-A line is the time of reception in seconds, the number of the aircraft, the name of a message and its fields. Names,
-order and units of the fields are those of Paparazzi's messages.xml.
+A line has the time of reception in seconds, the number of the aircraft, the name of a message and its fields. Names,
+order and units of the fields are from Paparazzi's messages.xml.
 """
 
 import gzip
@@ -34,8 +34,8 @@ from flightpower.flight.units import number_or_nan
 
 Table = Mapping[str, Array]
 
-WEEK = ("week", "week_ms")  # which early firmware does not send
-# By message, its fields in order; those of no use here end the list.
+WEEK = ("week", "week_ms")  # fields that early firmware does not send
+# Fields of each message, in order; a list ends before fields that are not used.
 FIELDS: dict[str, tuple[str, ...]] = {
     "AIR_DATA": ("static_Pa", "differential_Pa", "temperature_degC", "qnh_hPa", "amsl_m", "airspeed_mps", "tas_mps"),
     "AIRSPEED": ("airspeed_mps", "setpoint_mps"),
@@ -46,7 +46,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     "IMU_ACCEL_SCALED": ("x_raw", "y_raw", "z_raw"),
     "PPRZ_MODE": ("mode",),
 }
-MODES = ("MANUAL", "AUTO1", "AUTO2", "HOME", "NOGPS", "FAILSAFE")  # of PPRZ_MODE, in the order of their numbers
+MODES = ("MANUAL", "AUTO1", "AUTO2", "HOME", "NOGPS", "FAILSAFE")  # modes of PPRZ_MODE, in the order of their numbers
 IMUS = ("IMU_ACCEL", "IMU_ACCEL_SCALED")
 NOTE = "The log is telemetry: its times are those of reception, and what the radio lost is missing."
 FROM_GPS = "No barometer in the telemetry: static pressure is that of the standard atmosphere at the height by GPS."
@@ -55,9 +55,9 @@ DISAGREE = "AIRSPEED does not follow the pressure of AIR_DATA, and is not used."
 
 
 def read_paparazzi(path: Path) -> FlightRecording:
-    """The channels of a telemetry log.
+    """Return the channels of a telemetry log.
 
-    Raises InputError, in one line, when the file cannot be read, or has more than one aircraft in it.
+    Raises InputError, with a one-line message, if the file cannot be read or has more than one aircraft in it.
     """
     tables = _tables(path)
     channels: dict[str, Channel] = {}
@@ -82,7 +82,7 @@ def read_paparazzi(path: Path) -> FlightRecording:
             break
     thermometers: dict[str, Channel] = {}
     air = tables.get("AIR_DATA")
-    if air is not None and np.any(air["temperature_degC"] > -1.0):  # -1 throughout: no thermometer
+    if air is not None and np.any(air["temperature_degC"] > -1.0):  # without a thermometer the value is always -1
         thermometers["AIR_DATA"] = channel(air["t_s"], air["temperature_degC"] + 273.15)
     (channels, thermometers, place), jumps = without_jumps(channels, thermometers, {} if gps is None else _place(gps))
     notes = [NOTE, *jumps, *notes, *static_notes]
@@ -103,9 +103,9 @@ def _lines(path: Path) -> Iterator[list[bytes]]:
 
 
 def all_channels(path: Path) -> AllChannels:
-    """Every number of every message, such as GPS.speed_cmps; by its place where its name is not known, DL_VALUE.2.
+    """Return every number of every message, such as GPS.speed_cmps; fields with unknown names by place: DL_VALUE.2.
 
-    Raises InputError where the log cannot be read.
+    Raises InputError if the log cannot be read.
     """
     rows: dict[str, list[list[float]]] = defaultdict(list)
     try:
@@ -128,7 +128,7 @@ def all_channels(path: Path) -> AllChannels:
 
 
 def _tables(path: Path) -> dict[str, Table]:
-    """The messages of FIELDS by name: t_s and each field, (n,). Damaged lines are left out."""
+    """Return the messages in FIELDS by name, each with t_s and its fields, (n,). Damaged lines are left out."""
     rows: dict[str, list[list[float]]] = defaultdict(list)
     aircraft: Counter[bytes] = Counter()
     other_length: Counter[str] = Counter()
@@ -170,7 +170,7 @@ def _tables(path: Path) -> dict[str, Table]:
 
 
 def _airspeed(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
-    """Differential pressure, and notes. Both messages show one sensor, less the zero of the autopilot."""
+    """Return the differential pressure, and notes. Both messages show one sensor, less the autopilot's zero."""
     air, airspeed = tables.get("AIR_DATA"), tables.get("AIRSPEED")
     measured = channel([], []) if air is None else channel(air["t_s"], air["differential_Pa"])
     by_speed = channel([], [])
@@ -180,7 +180,7 @@ def _airspeed(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
         return (by_speed if len(by_speed.t_s) else None), []
     if not len(by_speed.t_s):
         return measured, []
-    flying = by_speed.value > 0  # zero stands for any negative pressure
+    flying = by_speed.value > 0  # the log has zero for any negative pressure
     by_pressure = measured.at(by_speed.t_s[flying])
     difference = by_speed.value[flying] - by_pressure
     zero_Pa = float(np.median(difference))
@@ -193,7 +193,7 @@ def _airspeed(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
 
 
 def _static(tables: Mapping[str, Table]) -> tuple[Channel | None, list[str]]:
-    """Static pressure by a barometer, else by the height of GPS."""
+    """Return the static pressure from a barometer, or else from GPS height."""
     for name in ("BARO_RAW", "AIR_DATA"):
         table = tables.get(name)
         if table is not None and np.mean(table["static_Pa"] > 0) > 0.5:
@@ -222,7 +222,7 @@ def _place(gps: Table) -> dict[str, Channel]:
 
 
 def _date(gps: Table) -> Fix:
-    """Only the date is used: positions are in a map projection."""
+    """Return the date alone, because positions are in a map projection."""
     has_fix = _has_fix(gps)
     nowhere = np.full(int(has_fix.sum()), np.nan)
     unix_s = unix_of_week(gps["week"][has_fix], 1e-3 * gps["week_ms"][has_fix])
@@ -231,4 +231,4 @@ def _date(gps: Table) -> Fix:
 
 def _has_fix(gps: Table) -> NDArray[np.bool_]:
     complete = np.all([np.isfinite(x) for name, x in gps.items() if name not in WEEK], axis=0)
-    return np.asarray(complete & (gps["mode"] >= 3))  # a position in three dimensions
+    return np.asarray(complete & (gps["mode"] >= 3))  # a three-dimensional fix

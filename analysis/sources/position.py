@@ -1,4 +1,4 @@
-"""Places over the ground by the position of a receiver, and in a table without velocity the velocity."""
+"""Converts a receiver's positions to distances over the ground, and to velocity for a table that has none."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,12 +9,12 @@ from flightpower.flight.arrays import Array
 from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS
 from flightpower.flight.units import DAY_S, EARTH_RADIUS_M
 
-# Unix times from which on GPS time is ahead of UTC by so many seconds (IERS, Bulletin C).
+# From each of these Unix times on, GPS time is ahead of UTC by this many seconds (IERS, Bulletin C).
 LEAP_SECONDS = {0.0: 14, 1_230_768_000.0: 15, 1_341_100_800.0: 16, 1_435_708_800.0: 17, 1_483_228_800.0: 18}
 
 
 def unix_of_week(week: Array, week_s: Array) -> Array:
-    """Unix time [s], (n,), of the number of a GPS week and the seconds in it."""
+    """Return Unix time [s], (n,), from the number of a GPS week and the seconds within it."""
     gps_s = 1e-9 * FIRST_UTC_NS + 7 * DAY_S * week + week_s
     since = np.searchsorted(list(LEAP_SECONDS), gps_s, side="right") - 1
     return np.asarray(gps_s - np.array([*LEAP_SECONDS.values()])[np.clip(since, 0, None)])
@@ -23,7 +23,7 @@ def unix_of_week(week: Array, week_s: Array) -> Array:
 def fix_of(
     t_s: Array, latitude: Array, longitude: Array, height_m: Array | None = None, unix_s: Array | None = None
 ) -> Fix:
-    """Date and first place of a receiver's fixes, (n,) each; of the date the median, since single ones may be damaged.
+    """Return date and first place from fixes, (n,) each; the date is a median, since single dates may be damaged.
 
     latitude, longitude : as in `places`
     """
@@ -48,7 +48,7 @@ def fix_of(
 
 
 def places(t_s: Array, latitude: Array, longitude: Array) -> dict[str, Channel]:
-    """Distances north and east of the first position [m], by PLACE; empty where no position is known.
+    """Return distances north and east of the first position [m], by PLACE; empty if no position is known.
 
     latitude, longitude : (n,) in degrees, or in units of 1e-7 degrees, as autopilots pack them
     """
@@ -72,11 +72,11 @@ def _radians(latitude: Array, longitude: Array) -> tuple[Array, Array]:
 
 
 def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel, Channel]:
-    """Velocity north and east [m/s], of positions [rad].
+    """Return the velocity north and east [m/s] from positions [rad].
 
-    The slopes of straight lines through positions about each instant: so many that the noise of positions, often that
-    of the last digit, adds no more than the noise of a receiver's velocity. A position that the table repeats until the
-    next one counts once.
+    Straight lines are fitted to the positions around each instant. They use enough positions that position noise, often
+    from the last digit, adds no more than the noise of a receiver's velocity. A position that the table repeats until
+    the next one counts once.
     """
     t_s = latitude.t_s
     lat, lon = latitude.value, np.interp(t_s, longitude.t_s, np.unwrap(longitude.value))
@@ -86,13 +86,15 @@ def velocity_by_position(latitude: Channel, longitude: Channel) -> tuple[Channel
     coordinates_m = EARTH_RADIUS_M * (lat - lat[0]), EARTH_RADIUS_M * np.cos(float(np.median(lat))) * (lon - lon[0])
     ratio = max(_noise(coordinate[new]) for coordinate in coordinates_m) / (step_s * RECEIVER.velocity_mps[0])
     north, east = (np.interp(even_s, t_s[new], coordinate[new]) for coordinate in coordinates_m)
-    each_side = max(1, int(np.ceil(np.cbrt(1.5 * ratio**2))))  # 1 / sum k² = 3 / (2 n³) of n on each side
+    each_side = max(1, int(np.ceil(np.cbrt(1.5 * ratio**2))))  # 1 / sum k² = 3 / (2 n³) for n on each side
     return Channel(even_s, _slope(north, each_side) / step_s), Channel(even_s, _slope(east, each_side) / step_s)
 
 
 def _noise(position_m: Array) -> float:
-    """Standard deviation of one position: of the last digit, or of the median second difference, which a steady motion
-    has not."""
+    """Return the standard deviation of one position [m].
+
+    It is the larger of the rounding error and that from the median second difference, which is zero in steady motion.
+    """
     digit = np.diff(np.unique(np.round(position_m, 2)))
     rounding_error = float(digit.min() / np.sqrt(12)) if len(digit) else 0.0
     steady = float(np.median(np.abs(np.diff(position_m, 2))))
@@ -100,7 +102,7 @@ def _noise(position_m: Array) -> float:
 
 
 def _slope(value: Array, each_side: int) -> Array:
-    """Per sample, of a line through so many values on each side; at the ends that of the nearest whole line."""
+    """Return the slope per sample of a line through this many values on each side; the ends repeat the nearest one."""
     k = np.arange(-each_side, each_side + 1)
     if len(value) < len(k):
         return np.gradient(value)

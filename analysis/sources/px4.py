@@ -59,7 +59,7 @@ PRESSURE_FIELDS = ("differential_pressure_pa", "differential_pressure_filtered_p
 
 
 class _Topic:
-    """One instance of a topic."""
+    """One instance of a logged topic."""
 
     def __init__(self, data: dict[str, NDArray[Any]], instance: int):
         self.instance, self._data = instance, data
@@ -73,14 +73,14 @@ class _Topic:
             return without_damage(self._data[field])
 
     def channel(self, field: str) -> Channel:
-        """The field; empty where the firmware does not log it."""
+        """Return the field's channel; empty if the firmware does not log it."""
         return channel(self.t_s, self.values(field)) if self.has(field) else channel([], [])
 
 
 def read_px4(path: Path) -> FlightRecording:
-    """The channels of a PX4 log.
+    """Return the channels of a PX4 log.
 
-    Raises InputError, in one line, when the file is not a readable ULog file, and for aircraft without wings.
+    Raises InputError, with a one-line message, if the file is not a readable ULog, and for aircraft without wings.
     """
     topics, parameters, notes, vehicle, messages = _topics(path)
     _refuse_wingless(path, topics, parameters)
@@ -97,7 +97,7 @@ def read_px4(path: Path) -> FlightRecording:
     place, fix = _place(topics)
     (channels, thermometers, place), jumps = without_jumps(channels, _thermometers(topics), place)
     notes += jumps
-    # Only now: a long hover is no jump of the clock.
+    # Only after the clock check, where the gap of a long hover would look like a jump.
     channels, hover_notes = without_hover(channels, partial(_lifting_s, topics))
     return FlightRecording(
         path,
@@ -116,7 +116,7 @@ def read_px4(path: Path) -> FlightRecording:
 
 
 def _opened(path: Path, topics: Collection[str] | None) -> BlockwiseULog:
-    """The log with these topics, or all. Raises InputError if it cannot be read."""
+    """Open the log with these topics, or all of them. Raises InputError if it cannot be read."""
     try:
         with (
             unpacked(path) as plain,
@@ -126,12 +126,12 @@ def _opened(path: Path, topics: Collection[str] | None) -> BlockwiseULog:
             return BlockwiseULog(stream, topics)
     except InputError:
         raise
-    except Exception as error:  # a torn or altered file raises whatever its bytes lead to
+    except Exception as error:  # a truncated or altered file may raise any exception
         raise InputError(f"{path}: cannot be read as a PX4 log ({type(error).__name__}: {_line(error)})") from None
 
 
 def start_unix_s(beginning: bytes) -> float | None:
-    """Unix time of the start of a log by the satellites, from its first bytes; None where these have no fix."""
+    """Return the Unix time at the start of a log, from GPS in its first bytes; None if these have no fix."""
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             log = BlockwiseULog(io.BytesIO(beginning), RECEIVERS)
@@ -145,9 +145,9 @@ def start_unix_s(beginning: bytes) -> float | None:
 
 
 def all_channels(path: Path) -> AllChannels:
-    """Every field of every topic: `battery_status.voltage_v`, of later instances `battery_status 1.voltage_v`.
+    """Return every field of every topic: `battery_status.voltage_v`, or `battery_status 1.voltage_v` of instance 1.
 
-    Raises InputError where the log cannot be read.
+    Raises InputError if the log cannot be read.
     """
     channels: dict[str, Callable[[], Channel]] = {}
     for data in _opened(path, None).data_list:
@@ -159,7 +159,7 @@ def all_channels(path: Path) -> AllChannels:
 
 
 def _topics(path: Path) -> tuple[dict[str, list[_Topic]], dict[str, float], list[str], str, list[Event]]:
-    """The topics by name, the autopilot's parameters, notes, the vehicle, and the messages to its pilot."""
+    """Return the topics by name, the autopilot's parameters, notes, the vehicle, and the messages to its pilot."""
     log = _opened(path, TOPICS)
     topics: dict[str, list[_Topic]] = {}
     for data in sorted(log.data_list, key=lambda instance: instance.multi_id):
@@ -186,7 +186,7 @@ def _line(error: Exception) -> str:
 
 
 class FlightMode(IntEnum):
-    """vehicle_status.nav_state"""
+    """Values of vehicle_status.nav_state."""
 
     MANUAL = 0
     ALTITUDE = 1
@@ -208,7 +208,7 @@ class FlightMode(IntEnum):
 
 
 class VehicleType(IntEnum):
-    """vehicle_status.vehicle_type"""
+    """Values of vehicle_status.vehicle_type."""
 
     ROTARY_WING = 1
     FIXED_WING = 2
@@ -216,7 +216,7 @@ class VehicleType(IntEnum):
 
 
 class MavType(IntEnum):
-    """MAV_TYPE of vehicles without wings."""
+    """Values of MAV_TYPE for vehicles without wings."""
 
     QUADROTOR = 2
     COAXIAL = 3
@@ -234,7 +234,7 @@ MULTICOPTERS = {*MavType} - ROVERS
 
 
 def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]], parameters: dict[str, float]) -> None:
-    """Raises InputError for a vehicle without wings, and where neither status nor MAV_TYPE names the vehicle."""
+    """Raises InputError for a vehicle without wings, and if neither status nor MAV_TYPE tells the vehicle's type."""
     if not topics.get("vehicle_status") and "MAV_TYPE" not in parameters:
         raise InputError(
             f"{path}: the log does not say which vehicle wrote it (no vehicle_status, no MAV_TYPE), and a multicopter's"
@@ -256,9 +256,9 @@ def _refuse_wingless(path: Path, topics: dict[str, list[_Topic]], parameters: di
 
 
 def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool]:
-    """Differential pressure of the pitot, and whether its zero is corrected.
+    """Return the differential pressure of the pitot tube, and whether its zero is already corrected.
 
-    The validated airspeed has most samples; all instances are looked at.
+    Topics are tried in order of preference; of a topic's instances, the one that varies most is used.
     """
     for name, fields in AIRSPEED_TOPICS:
         channels = []
@@ -267,7 +267,7 @@ def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool
                 speed = topic.values(field) if topic.has(field) else np.full(len(topic.t_s), np.nan)
                 for source in ("selected_airspeed_index", "airspeed_source"):
                     if topic.has(source):
-                        # 0 is ground speed less wind, 4 synthetic, -1 none.
+                        # Other sources are not sensors: 0 is ground speed minus wind, 4 synthetic, -1 none.
                         speed = np.where(np.isin(topic.values(source), (1, 2, 3)), speed, np.nan)
                 channels.append(channel(topic.t_s, recording.pressure_of_indicated_airspeed(speed)))
         best = most_varying(channels)
@@ -279,7 +279,7 @@ def _airspeed(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], bool
 
 
 def _lifting_s(topics: dict[str, list[_Topic]], t_s: Array) -> list[Array]:
-    """Times, of the status and of t_s (n,), at which a VTOL is on its lifting motors, or in transition."""
+    """Return times of status messages, and times in t_s (n,), with a VTOL on its lifting motors or in transition."""
     for status in topics.get("vehicle_status", []):
         if status.has("vehicle_type"):
             lifted = status.values("vehicle_type") == VehicleType.ROTARY_WING
@@ -327,7 +327,7 @@ def _gps(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
 
 
 def _receiver(topics: dict[str, list[_Topic]]) -> tuple[_Topic, str, str, NDArray[np.bool_]] | None:
-    """The receiver with positions, the names of latitude and longitude, and its rows with a fix."""
+    """Return the receiver that gives positions, its names of latitude and longitude, and its rows with a fix."""
     names = (("latitude_deg", "longitude_deg"), ("lat", "lon"))  # since 1.14, and before
     for topic in (topic for name in RECEIVERS for topic in topics.get(name, [])):
         for latitude, longitude in names:
@@ -338,7 +338,7 @@ def _receiver(topics: dict[str, list[_Topic]]) -> tuple[_Topic, str, str, NDArra
 
 
 def _place(topics: dict[str, list[_Topic]]) -> tuple[dict[str, Channel], Fix]:
-    """The distance from the first position, and date and place."""
+    """Return the distances from the first position, and the date and place."""
     receiver = _receiver(topics)
     if receiver is None:
         return {}, Fix()
@@ -357,7 +357,7 @@ def _modes(topics: dict[str, list[_Topic]]) -> list[Event]:
 
 
 def _throttles(topics: dict[str, list[_Topic]]) -> list[Channel]:
-    """Throttles of the propulsion, 0 to 1: newer firmware has a thrust along the first axis."""
+    """Return the throttles of the propulsion, 0 to 1; newer firmware logs them as thrust along the first axis."""
     newer = [topic.channel("xyz[0]") for topic in topics.get("vehicle_thrust_setpoint", [])]
     vtol = any(topic.has("is_vtol") and topic.values("is_vtol").any() for topic in topics.get("vehicle_status", []))
     older = topics.get("actuator_controls_1" if vtol else "actuator_controls_0", [])
@@ -374,7 +374,7 @@ def _controllers(topics: dict[str, list[_Topic]]) -> list[Battery]:
 
 
 def _motors(topics: dict[str, list[_Topic]]) -> list[Channel]:
-    """Speeds of rotation [rev/s]: by the speed controllers, or by RPM sensors."""
+    """Return the motor speeds [rev/s] from the speed controllers, or else from RPM sensors."""
     fields = [f"esc[{i}].esc_rpm" for i in range(8)]
     by_controller = [
         topic.channel(field) for topic in topics.get("esc_status", []) for field in fields if topic.has(field)
@@ -396,6 +396,6 @@ def _thermometers(topics: dict[str, list[_Topic]]) -> dict[str, Channel]:
     for name, field in sources:
         for topic in topics.get(name, []):
             celsius = topic.channel(field)
-            if np.any(celsius.value != 0):  # no thermometer: the value is always exactly 0
+            if np.any(celsius.value != 0):  # without a thermometer the value is always exactly 0
                 thermometers[f"{name} {topic.instance}"] = Channel(celsius.t_s, celsius.value + 273.15)
     return thermometers

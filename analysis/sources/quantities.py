@@ -1,7 +1,7 @@
-"""The quantities that a column of a table may be: names as in a map of columns, SI units, possible values.
+"""The quantities that a table's columns may hold: their names in a column map, SI units, and possible values.
 
-Axes are those of the aircraft: forward, right, down. Angles and rates are positive nose up, right wing down, nose
-right.
+Axes are those of the aircraft: forward, right, down. Angles and rates are positive for nose up, right wing down, and
+nose right.
 """
 
 from enum import StrEnum
@@ -44,7 +44,7 @@ class Quantity(StrEnum):
 
 
 class Kind(NamedTuple):
-    """unit : SI. least, greatest: beyond them most values of a flight cannot be. meaning: for the draft of a map"""
+    """unit : in SI. least, greatest: limits for most values of a flight. meaning: text for the draft of a map"""
 
     unit: str
     least: float

@@ -1,6 +1,6 @@
-"""Units of a log: each quantity lies within limits that hold for every small electric aircraft, and no other unit does.
+"""Checks units in a log: limits hold for each quantity of every small electric aircraft in its proper unit only.
 
-A measured value outside them has another unit or axis. The limits are physical, not those of good flights.
+A measured value outside them has a wrong unit or axis. The limits are physical; they do not describe good flights.
 """
 
 from typing import NamedTuple
@@ -20,7 +20,7 @@ FORCE = tuple(f"specific_force_{axis}_mps2" for axis in "xyz")
 
 
 class Limits(NamedTuple):
-    """A percentile of a field's magnitude lies between two limits, or the field has one of `units` (factor to SI)."""
+    """Limits for a percentile of a field's magnitude; beyond them the field has one of `units` (with factors to SI)."""
 
     topic: str
     field: str
@@ -28,7 +28,7 @@ class Limits(NamedTuple):
     largest: float
     reason: str
     units: dict[str, float]
-    percentile: float = 50.0  # the median
+    percentile: float = 50.0  # 50 is the median
 
 
 LIMITS = (
@@ -52,7 +52,7 @@ LIMITS = (
 
 
 def check_units(log: Log, diameter_m: float) -> None:
-    """Raises InputError if a quantity has another unit than its name says. diameter_m: of the propeller."""
+    """Raises InputError if a quantity's unit is not the one in its name. diameter_m: diameter of the propeller."""
     _check_differential_pressures(log)
     _check_specific_force(log)
     _check_temperature(log)
@@ -78,7 +78,7 @@ def _check(log: Log, limits: Limits) -> None:
 
 
 def _check_specific_force(log: Log) -> None:
-    """Checks that accelerometers read 1 g upwards, about -z, at rest and on the mean of flight."""
+    """Check that the accelerometers' median in flight is about 1 g in magnitude and points upward, along -z."""
     median, magnitude = _specific_force(log)
     low, high = (limit * GRAVITY_MPS2 for limit in UNITS.plausible.load_g)
     if not low <= magnitude <= high:
@@ -119,7 +119,7 @@ def _check_temperature(log: Log) -> None:
 
 
 def _check_motor_speed(log: Log, diameter_m: float) -> None:
-    """The tips of a propeller move slower than sound."""
+    """Check that the median tip speed of the turning propeller is below the speed of sound."""
     _, values = field_of(log, "/rpm", "motor_speed_revps")
     turning = values[np.abs(values) > STANDING.motor_revps]
     if not len(turning):
@@ -137,7 +137,7 @@ def _check_motor_speed(log: Log, diameter_m: float) -> None:
 
 
 def _check_current(log: Log) -> None:
-    """A battery discharges in flight."""
+    """Check that the current is not negative in flight, when the battery discharges."""
     _, values = field_of(log, "/battery", "current_A")
     if not len(values):
         return
@@ -149,7 +149,7 @@ def _check_current(log: Log) -> None:
 
 
 def _check_differential_pressures(log: Log) -> None:
-    """Checks that center port minus static is positive in flight, and exceeds both side differences."""
+    """Check that center port minus static is positive in flight, and is not far below both side differences."""
     q_c = _pressure(log, "airspeed")
     low, high = -_reached(-q_c), _reached(q_c)
     if low < -AIRCRAFT_SIZE.least_flying_Pa and -low > 2 * high:
@@ -177,12 +177,12 @@ def _pressure(log: Log, name: str) -> Array:
 
 
 def _reached(values: Array) -> float:
-    """The value that is exceeded for CHANNELS.fewest_samples, however long the log is."""
+    """Return the value that CHANNELS.fewest_samples samples reach or exceed, however long the log is."""
     return float(np.sort(values)[-min(CHANNELS.fewest_samples, len(values))])
 
 
 def _specific_force(log: Log) -> tuple[Array, float]:
-    """Median of each component, (3,), and of the magnitude [m/s^2], in flight: q_c above a quarter of its largest."""
+    """Return medians of components (3,) and magnitude [m/s^2] in flight: with q_c above a quarter of its largest."""
     force = _times_and_values(log, "/imu", FORCE)
     pressure = _times_and_values(log, "/probe/airspeed", ("differential_pressure_Pa",))
     flown = np.interp(force[:, 0], pressure[:, 0], pressure[:, 1]) > _reached(pressure[:, 1]) / 4
@@ -191,7 +191,7 @@ def _specific_force(log: Log) -> tuple[Array, float]:
 
 
 def _times_and_values(log: Log, topic: str, fields: tuple[str, ...]) -> Array:
-    """Log time [ns] and fields of the good messages with all of them, (n, 1 + fields)."""
+    """Return log time [ns] and fields of the good messages that have all of these fields, (n, 1 + fields)."""
     entries = log.entries[topic]
     columns = [times_ns(entries).astype(float), *(values(entries, field) for field in fields)]
     rows = np.stack(columns, axis=1)[is_good(entries)]

@@ -1,9 +1,9 @@
-"""Readers of other packages, for formats that this one does not read: entry points of the group `flightpower.readers`.
+"""Finds other packages' readers for formats that this one cannot read: entry points in the group `flightpower.readers`.
 
     [project.entry-points."flightpower.readers"]
     mylogger = "my_package:MyLogger"
 
-The entry point's object, such as a module or an instance of a class, has what `Reader` has.
+The entry point's object, such as a module or an instance of a class, needs all members of `Reader`.
 """
 
 from collections.abc import Collection
@@ -23,21 +23,21 @@ GROUP = "flightpower.readers"
 
 @runtime_checkable
 class Reader(Protocol):
-    """suffixes : of its files, for lists and folders, such as (".xyz",)"""
+    """suffixes : those of its files, such as (".xyz",), by which lists and folders find them"""
 
     suffixes: Collection[str]
 
     def recognizes(self, start: bytes) -> bool:
-        """Whether a file whose first bytes these are has this format."""
+        """Return whether a file that starts with these bytes has this format."""
         ...
 
     def read(self, path: Path) -> "FlightRecording":
-        """The channels of a log in SI units. Raises InputError, in one line, when it cannot be read."""
+        """Return the channels of a log in SI units. Raises InputError, with a one-line message, if unreadable."""
         ...
 
 
 class Installed(NamedTuple):
-    """title : of the reader and its package, for messages"""
+    """title : names of the reader and its package, for messages"""
 
     title: str
     reader: Reader
@@ -45,12 +45,12 @@ class Installed(NamedTuple):
 
 @cache
 def installed_readers() -> tuple[Installed, ...]:
-    """Readers of other packages. Raises InputError for one that cannot be loaded, or lacks something."""
+    """Return other packages' readers. Raises InputError for a reader that cannot be loaded or lacks a member."""
     return tuple(_loaded(point) for point in metadata.entry_points(group=GROUP))
 
 
 def reader_of(path: Path) -> Installed | None:
-    """The reader of another package that recognizes a file; None where none does."""
+    """Return the other package's reader that recognizes a file; None if no reader does."""
     if not installed_readers():
         return None
     start = first_bytes(path)
@@ -66,7 +66,7 @@ def reader_of(path: Path) -> Installed | None:
 
 
 def read_by(installed: Installed, path: Path) -> "FlightRecording":
-    """The recording in a log. Raises InputError for whatever the other package raises."""
+    """Return the recording in a log. Raises InputError in place of any exception from the other package."""
     from flightpower.analysis.sources.recording import FlightRecording  # loads NumPy
 
     try:

@@ -1,4 +1,4 @@
-"""Which autopilot wrote a log, by its format."""
+"""Recognizes from a log's format which autopilot wrote it."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -24,7 +24,7 @@ WRITTEN_BY = {
 
 
 def autopilot_of(path: Path) -> Autopilot | None:
-    """The autopilot of a log; None where the file is no autopilot's. Raises InputError when it cannot be read."""
+    """Return the autopilot that wrote a log; None if no autopilot did. Raises InputError if the file cannot be read."""
     log_format = format_of(path)
     if log_format is Format.MAT:
         from flightpower.analysis.sources.matlab_log import is_matlab_log  # loads NumPy

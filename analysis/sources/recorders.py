@@ -1,4 +1,4 @@
-"""Tables whose columns are known, since a program that many use names them always alike: radios, decoders, stations."""
+"""Tables with known columns, because common programs always name them the same: radios, decoders, ground stations."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -10,8 +10,8 @@ Q = Quantity
 
 
 class Known(NamedTuple):
-    """name : pattern of a column's whole name, in lower case     unit : of its numbers; empty: as its name says
-    opposite : whether it has the other sign
+    """name : pattern for a column's whole name, in lower case     unit : its unit; if empty, the name gives it
+    opposite : whether its sign is opposite to the quantity's
     """
 
     name: str
@@ -20,8 +20,9 @@ class Known(NamedTuple):
 
 
 class Recorder(NamedTuple):
-    """title : for messages signs : patterns that must each match a column columns : candidates; the first present one
-    is used"""
+    """title : for messages     signs : patterns, each of which must match some column
+    columns : candidates for each quantity, of which the first that is present is used
+    """
 
     title: str
     signs: tuple[str, ...]
@@ -30,7 +31,7 @@ class Recorder(NamedTuple):
 
 UNIT = r" ?\([^)]+\)"
 # Sensors of FrSky, Crossfire, ELRS and others as the radio names them; the names contain all units. RxBt is the
-# battery of the receiver, with Crossfire and ELRS (RQly) that of the aircraft, which its flight controller sends.
+# receiver's battery, but with Crossfire and ELRS (RQly) the aircraft's, as sent by its flight controller.
 RADIO = {
     Q.TIME: (Known("time", "s"),),
     Q.INDICATED_AIRSPEED: (Known(rf"aspd{UNIT}"),),
@@ -43,7 +44,7 @@ RADIO = {
     Q.CURRENT: (Known(rf"curr{UNIT}"),),
 }
 CROSSFIRE = RADIO | {Q.VOLTAGE: (Known(rf"vfas{UNIT}"), Known(rf"rxbt{UNIT}"))}
-# Axes are forward, left, up; airspeed is that of sea level's density.
+# Axes are forward, left, up; airspeed is for sea-level density.
 BLACKBOX = {
     Q.TIME: (Known(r"time \(us\)", "us"),),
     Q.INDICATED_AIRSPEED: (Known("airspeed", "cm/s"),),
@@ -60,7 +61,7 @@ BLACKBOX = {
     Q.CURRENT: (Known(rf"amperage(latest)?{UNIT}"),),
 }
 MILLI_G = "millistandard_gravity"
-# Fields and units of MAVLink's messages.
+# Fields and units as in MAVLink's messages.
 MAVLINK = {
     Q.TIME: (Known("timestamp", "s"),),
     Q.INDICATED_AIRSPEED: (Known(r"vfr_hud\.airspeed", "m/s"),),
@@ -79,8 +80,8 @@ MAVLINK = {
     ),
     Q.THROTTLE: (Known(r"vfr_hud\.throttle", "percent"),),
 }
-# QGroundControl writes numbers in the units that its user has chosen: here SI units are assumed, which position (in
-# degrees, whatever the units) and climb rate confirm by the laws.
+# QGroundControl writes numbers in the units that its user has chosen. SI units are assumed here; the laws check them
+# against position, which is always in degrees, and climb rate.
 QGROUNDCONTROL = {
     Q.TIME: (Known("timestamp", "s"),),
     Q.INDICATED_AIRSPEED: (Known("airspeed", "m/s"),),
@@ -92,7 +93,7 @@ QGROUNDCONTROL = {
     Q.CURRENT: (Known(r"battery0?\.current", "A"),),
     Q.THROTTLE: (Known("throttlepct", "percent"),),
 }
-# Sensors of Jeti: name of the device, which its owner may change, of the sensor, and unit.
+# Sensors of Jeti: a name consists of the device's name, which its owner may change, the sensor's name, and the unit.
 JETI = {
     Q.TIME: (Known(r"time \[s\]", "s"),),
     Q.INDICATED_AIRSPEED: (Known(r"mspeed\S* (air ?speed|velocity|speed) \[[^]]+\]"),),
@@ -119,7 +120,7 @@ RECORDERS = (
 
 
 def recorder_of(names: Collection[str]) -> Recorder | None:
-    """The program that has named the columns; None where none is known."""
+    """Return the program that named the columns; None if it is not known."""
     plain = [name.lower() for name in names]
 
     def is_there(sign: str) -> bool:
@@ -129,7 +130,7 @@ def recorder_of(names: Collection[str]) -> Recorder | None:
 
 
 def known_columns(recorder: Recorder, names: Collection[str]) -> dict[Quantity, tuple[str, Known]]:
-    """The columns of a table by quantity: for each, the first present one in the recorder's list."""
+    """Return a table's columns by quantity; each is the first in the recorder's list that the table has."""
     matched = {}
     for quantity, columns in recorder.columns.items():
         matches = ((name, column) for column in columns for name in names if re.fullmatch(column.name, name.lower()))

@@ -1,4 +1,4 @@
-"""The channels of an ordinary flight, each with its own times; of several sensors, the one that is used."""
+"""The channels of an ordinary flight, each with its own times, and the choice of one among several sensors."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,18 +16,18 @@ from flightpower.analysis.sources.autopilot_settings import INSTANCES, READABLE
 from flightpower.flight.arrays import Array
 from flightpower.flight.units import SEA_LEVEL_DENSITY
 
-AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot less static pressure, its zero not yet corrected
+AIRSPEED_PRESSURE = "airspeed_pressure_Pa"  # pitot minus static pressure; the zero may not be corrected yet
 STATIC, FORCE_X, FORCE_Y, FORCE_Z = "static_Pa", "ax_mps2", "ay_mps2", "az_mps2"
 VOLTAGE, CURRENT = "battery_V", "battery_A"
-MOTOR, THROTTLE = "motor_revps", "throttle"  # the latter from 0 to 1, negative where it reverses
-TRUE_AIRSPEED, TRUE_HEIGHT = "true_airspeed_mps", "true_height_m"  # of a simulation
+MOTOR, THROTTLE = "motor_revps", "throttle"  # throttle is from 0 to 1, negative in reverse
+TRUE_AIRSPEED, TRUE_HEIGHT = "true_airspeed_mps", "true_height_m"  # from a simulation
 OF_AIRSPEED, OF_BAROMETER = frozenset({AIRSPEED_PRESSURE}), frozenset({STATIC})
 OF_BATTERY = frozenset({VOLTAGE, CURRENT})
 GPS = ("gps_north_mps", "gps_east_mps", "gps_down_mps")
-PLACE = ("north_m", "east_m")  # by a receiver
+PLACE = ("north_m", "east_m")  # from a GPS receiver
 
 
-# By channel: the least and greatest possible value, and the greatest difference from the median of five samples.
+# By channel: least and greatest possible value, and greatest possible difference from the median of five samples.
 POSSIBLE = {
     AIRSPEED_PRESSURE: READABLE.possible["pitot_Pa"],
     STATIC: READABLE.possible["static_Pa"],
@@ -45,29 +45,29 @@ POSSIBLE = {
 
 
 class Channel(NamedTuple):
-    """Times [s], ascending, and values, both (n,)."""
+    """Times [s] in ascending order, and values, both (n,)."""
 
     t_s: Array
     value: Array
 
     def at(self, t_s: Array) -> Array:
-        """Values at other times (m,): linear between samples, the first and the last value beyond them."""
+        """Return values at other times (m,): linear between samples, the first or the last value beyond them."""
         return np.interp(t_s, self.t_s, self.value)
 
 
-# Every number that a log has over time, by its own name, on the clock of the recording; read when it is called for.
+# Every number that a log has over time, by its name in the log, on the recording's clock; read when it is needed.
 AllChannels = Mapping[str, Callable[[], Channel]]
 
 
 class EventKind(StrEnum):
-    """What an autopilot or the daemon reports besides its measurements."""
+    """Kinds of events that an autopilot or the daemon reports besides its measurements."""
 
-    MODE = "mode"  # lasts until the next one
+    MODE = "mode"  # lasts until the next mode
     MESSAGE = "message"
 
 
 class Event(NamedTuple):
-    """A change of mode, or a message. t_s : on the clock of the channels"""
+    """A change of mode, or a message. t_s : time on the clock of the channels"""
 
     t_s: float
     kind: EventKind
@@ -75,7 +75,7 @@ class Event(NamedTuple):
 
 
 class Position(NamedTuple):
-    """Where a receiver was at a time of the channels' clock."""
+    """Position of a receiver at a time on the channels' clock."""
 
     t_s: float
     latitude_deg: float
@@ -83,11 +83,11 @@ class Position(NamedTuple):
 
 
 class Fix(NamedTuple):
-    """When and where a receiver was, as far as it says so.
+    """Date and place of a flight, as far as the receiver gives them.
 
-    unix_at_zero_s : Unix time at zero of the channels' clock          by_satellites : whether that is a receiver's time
-    latitude_deg, longitude_deg, height_msl_m : of its first position
-    ends : its first and its last position, in a log of the daemon; empty without one
+    unix_at_zero_s : Unix time when the channels' clock is zero     by_satellites : whether that time is from GPS
+    latitude_deg, longitude_deg, height_msl_m : the first position
+    ends : the first and the last position, for a log of the daemon only; empty without a position
     """
 
     unix_at_zero_s: float | None = None
@@ -103,19 +103,19 @@ class FlightRecording:
     """A log of any autopilot.
 
     channels : by name, in SI units; a name is missing where nothing was measured
-    zeroed : whether whatever recorded them has corrected the zero of the airspeed's pressure
+    zeroed : whether the recorder has already corrected the zero of the airspeed's pressure
     thermometers : by description, temperatures of the air, or of parts that the air cools [K]
     notes : choices and damage, in sentences
     parameters : the autopilot's, by name, as logged
-    air_temperature_K : in flight, where the user says it
+    air_temperature_K : air temperature in flight, if the user gives it
     inside : which thermometers are inside electronics, and so warmer than the air
-    enabled_by : by a sensor's channels, which parameters of the autopilot switch it on
-    by_radio : received as telemetry, of which much may be lost
-    truth : of a simulation by the firmware, TRUE_AIRSPEED and TRUE_HEIGHT; compared, never used
-    place : by PLACE, the distance from the first position of the receiver [m]; empty where it shows none
+    enabled_by : for each set of sensor channels, the autopilot's parameters that switch the sensor on
+    by_radio : whether it was received as telemetry, of which much may be lost
+    truth : TRUE_AIRSPEED and TRUE_HEIGHT from a simulation by the firmware; for comparison only
+    place : by PLACE, the distance from the receiver's first position [m]; empty without positions
     fix : date and place
     events : modes and messages, in order of time
-    vehicle : of `vehicle_of`; empty where the log does not say which board wrote it
+    vehicle : from `vehicle_of`; empty if the log does not identify the board that wrote it
     recorded_by : our daemon with its version; empty for other recorders
     """
 
@@ -138,52 +138,52 @@ class FlightRecording:
 
 
 def vehicle_of(serial_number: str) -> str:
-    """Identifies an autopilot's board in results: the first 8 hexadecimal digits of its serial number's SHA-256.
+    """Return an autopilot board's identifier for results: the first 8 hex digits of its serial number's SHA-256.
 
-    Results are passed on, and the number itself names the board to its maker. Of a thousand boards two are alike with a
-    probability of 1e-4.
+    Results are passed on to others, and the serial number itself would identify the board to its maker. The probability
+    that any two of a thousand boards have the same identifier is 1e-4.
     """
     return hashlib.sha256(serial_number.encode()).hexdigest()[:8]
 
 
 def channel(t_s: ArrayLike, value: ArrayLike) -> Channel:
-    """A channel without its samples that are not finite."""
+    """Return a channel with the samples that are finite."""
     t, x = without_damage(t_s), without_damage(value)
     finite = np.isfinite(t) & np.isfinite(x)
     return Channel(t[finite], x[finite])
 
 
 def without_damage(value: ArrayLike) -> Array:
-    """The numbers, NaN for those that no quantity of a flight has in any unit: damage makes them overflow."""
+    """Return the numbers, with NaN for damaged ones: so large that no quantity of a flight has them in any unit."""
     x = np.asarray(value, dtype=float)
     with np.errstate(invalid="ignore"):
         return np.where(np.abs(x) < 1e30, x, np.nan)
 
 
 def modes(t_s: ArrayLike, numbers: ArrayLike, names: Mapping[int, str]) -> list[Event]:
-    """The changes of a mode that is logged as a number (n,) at times (n,); one without a name keeps its number."""
+    """Return the changes of a mode logged as numbers (n,) at times (n,); a mode without a name keeps its number."""
     t, number = np.asarray(t_s, dtype=float), np.asarray(numbers, dtype=float)
-    finite = np.isfinite(t) & (np.abs(number) < 2**31)  # a larger number is damaged
+    finite = np.isfinite(t) & (np.abs(number) < 2**31)  # larger numbers are damaged
     t, number = t[finite], number[finite].astype(int)
     changed = np.flatnonzero(np.append(True, number[1:] != number[:-1])[: len(number)])
     return [Event(float(t[i]), EventKind.MODE, names.get(int(number[i]), f"mode {number[i]}")) for i in changed]
 
 
 def in_order(events: Iterable[Event]) -> tuple[Event, ...]:
-    """Events in order of time, without those whose time or text is missing."""
+    """Return the events in order of time, without those that lack a time or text."""
     return tuple(sorted(event for event in events if np.isfinite(event.t_s) and event.text.strip()))
 
 
 def pressure_of_indicated_airspeed(speed_mps: ArrayLike) -> Array:
-    """Differential pressure [Pa] that an autopilot showed as this indicated airspeed; negative below zero."""
+    """Return the differential pressure [Pa] behind an autopilot's indicated airspeed; negative for negative speeds."""
     speed = np.asarray(speed_mps, dtype=float)
     return np.asarray(np.sign(speed) * SEA_LEVEL_DENSITY / 2 * speed**2)  # indicated airspeed is defined at sea level
 
 
 def without_jumps(*groups: Mapping[str, Channel]) -> tuple[list[dict[str, Channel]], list[str]]:
-    """`without_clock_jumps` of the airspeed, which is in the first group, applied to channels in several groups.
+    """Apply `without_clock_jumps` to channels in several groups, with the first group's airspeed as `main`.
 
-    Without an airspeed sensor, of the velocity by GPS.
+    Without an airspeed sensor, GPS velocity takes its place.
     """
     main = groups[0].get(AIRSPEED_PRESSURE, groups[0].get(GPS[0]))
     if main is None:
@@ -194,9 +194,9 @@ def without_jumps(*groups: Mapping[str, Channel]) -> tuple[list[dict[str, Channe
 
 
 def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple[dict[str, Channel], list[str]]:
-    """The channels over the longest part of `main` between jumps of the clock, ascending in time, and a note.
+    """Return the channels during the longest part of `main` without a clock jump, ascending in time, and a note.
 
-    Values that are impossible, single wrong times and channels that are too short are left out.
+    Impossible values, samples with a single wrong time, and channels that are too short are left out.
     """
     main = _without_single_times(main)
     channels = {name: _without_single_times(channel) for name, channel in channels.items()}
@@ -217,9 +217,9 @@ def without_clock_jumps(main: Channel, channels: Mapping[str, Channel]) -> tuple
 def without_hover(
     channels: Mapping[str, Channel], lifting_s: Callable[[Array], Sequence[Array]]
 ) -> tuple[dict[str, Channel], list[str]]:
-    """The channels with no airspeed where a VTOL's lifting motors run, and a note; so no balance is made there.
+    """Drop airspeed where a VTOL's lifting motors run, so that no energy balance is made there; also return a note.
 
-    lifting_s: times (n,) at which the autopilot lets them run, by those of the airspeed.
+    lifting_s: gives, for the times (n,) of the airspeed, the times at which the lifting motors run.
     """
     airspeed = channels.get(AIRSPEED_PRESSURE)
     if airspeed is None:
@@ -260,14 +260,14 @@ def _possible(channel: Channel, least: float, greatest: float, spike: float) -> 
 
 
 def _parts(t_s: Array) -> list[slice]:
-    """Rows between steps back, and steps forward by more than READABLE.clock_jump_s."""
+    """Return the rows between jumps of the clock: back by over 1 s, or forward by over READABLE.clock_jump_s."""
     step = np.diff(t_s)
     edges = np.flatnonzero((step < -1.0) | (step > READABLE.clock_jump_s)) + 1
     return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, len(t_s)], strict=True)]
 
 
 def _within(channel: Channel, low: float, high: float) -> Channel:
-    """The part of a channel that overlaps most with an interval of time."""
+    """Return the part of a channel with the most samples in an interval of time, cut to that interval."""
     best = Channel(np.empty(0), np.empty(0))
     for rows in _parts(channel.t_s) if len(channel.t_s) else []:
         t_s, value = channel.t_s[rows], channel.value[rows]
@@ -285,7 +285,7 @@ def _ascending(channel: Channel) -> Channel:
 
 
 class Battery(NamedTuple):
-    """What one monitor measures. sum_of : names of the monitors whose currents it adds, where the autopilot says so"""
+    """Readings of one monitor. sum_of : names of the monitors whose currents it adds up, if the autopilot says so"""
 
     name: str
     voltage: Channel
@@ -296,9 +296,11 @@ class Battery(NamedTuple):
 def measuring_battery(
     batteries: Sequence[Battery], controllers: Sequence[Battery] = ()
 ) -> tuple[Battery | None, list[str]]:
-    """The battery that gives most power, or the sum of two that feed the motor together, and notes; None where none
-    measures voltage and current. A monitor that shows the sum of others stands for them. controllers: what the speed
-    controllers measure, which counts where no battery does and unless it is always the same, as firmware fills in.
+    """Return the battery that gives most power, or the sum of those that feed the motor together, and notes.
+
+    The battery is None if nothing measures voltage and current. A monitor that shows the sum of others replaces them.
+    controllers: readings of the speed controllers, used if no battery monitor measures power. A controller whose
+    current never changes is ignored, because firmware fills in such values.
     """
     batteries, notes = _without_parts(batteries)
     power = [_mean_power_W(battery) for battery in batteries]
@@ -329,7 +331,7 @@ def measuring_battery(
 
 
 def _without_parts(batteries: Sequence[Battery]) -> tuple[list[Battery], list[str]]:
-    """The monitors without those that are contained in another one's sum, and notes."""
+    """Return the monitors without those that another monitor's sum contains, and notes."""
     power = {battery.name: _mean_power_W(battery) for battery in batteries}
     left_out: set[str] = set()
     notes = []
@@ -340,7 +342,7 @@ def _without_parts(batteries: Sequence[Battery]) -> tuple[list[Battery], list[st
         parts = [battery for battery in others if battery.name in total.sum_of] or _parts_of(total, others)
         if not parts or total.name in left_out:
             continue
-        if power[total.name] < max(power[part.name] for part in parts):  # a summing monitor that fails
+        if power[total.name] < max(power[part.name] for part in parts):  # this summing monitor has failed
             left_out.add(total.name)
         else:
             left_out |= {part.name for part in parts}
@@ -349,7 +351,7 @@ def _without_parts(batteries: Sequence[Battery]) -> tuple[list[Battery], list[st
 
 
 def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
-    """The other batteries, two or more, whose currents add up to this one's while that is above its mean."""
+    """Return two or more other batteries whose currents add up to that of `total` while it is above its mean."""
     t_s, current_A = total.current
     if not len(t_s):
         return ()
@@ -358,7 +360,7 @@ def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
     measured = [(battery, battery.current.at(t_s)) for battery in others if len(battery.current.t_s)]
     largest = sorted(measured, key=lambda pair: -float(np.mean(pair[1])))[
         :8
-    ]  # the combinations stay few in a damaged log
+    ]  # limits the number of combinations in a damaged log
     errors_A = {
         parts: float(np.median(np.abs(current_A - sum(largest[i][1] for i in parts))))
         for count in range(2, len(largest) + 1)
@@ -369,7 +371,7 @@ def _parts_of(total: Battery, others: Sequence[Battery]) -> Sequence[Battery]:
 
 
 def _same_pack(battery: Battery, other: Battery) -> bool:
-    """Whether two monitors show the same voltage, and the same current at each time, within their errors."""
+    """Return whether two monitors show the same voltage and current at all times, within their errors."""
     t_s = battery.current.t_s
     measured = [(b.voltage.at(t_s), b.current.at(t_s)) for b in (battery, other)]
     (V, A), (other_V, other_A) = measured
@@ -378,12 +380,12 @@ def _same_pack(battery: Battery, other: Battery) -> bool:
 
 
 def _same_current(current_A: Array, error_A: float) -> bool:
-    """Whether a median difference is what two meters of one current have."""
+    """Return whether a median difference is small enough for two meters of one current."""
     return error_A < 0.05 * float(np.median(np.abs(current_A)))
 
 
 def _in_parallel(battery: Battery, other: Battery) -> Battery:
-    """Both packs as one with the voltage of the first that gives the power of both."""
+    """Combine two packs into one that has the voltage of the first and the power of both."""
     t_s = battery.current.t_s
     other_W = other.voltage.at(t_s) * other.current.at(t_s)
     current_A = battery.current.value + other_W / np.maximum(battery.voltage.at(t_s), 1.0)
@@ -391,7 +393,7 @@ def _in_parallel(battery: Battery, other: Battery) -> Battery:
 
 
 def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]:
-    """The speed of the one motor that turns, and a note where several do."""
+    """Return the speed of the only motor that turns; if several turn, None and a note."""
     turning = [
         channel
         for channel in motors
@@ -405,7 +407,7 @@ def turning_motor(motors: Sequence[Channel]) -> tuple[Channel | None, list[str]]
 def propulsion(
     batteries: Sequence[Battery], controllers: Sequence[Battery], motors: Sequence[Channel], throttle: Channel | None
 ) -> tuple[dict[str, Channel], list[str], list[str]]:
-    """Channels of the battery that feeds the motor, of the motor and of the throttle; notes on battery and motor."""
+    """Return channels of the battery that feeds the motor, the motor and the throttle; notes on battery and motor."""
     battery, battery_notes = measuring_battery(batteries, controllers)
     motor, motor_notes = turning_motor(motors)
     channels = {MOTOR: motor, THROTTLE: throttle}
@@ -415,7 +417,7 @@ def propulsion(
 
 
 def most_varying(channels: Sequence[Channel]) -> Channel | None:
-    """The channel that varies most: of several airspeed sensors, this is the connected one."""
+    """Return the channel that varies most: among several airspeed sensors, this is the connected one."""
     varying = [channel for channel in channels if len(channel.value) and np.ptp(channel.value) > 0]
     return max(varying, key=lambda channel: float(np.std(channel.value)), default=None)
 

@@ -1,4 +1,4 @@
-"""The resolution of a channel, by its values; and values that stand still between its steps, as straight lines."""
+"""Finds the resolution of a channel from its values, and replaces its steps by straight lines."""
 
 import numpy as np
 
@@ -8,15 +8,15 @@ from flightpower.flight.arrays import Array
 
 
 def error_of_a_step(step: float) -> float:
-    """Standard deviation of an error that is evenly spread over a step."""
+    """Return the standard deviation of an error that is evenly distributed over a step."""
     return float(step / np.sqrt(12))
 
 
 def step_of(values: Array) -> float:
-    """The step that divides all differences of values (n,); 0 if there is none, or if no value occurs twice.
+    """Return the step that divides nearly all differences of values (n,); 0 if there is none, or values hardly repeat.
 
-    A value that is a multiple of a step is wrong by up to half of it where it is rounded, and always by as much on
-    average where it is cut off, as pulses are that were not completed.
+    A value that is rounded to a multiple of a step is wrong by up to half a step. A value that is truncated, such as a
+    count of completed pulses, is half a step too small on average.
     """
     finite = values[np.isfinite(values)]
     levels = np.unique(finite)
@@ -31,11 +31,11 @@ def step_of(values: Array) -> float:
 
 
 def without_steps(channel: Channel) -> Channel:
-    """Replaces steps by straight lines through their middles, at the same times.
+    """Replace steps by straight lines through their midpoints, at the same times.
 
-    A pressure that moves by steps of 26 Pa, four meters, has no slope between them and an impossible one at each. Where
-    it changes, its value is the middle of the two; where it turns around on a level, that level is reached halfway in
-    time. A channel that changes at every second sample or more, as by its noise, is returned as it is.
+    A pressure with steps of 26 Pa, four meters at 5 km, has no slope between steps and an impossible slope at each. At
+    a step the new value is midway between the two levels. Where the channel turns around on a level, it reaches that
+    level halfway in time. A channel that changes at every second sample or more often, as noise does, stays unchanged.
     """
     changed = np.flatnonzero(np.diff(channel.value))
     if not 0 < len(changed) < len(channel.value) / 2:

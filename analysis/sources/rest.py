@@ -1,8 +1,8 @@
 """Finds where the aircraft stood still (rest), and determines the zeros of its sensors there.
 
-For a log without rest the zeros are those taken by `daq zero`, if it carries them; a log with rest is compared with
-them. Zeros before and after the flight may differ because transducers warm up. A significant drift is noted and
-corrected linearly over the flight.
+A log without rest uses the zeros from `daq zero`, if it carries them; a log with rest is compared with them. Zeros
+before and after the flight may differ because transducers warm up. A significant drift is noted and corrected linearly
+over the flight.
 """
 
 from typing import NamedTuple
@@ -24,33 +24,33 @@ CHANNELS = ("p_radps", "q_radps", "r_radps", "dp_alpha_Pa", "dp_beta_Pa", "q_c_P
 
 
 def resting_stretches(table: pd.DataFrame) -> list[pd.DataFrame]:
-    """The rows of each stretch at rest, in order of time. table : of `sources.daemon.synchronize`"""
+    """Return the rows of each stretch at rest, in order of time. table : from `sources.daemon.synchronize`"""
     step_s = float(table.index[1] - table.index[0])
     return [table.iloc[rows] for rows in rest_segments(table, 1 / step_s)]
 
 
 class Zeros(NamedTuple):
-    """The reading of each of CHANNELS at rest, in its unit."""
+    """Readings of each of CHANNELS at rest, in the channel's unit."""
 
     value: dict[str, float]  # mean over all rests
     standard_error: dict[str, float]
-    drift: dict[str, float]  # after the flight minus before it; 0 if there is rest on one side only
+    drift: dict[str, float]  # zero after the flight minus zero before it; 0 if there is rest on one side only
     seconds: float  # total time at rest
     drift_error: dict[str, float]
     drifting: dict[str, tuple[Array, Array]]  # by channel with a significant drift: two times [s] and the zeros there
     notes: list[str]
 
     def at(self, name: str, t_s: Array) -> Array:
-        """The zero of a channel at times (n,): constant, or linear from before the flight to after it."""
+        """Return the zero of a channel at times (n,): constant, or linear from before to after the flight."""
         if name in self.drifting:
             return np.interp(t_s, *self.drifting[name])
         return np.full(len(t_s), self.value[name])
 
 
 def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = AIRCRAFT_SIZE.flying_Pa) -> list[slice]:
-    """Stretches (slices of rows) in which the aircraft stood with its motor off, each REST.shortest_s at least.
+    """Return stretches (slices of rows) of at least REST.shortest_s in which the aircraft stood with its motor off.
 
-    flying_Pa: dynamic pressure of flight. A stretch whose mean exceeds the least by more is a glide.
+    flying_Pa: dynamic pressure of flight. A stretch is a glide if its mean is above the least mean by more than this.
     """
     window = max(3, round(REST.window_s * rate_Hz))
     spread = table.rolling(window, center=True, min_periods=window // 2).std()
@@ -63,7 +63,7 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = AIRCRA
     gps = table.reindex(columns=list(GPS_HORIZONTAL))  # a log may lack GPS
     speed = gps.pow(2).sum(axis=1, min_count=2).pow(0.5)
     at_rest &= ~(speed.rolling(window, center=True, min_periods=1).mean() > REST.rolling_mps)
-    margin = window // 2  # rows whose window reaches beyond the rest
+    margin = window // 2  # rows at each end, whose window reaches beyond the rest
     rests = [slice(s.start + margin, s.stop - margin) for s in stretches(at_rest.to_numpy())]
     standing = [_without_motion(table, s, window) for s in rests if s.stop - s.start >= REST.shortest_s * rate_Hz]
     long = [s for s in standing if s.stop - s.start >= REST.shortest_s * rate_Hz]
@@ -73,13 +73,13 @@ def rest_segments(table: pd.DataFrame, rate_Hz: float, flying_Pa: float = AIRCRA
 
 
 def _white_noise(column: pd.Series, window: int) -> float:
-    """Standard deviation of the noise from one sample to the next: the median over the log; 0 without samples."""
+    """Return the standard deviation of sample-to-sample noise, as its median over the log; 0 without samples."""
     noise = column.diff().rolling(window, min_periods=window // 2).std() / np.sqrt(2)
     return float(noise.median()) if noise.notna().any() else 0.0
 
 
 def _without_motion(table: pd.DataFrame, rest: slice, window: int) -> slice:
-    """The rest without the gentle beginning of a take-off at its end, or the end of a landing at its start."""
+    """Trim a gentle start of take-off from the end of a rest, and the end of a landing from its start."""
     mean = table[list(FORCES)].iloc[rest].rolling(window, center=True, min_periods=1).mean()
     standing = np.flatnonzero(~((mean - mean.median()).abs() > REST.force_change_mps2).any(axis=1))
     if not len(standing):
@@ -95,7 +95,7 @@ def zeros(
     daq_zeros: dict[str, float] | None = None,
     flying_Pa: float = AIRCRAFT_SIZE.flying_Pa,
 ) -> Zeros | None:
-    """The zeros of the sensors; None if the log has no rest and carries no zero.
+    """Return the zeros of the sensors; None if the log has no rest and carries no zero.
 
     daq_zeros: by channel, the zero in still air that the log carries (`still_air_zero`). flying_Pa: dynamic
     pressure of flight.
@@ -130,7 +130,7 @@ def zeros(
 
 
 def without_zeros(table: pd.DataFrame, zeros: Zeros | None) -> tuple[pd.DataFrame, list[str]]:
-    """The table with the zeros subtracted, and notes on them."""
+    """Return the table with the zeros subtracted, and notes on them."""
     if zeros is None:
         return table, ["The aircraft never stood still in this log: zeros of transducers and gyros are not corrected."]
     t_s = table.index.to_numpy()
@@ -138,7 +138,7 @@ def without_zeros(table: pd.DataFrame, zeros: Zeros | None) -> tuple[pd.DataFram
 
 
 def _without_rest(daq_zeros: dict[str, float]) -> Zeros:
-    """The zeros measured by `daq zero`, for a log without rest."""
+    """Return the zeros measured by `daq zero`, for a log without rest."""
     missing = [_channel_name(name) for name in CHANNELS if name not in daq_zeros]
     notes = ["The aircraft never stood still in this log: the zeros are those taken by `daq zero`."]
     if missing:
@@ -149,7 +149,7 @@ def _without_rest(daq_zeros: dict[str, float]) -> Zeros:
 
 
 def _around_flight(table: pd.DataFrame, rests: list[slice], flying_Pa: float) -> tuple[list[slice], list[slice]]:
-    """The rests before the first flight in the log, and those after the last."""
+    """Return the rests before the first flight in the log, and those after the last flight."""
     step_s = float(table.index[1] - table.index[0])
     rest = table["q_c_Pa"].iloc[np.r_[tuple(rests)]].mean()
     window = max(1, round(REST.flying_s / step_s))
@@ -160,7 +160,7 @@ def _around_flight(table: pd.DataFrame, rests: list[slice], flying_Pa: float) ->
 
 
 def mean_at_rest(column: pd.Series, rows: list[slice], step_s: float) -> tuple[float, float]:
-    """Mean and its standard error, from the scatter of means over blocks; NaN if there are no samples."""
+    """Return the mean and its standard error, from the scatter of block means; NaN with fewer than two samples."""
     block = max(1, round(REST.window_s / step_s))
     parts = [column.iloc[s].dropna().to_numpy() for s in rows]
     samples = np.concatenate([*parts, np.empty(0)])
@@ -211,13 +211,13 @@ class Reading(msgspec.Struct, frozen=True):
 
 
 class StillAirZero(msgspec.Struct, frozen=True):
-    """The content of `zero.json`; readings: by topic and field."""
+    """The content of `zero.json`. readings: by topic and field"""
 
     format: str
     readings: dict[str, dict[str, Reading]]
 
     def by_channel(self) -> dict[str, float]:
-        """The mean reading of each of CHANNELS that was taken."""
+        """Return the mean reading of each of CHANNELS that was measured."""
         fields = {name: COLUMNS[name] for name in CHANNELS}
         return {
             name: self.readings[topic][field].mean

@@ -1,7 +1,7 @@
-"""The checks of a log before its channels are synchronized, ordered so that each can rely on the earlier ones.
+"""Checks a log before its channels are synchronized, in an order that lets each check rely on the earlier ones.
 
-Topics and fields: what is required, and names that differ from those of flight/messages.py. Times: nanoseconds, one
-clock for all topics, without jumps; where they start does not matter.
+Required topics and fields must be present, under the names in flight/messages.py. Times must be in nanoseconds, from
+one clock for all topics, without jumps; where they start does not matter.
 """
 
 from difflib import get_close_matches
@@ -20,7 +20,7 @@ from flightpower.flight.messages import AIRBORNE_MODELS, TOPICS_FOR_DRAG, TYPE_O
 
 
 def check_log(log: Log, propeller_diameter_m: float) -> None:
-    """Raises InputError naming topic, field, the likely mistake and its remedy, for the first that is found."""
+    """Raises InputError for the first mistake found; it names topic, field, likely cause and remedy."""
     check_messages(log)
     check_clock(log)
     check_units(log, propeller_diameter_m)
@@ -40,9 +40,9 @@ def check_decodable(log: Log) -> None:
 
 
 def check_lacking(log: Log) -> None:
-    """Raises InputError if a topic that the power curve needs is only written wrongly, or under another name.
+    """Raises InputError if a topic that the power curve needs is present, but undecodable or under another name.
 
-    For logs that lack the topic and therefore give electrical power.
+    This is for logs that lack such a topic and therefore give electrical power.
     """
     check_decodable(log)
     for topic in TOPICS_FOR_DRAG:
@@ -62,7 +62,7 @@ def check_messages(log: Log) -> None:
 
 
 def _check_fields(log: Log, topic: str) -> None:
-    """Raises InputError if a required field has no value, or an optional one is there under another name."""
+    """Raises InputError if a required field has no value, or any field seems to be there under another name."""
     entries = log.entries[topic]
     good = is_good(entries)
     used = [field for its_topic, field in COLUMNS.values() if its_topic == topic]
@@ -93,7 +93,7 @@ def _no_topic(log: Log, topic: str) -> InputError:
 
 
 def receiver_notes(log: Log) -> list[str]:
-    """A note where the receiver's filter was not set for flight (`dynamic_model` of /gps)."""
+    """Return a note if the receiver's filter was not set for flight (`dynamic_model` of /gps)."""
     entries = log.entries.get("/gps", NO_ENTRIES)
     models = {int(model) for model in values(entries, "dynamic_model") if not np.isnan(model)}
     if not (wrong := models - AIRBORNE_MODELS):
@@ -105,7 +105,7 @@ def receiver_notes(log: Log) -> list[str]:
 
 
 def _match(log: Log, topic: str) -> str | None:
-    """The unknown topic that resembles `topic`, or ends with it."""
+    """Return an unknown topic that resembles `topic` or ends with it; None if there is none."""
     similar = get_close_matches(topic, log.unknown_topics, 1)
     return next((name for name in [*similar, *log.unknown_topics] if name in similar or name.endswith(topic)), None)
 

@@ -1,7 +1,7 @@
-"""A table with a map of its columns as a log of the daemon: every method that its sensors allow works on it.
+"""Turns a table with a column map into a log of the daemon, so that every method that its sensors allow works on it.
 
-A vane becomes the pressure of an ideal probe, airspeed a dynamic pressure, height a static pressure, and thrust the
-speed of a propeller whose table says so at every advance ratio.
+A vane's angle becomes the pressure of an ideal probe, airspeed a dynamic pressure, and height a static pressure. Thrust
+becomes the speed of a propeller whose table gives that thrust at every advance ratio.
 """
 
 import json
@@ -41,7 +41,7 @@ GPS = {
     "velocity_east_mps": Q.VELOCITY_EAST,
     "velocity_down_mps": Q.VELOCITY_DOWN,
 }
-# A thrust column as a motor speed: one meter of diameter and a thrust coefficient of one, whatever the advance ratio.
+# Turns thrust into motor speed: the diameter is one meter, the thrust coefficient one at every advance ratio.
 THRUST_AS_SPEED = """# diameter_m = 1.0
 rpm,J,cT,cP
 100,0,1,1
@@ -51,13 +51,13 @@ rpm,J,cT,cP
 """
 STATES_OF_AIR = (Q.HEIGHT, Q.STATIC_PRESSURE, Q.AIR_TEMPERATURE)
 Fields = dict[str, Channel]
-TABLE = "table"  # metadata of a log that was a table
+TABLE = "table"  # name of the metadata of a log that was a table
 
 
 def log_of_table(path: Path, map_file: Path | None = None) -> Log:
-    """The log, by the map from the option or next to the table, or by the column names of a known program.
+    """Return a table as a log, by the map from the option or next to the table, or by a known program's column names.
 
-    Raises InputError, in one line, where the map is missing or wrong, or its quantities contradict each other.
+    Raises InputError, with a one-line message, if the map is missing or wrong, or its quantities contradict each other.
     """
     columns = read_columns(path)
     if not map_files(path, map_file) and (prepared := map_without_question(path, columns)) is not None:
@@ -76,7 +76,7 @@ def log_of_table(path: Path, map_file: Path | None = None) -> Log:
 
 
 def unchecked_units(channels: Channels, column_map: ColumnMap) -> dict[str, str]:
-    """Sentences on units, by quantity, that nothing in the table can check."""
+    """Return sentences, by quantity, on units that nothing in the table can check."""
     notes = {}
     for quantity, checked in ((Q.HEIGHT, height_is_checked(channels)), (Q.AIR_TEMPERATURE, False)):
         if quantity in channels and not checked:
@@ -89,7 +89,7 @@ def unchecked_units(channels: Channels, column_map: ColumnMap) -> dict[str, str]
 
 
 def refuse_without_method(log: Log) -> None:
-    """Raises InputError for a table of which no method gives a curve, naming what its map lacks."""
+    """Raises InputError for a table from which no method can give a curve; the message names what its map lacks."""
     if gives_electrical_power(log) or all(map(log.entries.get, TOPICS_FOR_DRAG)):
         return
     missing = []
@@ -104,13 +104,13 @@ def refuse_without_method(log: Log) -> None:
 
 
 def contradiction(path: Path, wrong: list[Finding], column_map: ColumnMap) -> InputError:
-    """The first contradiction, and how many more there are."""
+    """Return an InputError with the first contradiction and the number of others."""
     more = f" ({len(wrong) - 1} more contradictions)" if len(wrong) > 1 else ""
     return InputError(f"{path}: {wrong[0].text}{more} ({column_map.path})")
 
 
 def as_log(path: Path, channels: Channels) -> Log:
-    """A log built from quantities in SI units. Raises InputError if neither airspeed nor ground velocity is known."""
+    """Build a log from quantities in SI units. Raises InputError if neither airspeed nor ground velocity is known."""
     averaged = {quantity: _averaged(_possible(quantity, channel)) for quantity, channel in channels.items()}
     topics: dict[str, Fields] = {}
     attachments = {"zero.json": _zeros()}
@@ -118,7 +118,7 @@ def as_log(path: Path, channels: Channels) -> Log:
     temperature = averaged.get(Q.AIR_TEMPERATURE)
     if pressure is not None:
         topics["/static"] = {"pressure_Pa": pressure}
-        if temperature is None and Q.ANGLE_OF_ATTACK in averaged:  # the drag methods need one of these
+        if temperature is None and Q.ANGLE_OF_ATTACK in averaged:  # the drag methods need a temperature
             temperature = Channel(pressure.t_s, np.asarray(temperature_at(_height(pressure.value))))
         if temperature is not None:
             topics["/static"] |= {"temperature_K": temperature}
@@ -135,8 +135,8 @@ def as_log(path: Path, channels: Channels) -> Log:
     if not {Q.VELOCITY_NORTH, Q.VELOCITY_EAST} & averaged.keys():
         if Q.GROUND_SPEED in averaged and Q.COURSE in averaged:
             topics["/gps"] |= _by_course(averaged[Q.GROUND_SPEED], averaged[Q.COURSE])
-        # Means over some seconds, whose errors are not independent: enough for wind and electrical power, not for the
-        # trajectory of the drag methods.
+        # Velocities from positions are means over some seconds, with dependent errors. They suffice for wind and
+        # electrical power, but not for the trajectory of the drag methods.
         elif {Q.LATITUDE, Q.LONGITUDE} <= averaged.keys() and "/probe/alpha" not in topics:
             north, east = velocity_by_position(averaged[Q.LATITUDE], averaged[Q.LONGITUDE])
             topics["/gps"] |= {"velocity_north_mps": north, "velocity_east_mps": east}
@@ -168,7 +168,7 @@ def as_log(path: Path, channels: Channels) -> Log:
 
 
 def _possible(quantity: Quantity, channel: Channel) -> Channel:
-    """A state of the air without its values that no air has, unless most are so; other quantities as they are."""
+    """Drop impossible values of height, pressure or temperature, unless half are impossible; keep other quantities."""
     kind = KINDS[quantity]
     rows = (channel.value >= kind.least) & (channel.value <= kind.greatest)
     if quantity not in STATES_OF_AIR or not np.mean(rows) > 0.5:
@@ -177,7 +177,7 @@ def _possible(quantity: Quantity, channel: Channel) -> Channel:
 
 
 def _averaged(channel: Channel) -> Channel:
-    """Means over so many samples that their interval suits a log."""
+    """Average as many samples as give an interval that a log may have."""
     width = int(np.ceil(STRUCTURE.interval_s[0] / float(np.median(np.diff(channel.t_s))) - 1e-6))
     if width < 2:
         return channel
@@ -190,7 +190,7 @@ def _height(pressure_Pa: Array) -> Array:
 
 
 def _static(channels: Mapping[Quantity, Channel]) -> Channel | None:
-    """Measured; by the height; or by the climb that GPS shows, from sea level."""
+    """Return static pressure as measured, from the height, or from GPS climb that starts at sea level."""
     if (pressure := channels.get(Q.STATIC_PRESSURE)) is not None:
         return without_steps(pressure)
     if (height := channels.get(Q.HEIGHT)) is not None:
@@ -230,7 +230,7 @@ def _by_course(speed: Channel, course: Channel) -> Fields:
 
 
 def _battery(channels: Mapping[Quantity, Channel]) -> Fields:
-    """Voltage and current; of a power alone, the current at the voltage, or at one volt."""
+    """Return voltage and current; if there is power, the current follows from it and the voltage, or else one volt."""
     power, voltage, current = (channels.get(quantity) for quantity in (Q.POWER, Q.VOLTAGE, Q.CURRENT))
     if power is not None:
         volt = np.ones(len(power.t_s)) if voltage is None else voltage.at(power.t_s)
@@ -239,7 +239,7 @@ def _battery(channels: Mapping[Quantity, Channel]) -> Fields:
 
 
 def _entries(topic: str, fields: Fields, start_s: float) -> Entries:
-    """Entries at the times of the densest field; the others are interpolated."""
+    """Make entries at the times of the densest field; the other fields are interpolated."""
     densest = max(fields.values(), key=lambda channel: len(channel.t_s))
     entries = Entries(TYPE_OF_TOPIC[topic])
     n = len(densest.t_s)
@@ -253,14 +253,14 @@ def _entries(topic: str, fields: Fields, start_s: float) -> Entries:
 
 
 def _zeros() -> bytes:
-    """Table values are already corrected for the zeros of the sensors."""
+    """Return zeros of 0 Pa, because table values are already corrected for the zeros of the sensors."""
     still = {"mean": 0.0, "standard_deviation": 0.0, "samples": 1}
     readings = {f"/probe/{name}": {"differential_pressure_Pa": still} for name in ("alpha", "beta", "airspeed")}
     return json.dumps({"format": "flightpower-zero-1", "readings": readings}).encode()
 
 
 def _vane_as_probe() -> bytes:
-    """A calibration for pressures that are ALPHA_PORT_SLOPE times angle times dynamic pressure."""
+    """Return a probe calibration for pressures that are ALPHA_PORT_SLOPE times angle times dynamic pressure."""
 
     def linear(powers: list[tuple[int, int]], coefficient: float) -> dict[str, object]:
         return {"powers": powers, "coefficients": [coefficient], "residual_rms": 0.0, "order": 1}

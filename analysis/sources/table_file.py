@@ -1,4 +1,4 @@
-"""Reads the columns of numbers of a CSV, Parquet or .mat file, which it recognizes by its content, not its suffix."""
+"""Reads numeric columns from a CSV, Parquet or .mat file, recognized by its content rather than its suffix."""
 
 import gzip
 import io
@@ -28,19 +28,19 @@ from flightpower.flight.formats import (
 )
 
 Columns = Mapping[str, Array]
-CLOCK = re.compile(r"(times?|timestamp|t|time_?stamp|t(ime)?_(s|sec|ms|us))", re.IGNORECASE)  # of a structure in a .mat
+CLOCK = re.compile(r"(times?|timestamp|t|time_?stamp|t(ime)?_(s|sec|ms|us))", re.IGNORECASE)  # a clock in a .mat
 NO_LINES_OF_CELLS = (Format.PARQUET, Format.MAT, Format.MAT_7_3, Format.JETI)
 
 
 class Table(NamedTuple):
-    """columns : by name, (n,) each, NaN where a cell has no number     left_out : sentences on what is not in them"""
+    """columns : by name, (n,) each, NaN where a cell has no number     left_out : sentences on data left out"""
 
     columns: Columns
     left_out: tuple[str, ...] = ()
 
 
 def table_kind(path: Path) -> Format | None:
-    """The format of a table (CSV is TEXT); None where the file is none. Raises InputError when it cannot be read."""
+    """Return the format of a table (TEXT for CSV); None for other files. Raises InputError if it cannot be read."""
     file_format = format_of(path)
     if file_format is not Format.TEXT:
         return file_format if file_format in NO_LINES_OF_CELLS else None
@@ -50,19 +50,19 @@ def table_kind(path: Path) -> Format | None:
     start = unpacked_start(path) if start.startswith(GZIP_MAGIC) else start
     try:
         return Format.TEXT if layout_of((text_of(start) or "").rpartition("\n")[0]) else None
-    except InputError:  # of its names: a table all the same
+    except InputError:  # its names are wrong, but it is a table
         return Format.TEXT
 
 
 def read_columns(path: Path) -> Columns:
-    """The columns of `read_table`."""
+    """Return the columns from `read_table`."""
     return read_table(path).columns
 
 
 def read_table(path: Path) -> Table:
-    """The columns of numbers, and of times as seconds since the first; of structures in a .mat, with all levels' names.
+    """Return numeric columns, and times as seconds since the first; names from a .mat structure include all its levels.
 
-    Raises InputError, in one line, when the file cannot be read.
+    Raises InputError, with a one-line message, if the file cannot be read.
     """
     kind = format_of(path)
     try:
@@ -116,7 +116,7 @@ def _decoded(data: bytes) -> str:
 
 
 def _numbers(table: Any) -> Columns:
-    """Columns of numbers, those of times as seconds since the first, and latitude and longitude of cells with both."""
+    """Return numeric columns, times as seconds since the first, and latitude and longitude from cells with both."""
     import pandas as pd
 
     from flightpower.analysis.sources.table_text import positions_of, seconds_of_times
@@ -141,9 +141,9 @@ def _numbers(table: Any) -> Columns:
 
 
 def _mat(path: Path) -> Table:
-    """Vectors, and the columns or rows of matrices: those with a clock of their own structure at the times of all.
+    """Return vectors, and columns or rows of matrices. Structures with a clock each are put on the times of all clocks.
 
-    With one clock or none, columns of the most common length are used; the others are named.
+    With a single clock, columns of the most common length are used, and the others are named as left out.
     """
     vectors: dict[str, Array] = {}
     matrices: dict[str, Array] = {}
@@ -188,8 +188,9 @@ def _mat(path: Path) -> Table:
 
 
 def _at_times_of_all(vectors: Mapping[str, Array]) -> tuple[Columns, list[str]] | None:
-    """The vectors of structures with a clock each, at the times of all clocks, NaN between their own; and the names of
-    those without one. None where fewer than two clocks of one name and unit overlap.
+    """Return vectors from structures with a clock each, at the times of all clocks; NaN except at their own times.
+
+    Also return the names of vectors without a clock. Returns None unless two or more clocks of one name all overlap.
     """
     structures: dict[tuple[str, int], str] = {}
     for name, value in vectors.items():
@@ -203,7 +204,7 @@ def _at_times_of_all(vectors: Mapping[str, Array]) -> tuple[Columns, list[str]] 
         return None
     tick = 1e-3 * min(
         float(np.median(np.diff(clock))) for clock in clocks.values()
-    )  # times that differ by less are one
+    )  # times that differ by less are the same time
     first = min(float(clock[0]) for clock in clocks.values())
     places = {key: np.round((clock - first) / tick) for key, clock in clocks.items()}
     at_all = np.unique(np.concatenate(list(places.values())))

@@ -1,7 +1,7 @@
-"""The layout of a table in text: its line of names, separator, decimal sign and rows; and cells that are times.
+"""Finds the layout of a text table: its line of names, separator, decimal sign and rows. Also reads times in cells.
 
-Lines before the names, a line of units below them, comments and a spreadsheet's `sep=` are recognized; cells are
-counted against names.
+It recognizes lines before the names, a line of units below them, comments and a spreadsheet's `sep=`. It compares the
+number of cells with the number of names.
 """
 
 import csv
@@ -27,7 +27,7 @@ TIME_OF_DAY = re.compile(
 
 
 class Layout(NamedTuple):
-    """names : of the columns, unique          rows : lines of cells          decimal : sign in numbers"""
+    """names : unique names of the columns     rows : lines of cells     decimal : decimal sign in numbers"""
 
     names: tuple[str, ...]
     rows: Sequence[str]
@@ -36,9 +36,9 @@ class Layout(NamedTuple):
 
 
 def layout_of(text: str) -> Layout | None:
-    """The layout of a table; None where the text is no table, or its start of some lines cannot be one.
+    """Return the layout of a table; None if the text, or its first lines, cannot be a table.
 
-    Raises InputError without the file's name where names and cells do not agree.
+    Raises InputError, without the file's name, if the numbers of names and cells disagree.
     """
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     separators: Sequence[str] = SEPARATORS
@@ -52,7 +52,7 @@ def layout_of(text: str) -> Layout | None:
 
 
 def _layout(lines: Sequence[str], separator: str) -> Layout | None:
-    """The layout with a separator; None where it does not separate the lines into equally many cells."""
+    """Return the layout with this separator; None if it does not split most lines into the same number of cells."""
     middle = max(0, len(lines) // 2 - 100)
     sample = [_cells(line, separator) for line in lines[middle : middle + 200]]
     if len(lines) < 3:
@@ -82,7 +82,7 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _begins_rows(lines: Sequence[str], first: int, separator: str, usual: int) -> bool:
-    """Whether lines of numbers or times begin here, each with the usual number of cells."""
+    """Return whether lines of numbers or times begin here, each with the usual number of cells."""
     for line in lines[first : first + 3]:
         cells = _cells(line, separator)
         if len(cells) != usual or not any(_is_value(cell) for cell in cells):
@@ -96,7 +96,7 @@ def _is_value(cell: str) -> bool:
 
 
 def _is_units(above: Sequence[str], below: Sequence[str]) -> bool:
-    """Whether a line has the units of the names above it: as many cells, and short ones."""
+    """Return whether a line has the units of the names above it: the same number of cells, all short."""
     return len(above) == len(below) and all(cell.strip() for cell in above) and max(map(len, below)) <= 8
 
 
@@ -106,7 +106,7 @@ def _has_decimal_comma(sample: Sequence[Sequence[str]]) -> bool:
 
 
 def _counted(head: Sequence[str], rows: Sequence[str], separator: str) -> list[str]:
-    """The names, with an empty one for each empty cell beyond them. Raises InputError for a cell without a name."""
+    """Return the names, plus empty names for empty cells beyond them. Raises InputError if names and cells disagree."""
     names = list(head)
     counts = [len(_cells(row, separator)) if '"' in row else row.count(separator) + 1 for row in rows]
     for row, count in zip(rows, counts, strict=True):
@@ -125,8 +125,7 @@ def _counted(head: Sequence[str], rows: Sequence[str], separator: str) -> list[s
 
 
 def _unique(names: Sequence[str]) -> tuple[str, ...]:
-    """Names without surrounding spaces; repeated names get a number, and an empty name gets the number of its
-    column."""
+    """Return names without surrounding spaces; repeated names get a number, an empty name the number of its column."""
     seen: Counter[str] = Counter()
     unique = []
     for i, name in enumerate(names):
@@ -137,7 +136,7 @@ def _unique(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def seconds_of_times(cells: Any) -> Array | None:
-    """Seconds since the first of the cells (n,), which are dates with times, or times of day that pass midnight.
+    """Return seconds since the first cell (n,). Cells are dates with times, or times of day, which may pass midnight.
 
     None if fewer than half can be read. cells : pandas.Series of texts
     """
@@ -161,7 +160,7 @@ def _since_midnight_s(time: re.Match[str]) -> float:
 
 
 def positions_of(cells: Any) -> tuple[Array, Array] | None:
-    """Latitude and longitude in degrees, (n,) each, of cells with both, as radios write them; None where they are not.
+    """Return latitude and longitude in degrees, (n,) each, from cells with both, as radios write; None for other cells.
 
     cells : pandas.Series of texts
     """

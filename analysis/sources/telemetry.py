@@ -1,7 +1,7 @@
 """Reads a ground station's recording of telemetry (.tlog), of ArduPilot or PX4, as if it were a dataflash log.
 
-Each message is the time of reception in microseconds since 1970, 8 bytes, big-endian, and a MAVLink frame of version 1
-or 2. pymavlink decodes the frames; those of other senders than the autopilot, and damaged ones, are passed over.
+Each message has the time of reception in microseconds since 1970 (8 bytes, big-endian) and a MAVLink frame of version 1
+or 2. pymavlink decodes the frames. Damaged frames, and frames not sent by the autopilot, are skipped.
 """
 
 from collections import defaultdict
@@ -19,7 +19,7 @@ USED = ("VFR_HUD", "SCALED_PRESSURE", "BATTERY_STATUS", "SYS_STATUS", "RAW_IMU",
         "RPM", "PARAM_VALUE", "HEARTBEAT", "STATUSTEXT", "HIGHRES_IMU", "EXTENDED_SYS_STATE",
         "SYSTEM_TIME")  # fmt: skip
 USED_IDS = frozenset(number for number, kind in mavlink.mavlink_map.items() if kind.msgname in USED)
-# By MAV_TYPE, as dataflash logs name the firmware.
+# Firmware by MAV_TYPE, with the names used in dataflash logs.
 FIRMWARE = {
     mavlink.MAV_TYPE_QUADROTOR: b"ArduCopter",
     mavlink.MAV_TYPE_COAXIAL: b"ArduCopter",
@@ -35,7 +35,7 @@ FIRMWARE = {
     mavlink.MAV_TYPE_FIXED_WING: b"ArduPlane",
 }
 AUTOPILOTS = (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4)
-INTEGERS = (mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_UINT32)  # PX4 sends their bytes
+INTEGERS = (mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_UINT32)  # PX4 sends their bytes as a float
 LIFTED = (mavlink.MAV_VTOL_STATE_TRANSITION_TO_FW, mavlink.MAV_VTOL_STATE_TRANSITION_TO_MC, mavlink.MAV_VTOL_STATE_MC)
 
 Columns = dict[str, NDArray[Any]]
@@ -50,8 +50,8 @@ class TelemetryLog:
         rows: dict[str, list[list[Any]]] = defaultdict(list)
         for time_us, message in _messages(data, USED_IDS):
             if message.get_type() == "BATTERY_STATUS":
-                cells = [x for x in message.voltages if x != 65535]  # UINT16_MAX: no such cell
-                more = [x for x in message.voltages_ext if x not in (0, 65535)]  # the 11th to 14th
+                cells = [x for x in message.voltages if x != 65535]  # UINT16_MAX means no such cell
+                more = [x for x in message.voltages_ext if x not in (0, 65535)]  # cells 11 to 14
                 volt = 1e-3 * sum(cells + more) if cells else np.nan
                 current = np.nan if message.current_battery == -1 else 0.01 * message.current_battery
                 rows["BAT"].append([time_us, message.id, volt, current])
@@ -60,10 +60,10 @@ class TelemetryLog:
         self._columns = _as_dataflash({name: _table(name, many) for name, many in rows.items()})
 
     def form(self, name: str) -> None:
-        """How messages are packed; empty, because units are already SI."""
+        """Return nothing: messages are not packed, and units are already SI."""
 
     def columns(self, name: str) -> Columns:
-        """The fields of all messages of a name, (n,)."""
+        """Return the fields of all messages of a name, (n,)."""
         return self._columns.get(name, {})
 
 
@@ -78,16 +78,16 @@ class RawTelemetryLog:
         self._columns = {name: _as_numbers(_table(name, many)) for name, many in rows.items()}
 
     def names(self) -> list[str]:
-        """The kinds of message that the recording holds."""
+        """Return the kinds of message that the recording holds."""
         return list(self._columns)
 
     def columns(self, name: str) -> Columns:
-        """The fields of all messages of a name, (n,); NaN throughout for texts and arrays."""
+        """Return the fields of all messages of a name, (n,); NaN throughout for texts and arrays."""
         return self._columns.get(name, {})
 
 
 def _messages(data: bytes, ids: frozenset[int]) -> Iterator[tuple[int, Any]]:
-    """Time of reception and message, of the autopilot alone. ids : numbers of the kinds that are decoded"""
+    """Yield the time of reception and the message, from the autopilot only. ids : numbers of the kinds to decode"""
     decoder = mavlink.MAVLink(None)
     offset, autopilot = 0, None
     while offset + 20 <= len(data):
@@ -102,7 +102,7 @@ def _messages(data: bytes, ids: frozenset[int]) -> Iterator[tuple[int, Any]]:
         try:
             wanted = number in ids and autopilot in (None, sender)
             message = decoder.decode(bytearray(data[start : start + length])) if wanted else None
-        except Exception:  # altered bytes lead to errors of many kinds
+        except Exception:  # altered bytes raise errors of many kinds
             offset += 1
             continue
         if message is None:
@@ -126,7 +126,7 @@ def _table(name: str, rows: list[list[Any]]) -> Columns:
 
 
 def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
-    """Tables under the names of dataflash logs. VFR_HUD's airspeed is measured if pressure is there, too."""
+    """Return tables under dataflash names. VFR_HUD's airspeed counts only if there is differential pressure."""
     out: dict[str, Columns] = {}
     _complete(tables)
     beats = tables.get("HEARTBEAT")
@@ -143,7 +143,7 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
     status = tables.get("SYS_STATUS")
     if "BAT" in tables:
         out["BAT"] = tables["BAT"]
-        if status is not None:  # the voltage of the first battery is there, too
+        if status is not None:  # it also has the voltage of the first battery
             unknown = np.isnan(out["BAT"]["Volt"]) & (out["BAT"]["Inst"] == 0)
             volt = np.interp(out["BAT"]["TimeUS"], status["TimeUS"], 1e-3 * status["voltage_battery"])
             out["BAT"]["Volt"] = np.where(unknown, volt, out["BAT"]["Volt"])
@@ -185,12 +185,12 @@ def _as_dataflash(tables: dict[str, Columns]) -> dict[str, Columns]:
 
 
 def _firmware(kind: int) -> bytes:
-    """Firmware by MAV_TYPE; 19 to 25 are VTOLs whose names have changed; empty for no vehicle."""
+    """Return the firmware for a MAV_TYPE; empty for other types. 19 to 25 are VTOLs, whose names have changed."""
     return FIRMWARE.get(kind, b"ArduPlane" if 19 <= kind <= 25 else b"")
 
 
 def _complete(tables: dict[str, Columns]) -> None:
-    """Pressure and acceleration from the message in which PX4 sends both, where the others are missing."""
+    """Fill in missing pressure and acceleration from HIGHRES_IMU, in which PX4 sends both."""
     imu = tables.get("HIGHRES_IMU")
     if imu is None:
         return

@@ -13,20 +13,20 @@ from pymavlink import DFReader
 from flightpower.analysis.sources.dataflash import Form
 from flightpower.flight.units import number_or_nan
 
-TEXTS, ARRAYS = "nNZ", "a"  # codes of fields
+TEXTS, ARRAYS = "nNZ", "a"  # codes of fields that hold texts or arrays
 
 
 class _Reader(DFReader.DFReader_text):  # type: ignore[misc]
-    """Times stay those of the log: pymavlink's clock needs fields of GPS that not all logs have."""
+    """Keeps the times of the log, because pymavlink's clock needs GPS fields that not all logs have."""
 
     def init_clock(self) -> None:
         self.clock = None
 
 
 class TextLog:
-    """The messages of a file by kind, as `dataflash.DataflashLog` gives them. kinds : to read; none stands for all.
+    """The messages of a file by kind, as `dataflash.DataflashLog` gives them. kinds : to read; empty means all.
 
-    Raises ValueError where it has none.
+    Raises ValueError if the file has no messages.
     """
 
     notes = ()
@@ -45,16 +45,16 @@ class TextLog:
         self._formats = {name: rows[0].fmt for name, rows in self._rows.items()}
 
     def names(self) -> list[str]:
-        """The kinds of message that the log holds."""
+        """Return the kinds of message that the log holds."""
         return list(self._rows)
 
     def form(self, name: str) -> Form | None:
-        """The fields of messages of a name; None where the log has none."""
+        """Return the fields of messages of a name; None if the log has none."""
         form = self._formats.get(name)
         return None if form is None else Form(form.type, tuple(form.columns), form.format)
 
     def columns(self, name: str) -> dict[str, NDArray[Any]]:
-        """The fields of all messages of a name, (n,): numbers as float64, texts as bytes; without arrays of numbers."""
+        """Return the fields of all messages of a name, (n,): numbers as float64, texts as bytes, without arrays."""
         form = self._formats.get(name)
         if form is None:
             return {}
@@ -64,12 +64,12 @@ class TextLog:
             if code in TEXTS:
                 out[field] = np.array([str(x).encode("ascii", "replace") for x in values])
             elif code not in ARRAYS:
-                out[field] = np.array([number_or_nan(x) for x in values])  # a damaged definition has texts
+                out[field] = np.array([number_or_nan(x) for x in values])  # a damaged definition can give texts
         return out
 
 
 def _value(message: Any, field: str) -> Any:
-    """NaN where the line, or the definition of its message, is damaged."""
+    """Return a field's value; NaN if the line, or the definition of its message, is damaged."""
     try:
         return getattr(message, field)
     except (ValueError, AttributeError, IndexError):

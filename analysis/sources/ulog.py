@@ -1,7 +1,7 @@
-"""Reads a PX4 log (ULog) as pyulog does, many times faster: from block to block, and each topic's rows at once.
+"""Reads a PX4 log (ULog) as pyulog does, but many times faster: block by block, with all of a topic's rows at once.
 
-The definitions are pyulog's, and so is the rest of a log from where it does not hold what is expected: a damaged log
-gives the same. https://docs.px4.io/main/en/dev_log/ulog_file_format.html
+pyulog reads the definitions, and the rest of a log from the first unexpected message on, so that a damaged log gives
+the same result. https://docs.px4.io/main/en/dev_log/ulog_file_format.html
 """
 
 import struct
@@ -16,9 +16,9 @@ from pyulog import ULog
 
 
 class BlockwiseULog(ULog):  # type: ignore[misc]
-    """The log with these topics, or all; it also has facts and dropouts of the flight, and untagged texts."""
+    """A log with these topics, or all; it also has the flight's information messages, dropouts and untagged texts."""
 
-    BLOCK_BYTES: ClassVar[int] = 1 << 22  # bytes in memory at once
+    BLOCK_BYTES: ClassVar[int] = 1 << 22  # bytes read into memory at a time
 
     def __init__(self, stream: BinaryIO, topics: Collection[str] | None):
         super().__init__(_Advancing(stream), None if topics is None else list(topics))
@@ -36,7 +36,7 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
         super()._read_file_data(topics, read_until)
 
     def _in_block(self, block: bytes, topics: Collection[str] | None) -> tuple[int, bool]:
-        """How many bytes of whole messages were read, and whether the message that follows is one that is expected."""
+        """Return how many bytes of whole messages were read, and False if an unexpected message stopped the reading."""
         subscriptions, left_out = self._subscriptions, self._filtered_message_ids
         places = {number: array("Q") for number in subscriptions}
         sizes = {number: _sizes(subscription) for number, subscription in subscriptions.items()}
@@ -71,15 +71,16 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
         return offset, expected
 
     def _other(self, kind: int, data: bytes, topics: Collection[str] | None) -> int | None:
-        """Processes a message other than data, and returns the number of the topic's instance if it adds one. Raises
-        what pyulog catches where its content is not what is expected.
+        """Process a message other than data, and return the number of the topic's instance if the message adds one.
+
+        Raises exceptions that `_in_block` catches if the content is unexpected.
         """
         if kind == self.MSG_TYPE_ADD_LOGGED_MSG:
             added = self._MessageAddLogged(data, None, self._message_formats)
             if topics is not None and added.message_name not in topics:
                 self._filtered_message_ids.add(added.msg_id)
                 return None
-            if added.msg_id in self._subscriptions:  # pyulog handles what was collected before
+            if added.msg_id in self._subscriptions:  # pyulog handles an instance that is added again
                 raise ValueError
             self._subscriptions[added.msg_id] = added
             return int(added.msg_id)
@@ -104,21 +105,21 @@ class BlockwiseULog(ULog):  # type: ignore[misc]
 
 
 def _sizes(subscription: Any) -> tuple[int, int]:
-    """Least and greatest bytes of its data messages: fields that fill up the end may be there or not."""
+    """Return the least and greatest size of a topic's data messages [bytes]: padding at the end may be missing."""
     return subscription.dtype.itemsize + 2, subscription.max_data_size + 2
 
 
 class _Advancing:
-    """A file for pyulog, which at a damaged end goes back by more bytes than it has read, and reads them for ever."""
+    """A file that ends pyulog's endless loop at a damaged end, where it goes back more bytes than it has read."""
 
     def __init__(self, stream: BinaryIO):
         self.read, self.tell, self.close, self.skip_to = stream.read, stream.tell, stream.close, stream.seek
         self._seek, self._visits = stream.seek, Counter[int]()
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Raises EOFError where it comes back to one place again and again."""
+        """Move to a place in the file. Raises EOFError on coming back to the same place too often."""
         place = self._seek(offset, whence)
         self._visits[place] += 1
-        if self._visits[place] > 10:  # each reading comes to it once, and the search for a sync mark comes once more
+        if self._visits[place] > 10:  # each pass comes to a place once, and the search for a sync mark once more
             raise EOFError("its end is damaged")
         return place

@@ -1,4 +1,4 @@
-"""A log that is compressed by gzip, as a file of its own while it is read."""
+"""Unpacks a gzip-compressed log into a temporary file while it is read."""
 
 import gzip
 import tempfile
@@ -14,9 +14,9 @@ from flightpower.flight.log_chunk import allowed_bytes
 
 @contextmanager
 def unpacked(path: Path) -> Iterator[Path]:
-    """The file itself, or what gzip has packed in it, in a temporary file.
+    """Yield the path of the file, or if it is gzip-compressed, of a temporary file with its contents.
 
-    Raises InputError when it cannot be read or unpacked, or unpacks to more than `flight.log_chunk` permits.
+    Raises InputError if it cannot be unpacked, or unpacks to more than `flight.log_chunk` permits.
     """
     if not first_bytes(path, len(GZIP_MAGIC)).startswith(GZIP_MAGIC):
         yield path
