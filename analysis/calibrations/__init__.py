@@ -1,1 +1,1 @@
-"""Calibrations and measurements on the ground, one file each: measure, judge, report, and the command."""
+"""Calibrations and measurements on the ground. Each file measures, judges and reports one, and has its command."""

@@ -1,4 +1,4 @@
-"""`calibrate airspeed`"""
+"""The command `calibrate airspeed`: scale error of the airspeed, and wind, from a flight."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -67,14 +67,14 @@ def airspeed(
 
 
 def autopilot_airspeed(log: Path, autopilot: Autopilot) -> "AirspeedCalibration":
-    """Scale and wind of a flight under PX4 or ArduPilot. Raises InputError."""
+    """Estimate scale and wind from a flight under PX4 or ArduPilot. Raises InputError."""
     from flightpower.analysis.methods.whole_flight.airspeed_gps import airspeed_errors, one_way
     from flightpower.analysis.methods.whole_flight.flight_table import flight_table
     from flightpower.analysis.sources.autopilot import read_autopilot_log
     from flightpower.analysis.sources.recording import GPS
     from flightpower.analysis.trajectory.consistency import AirspeedCalibration, notes_on, why_not_determined
 
-    typical_N, area_m2 = 60.0, 1.0  # their ratio recognizes flight
+    typical_N, area_m2 = 60.0, 1.0  # only their ratio matters here: it serves to recognize flight
     flight = flight_table(read_autopilot_log(log, autopilot), typical_N, area_m2)
     if flight.first_wind_mps is not None:
         raise InputError(f"{log}: the log has no airspeed to calibrate")
@@ -107,7 +107,7 @@ def _calibrated(
 
 
 def summary(calibration: "AirspeedCalibration", notes: list[str]) -> list[str]:
-    """The result in lines, with the notes on the log after those on the result."""
+    """Return the result in lines, with the notes on the log after those on the result."""
     side = "high" if calibration.scale >= 0 else "low"
     half = NORMAL_95 * calibration.scale_error
     return [

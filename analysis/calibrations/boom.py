@@ -1,8 +1,8 @@
-"""Bending of the probe's boom: weights hung on its tip, and what a level on the probe shows under each.
+"""Bending of the probe's boom, from weights hung on its tip and the angle of a level on the probe under each.
 
-The level shows how the boom bends, and how the aircraft on its gear gives under the weight. The latter is that of the
-IMU in the log. The rest is fitted by a constant and a term in proportion to the force at the tip. In flight the boom
-carries itself and the probe: m g under each g of load factor, where m is the mass of the probe and a third of the
+The level shows how the boom bends plus how the aircraft pitches when its gear gives under the weight. The IMU in the
+log shows the pitch. The rest is fitted by a constant and a term in proportion to the force at the tip. In flight the
+boom carries itself and the probe: m g under each g of load factor, where m is the mass of the probe and a third of the
 boom's (slope at the end of a cantilever: F l^2 / 2 E I under a force at its tip, w l^3 / 6 E I under its own weight).
 """
 
@@ -25,21 +25,21 @@ from flightpower.flight.units import GRAVITY_MPS2, to_si
 
 
 class HangingWeight(NamedTuple):
-    """A stretch in which the aircraft stood still: time [s] of its middle, pitch [rad] of the aircraft."""
+    """A stretch in which the aircraft stood still: the time [s] at its middle, and the aircraft's pitch [rad]."""
 
     time_s: float
     pitch_rad: float
 
 
 class CarriedMass(NamedTuple):
-    """Mass that bends the boom in flight: of the probe, and a third of the boom's. error: 1 sigma, as a fraction."""
+    """Mass that bends the boom in flight: the probe's plus a third of the boom's. error: 1 sigma, as a fraction."""
 
     mass_kg: float
     error: float
 
 
 class BoomBending(NamedTuple):
-    """Angle by which the boom bends down under each g [rad], and standard error; per_N_rad: by a force at its tip."""
+    """Angle by which the boom bends down per g [rad], and its standard error. per_N_rad: angle per N at the tip"""
 
     per_g_rad: float
     error_rad: float
@@ -47,9 +47,9 @@ class BoomBending(NamedTuple):
 
 
 def hanging_weights(table: pd.DataFrame, source: str) -> list[HangingWeight]:
-    """The stretches at rest, in order of time. table: of `sources.daemon.synchronize`.
+    """Return the stretches at rest, in order of time. table: from `sources.daemon.synchronize`.
 
-    Raises InputError where there are too few for a straight line.
+    Raises InputError if there are too few for a straight line.
     """
     stops = []
     for stretch in resting_stretches(table):
@@ -66,9 +66,9 @@ def hanging_weights(table: pd.DataFrame, source: str) -> list[HangingWeight]:
 def boom_bending(
     weights: Sequence[HangingWeight], mass_kg: Sequence[float], level_rad: Sequence[float], carried: CarriedMass
 ) -> BoomBending:
-    """The bending by the weights mass_kg (k,) on the tip and the level's angles level_rad (k,), positive nose up.
+    """Fit the bending to weights mass_kg (k,) on the tip and the level's angles level_rad (k,), positive nose up.
 
-    Raises InputError for fewer different weights than a straight line needs, and where the boom bends up.
+    Raises InputError if there are fewer different weights than a straight line needs, or if the boom bends up.
     """
     if len(set(mass_kg)) < STAND_LIMITS.fewest_speeds:
         raise InputError(
@@ -89,7 +89,7 @@ def boom_bending(
 
 
 def in_words(weights: Sequence[HangingWeight]) -> str:
-    """The stretches at rest, to be matched with what was written down."""
+    """Return a list of the stretches at rest, for the user to match with written notes."""
     return ", ".join(f"{number} at {weight.time_s:.0f} s" for number, weight in enumerate(weights, start=1))
 
 
@@ -168,13 +168,13 @@ def boom(
 
 
 def quantities(text: str, unit: str, option: str, example: str) -> list[float]:
-    """Values in `unit` of a list with its unit at the end; empty for an empty text. Raises InputError."""
+    """Convert a list that ends with its unit to values in `unit`; empty for an empty text. Raises InputError."""
     numbers, unit_text = numbers_and_unit(text, option, example)
     return [to_si(f"{number} {unit_text}", unit, option) for number in numbers]
 
 
 def summary(bending: "BoomBending") -> list[str]:
-    """The result in lines."""
+    """Return the result as lines of text."""
     from flightpower.analysis.estimation.noise import NORMAL_95
 
     per_g, half, per_N = (
@@ -187,7 +187,7 @@ def summary(bending: "BoomBending") -> list[str]:
 
 
 def to_toml(bending: "BoomBending") -> str:
-    """The sections of an aircraft file."""
+    """Return the result as sections of an aircraft file."""
     return (
         f'[uncertainty]\nboom_bending = "{math.degrees(bending.error_rad):.2g} deg"\n\n'
         f'[probe]\nboom_bending = "{math.degrees(bending.per_g_rad):.4f} deg"\n'

@@ -1,9 +1,9 @@
 """Scale and offset of the accelerometers from the tray lying still on each of its six sides.
 
-At rest the specific force is g, in whatever direction: |(f - b)/(1 + s)| = g for each reading f (3,), with offsets b
-and scales s by axis. How exactly the tray lies does not matter: an angle of 10 deg to the vertical is in all three
-readings. Axes that are not at right angles act in the second order. The analysis takes g as 9.80665 m/s^2 everywhere,
-so that here a scale is against that, too.
+At rest the specific force is g in any attitude: |(f - b)/(1 + s)| = g for each reading f (3,), with offsets b and
+scales s by axis. The tray need not be exactly level, because its tilt affects all three readings and not their length.
+Axes that are not at right angles have only a second-order effect. The analysis takes g as 9.80665 m/s^2 everywhere, and
+the scales here refer to the same value.
 """
 
 from collections.abc import Sequence
@@ -24,12 +24,12 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.units import GRAVITY_MPS2
 
 AXES = ("forward", "right", "down")
-# The side that is up where an axis reads +1 g, and where it reads -1 g: an axis that points up reads +1 g at rest.
+# The sides that are up when each axis reads +1 g and -1 g: an axis that points up reads +1 g at rest.
 SIDES = (("nose", "tail"), ("right side", "left side"), ("bottom", "top"))
 
 
 class RestingSide(NamedTuple):
-    """A stretch at rest: its middle [s], mean specific force (3,) [m/s^2], and the variance of this mean by axis."""
+    """A stretch at rest: time at its middle [s], mean specific force (3,) [m/s^2], variance of this mean by axis."""
 
     time_s: float
     force_mps2: Array
@@ -37,7 +37,7 @@ class RestingSide(NamedTuple):
 
     @property
     def up(self) -> tuple[int, int]:
-        """Number of the axis that is nearest to the vertical, and 0 where it points up or 1 where down."""
+        """Number of the axis that is nearest to the vertical, and 0 if it points up or 1 if it points down."""
         axis = int(np.argmax(np.abs(self.force_mps2)))
         return axis, int(self.force_mps2[axis] < 0)
 
@@ -45,7 +45,7 @@ class RestingSide(NamedTuple):
 class Accelerometers(NamedTuple):
     """Offset [m/s^2] and scale of the accelerometers, (3,) each, with standard errors.
 
-    residual_mps2 : rms of the length of the corrected specific force less g
+    residual_mps2 : rms of the corrected specific force's length minus g
     """
 
     offset_mps2: Array
@@ -56,7 +56,7 @@ class Accelerometers(NamedTuple):
 
 
 def resting_sides(table: pd.DataFrame, source: str) -> list[RestingSide]:
-    """The stretches at rest in order of time. table: of `sources.daemon.synchronize`.
+    """Return the stretches at rest in order of time. table: from `sources.daemon.synchronize`.
 
     Raises InputError naming the sides on which the tray never lay.
     """
@@ -77,14 +77,14 @@ def resting_sides(table: pd.DataFrame, source: str) -> list[RestingSide]:
 
 
 def accelerometers(sides: Sequence[RestingSide], source: str = "") -> Accelerometers:
-    """Least squares on the length of the specific force, by Gauss and Newton.
+    """Fit scale and offset by least squares on the length of the specific force, with Gauss-Newton steps.
 
-    The error of a reading is the larger of the scatter within stretches and, with more stretches than unknowns, of the
-    residuals. Raises InputError where a scale is beyond what any part has.
+    The error of a reading comes from the scatter within stretches, or, with more stretches than unknowns, from the
+    residuals if these are larger. Raises InputError if a scale error is larger than any sensor has.
     """
     f = np.array([side.force_mps2 for side in sides])
     offset, scale = np.zeros(3), np.zeros(3)
-    for _ in range(20):  # three are enough for 10 %
+    for _ in range(20):  # three steps are enough for scale errors of 10 %
         true = (f - offset) / (1 + scale)
         length = np.linalg.norm(true, axis=1)
         along = true / length[:, None] / (1 + scale)
@@ -138,7 +138,7 @@ def imu(log: LogFile) -> Calibrated:
 
 
 def not_supported(calibration: Accelerometers) -> str:
-    """Why the readings do not determine the scale; empty where they do."""
+    """Return why the readings do not determine the scale; empty if they do."""
     error, assumed = float(calibration.scale_error.max()), Uncertainty.accelerometer_scale_fraction
     if error > STATISTICS.determined_share * assumed:
         return (
@@ -149,7 +149,7 @@ def not_supported(calibration: Accelerometers) -> str:
 
 
 def summary(calibration: Accelerometers) -> list[str]:
-    """The result in lines."""
+    """Return the result as lines of text."""
     from flightpower.analysis.estimation.noise import NORMAL_95
 
     rows = zip(
@@ -171,7 +171,7 @@ def summary(calibration: Accelerometers) -> list[str]:
 
 
 def to_toml(calibration: Accelerometers) -> str:
-    """The sections of an aircraft file. In flight the scale is as uncertain as temperature makes it."""
+    """Return the result as sections of an aircraft file. Its uncertainty includes the drift with temperature."""
     offsets = ", ".join(f'"{value:.4f} m/s^2"' for value in calibration.offset_mps2)
     scales = ", ".join(f'"{100 * value:.3f} %"' for value in calibration.scale)
     sigma = float(np.hypot(calibration.scale_error.max(), IMU.drift))

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 
 def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
-    """Hard and soft iron from measurements in many directions, (n, 3) [T].
+    """Estimate hard and soft iron from measurements in many directions, (n, 3) [T].
 
     Raises InputError if there are too few, if their strength is not that of the earth's field, or if the standard error
-    of the calibration exceeds the largest error of heading even where the whole field is level: no compass could
-    use it.
+    of the calibration exceeds the largest allowed heading error even where the earth's field is level, where a compass
+    works best.
     """
     from scipy.optimize import least_squares  # takes 0.2 s to import, which an analysis of a flight does not need
 
@@ -31,7 +31,7 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
         )
     strength = np.linalg.norm(field, axis=1)
     sigma = 1e-6
-    for _ in range(2):  # the second time with the noise found in the first
+    for _ in range(2):  # the second fit uses the noise found in the first
         start = np.concatenate([np.zeros(8), [np.median(strength) / MAGNETOMETER.hard_iron_T]])
         fit = least_squares(_residuals, start, args=(field, sigma), x_scale="jac")
         unknowns = _unpacked(fit.x)
@@ -73,10 +73,10 @@ def calibrate(field_T: Array, source: str = "") -> MagnetometerCalibration:
 
 
 def _residuals(x: Array, field: Array, sigma: float) -> Array:
-    """Distance of each sample from the ellipsoid over sigma, and the prior's residuals, (n + 9,).
+    """Return each sample's distance from the ellipsoid over sigma, and the prior's residuals, (n + 9,).
 
-    x : (9,) hard iron, soft iron and field, in units of their prior. The difference of lengths is divided by its
-    gradient; otherwise a matrix that shrinks the noise would seem to fit.
+    x : (9,) hard iron, soft iron and field, in units of their priors. The difference in length is divided by its
+    gradient; otherwise a matrix that only shrinks the noise would appear to fit.
     """
     unknowns = _unpacked(x)
     lengths = _lengths(unknowns, field)
@@ -96,13 +96,13 @@ class _Unknowns(NamedTuple):
 
     @property
     def matrix(self) -> Array:
-        """(3, 3), symmetric, that makes a sphere of the ellipsoid."""
+        """Symmetric matrix (3, 3) that turns the ellipsoid into a sphere."""
         xx, yy, xy, xz, yz = self.soft_iron
         return np.asarray(np.eye(3) + np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, -xx - yy]]))
 
 
 def _unpacked(x: Array) -> _Unknowns:
-    """Unpacks a vector (9,) that is in units of the prior."""
+    """Unpack a vector (9,) that is in units of the priors."""
     hard_iron, soft_iron, field = np.split(x, [3, 8])
     unit_T = MAGNETOMETER.hard_iron_T
     return _Unknowns(hard_iron * unit_T, soft_iron * MAGNETOMETER.soft_iron, float(field.item() * unit_T))
@@ -142,7 +142,7 @@ def magnetometer(log: LogFile) -> Calibrated:
 
 
 def summary(calibration: "MagnetometerCalibration") -> list[str]:
-    """The result in lines."""
+    """Return the result as lines of text."""
     lines = [
         f"hard iron {axis} {1e6 * b:+.1f} ± {1e6 * error:.1f} uT"
         for axis, b, error in zip("xyz", calibration.hard_iron_T, calibration.hard_iron_error_T, strict=True)

@@ -1,7 +1,7 @@
-"""A five-port probe's calibration from wind-tunnel measurements: their file, the fit, and whether speed matters.
+"""Calibrates a five-port probe from wind-tunnel measurements: reads the file, fits maps, and tests the effect of speed.
 
-The error of the slope of alpha is part of the calibration; whether it depends on speed shows in the slope of an
-angle's residual at each tunnel speed.
+The calibration includes the error of the slope of alpha. The slopes of the residuals at each tunnel speed show whether
+this slope depends on speed.
 """
 
 import math
@@ -62,7 +62,7 @@ class TunnelData:
         return self.dp_beta_Pa / self.q_c_Pa
 
 
-# Column of the file: (field, unit).
+# Columns of the file, each with its (field, unit).
 _COLUMNS = {
     "speed": ("speed_mps", "m/s"),
     "alpha": ("alpha_rad", "rad"),
@@ -76,7 +76,7 @@ _COLUMNS = {
 
 
 def read_tunnel(path: str | Path) -> TunnelData:
-    """The measurements in a CSV file whose header names each column with its unit, `alpha [deg]`.
+    """Read measurements from a CSV file whose header gives each column's name and unit, such as `alpha [deg]`.
 
     Raises InputError naming file and cause.
     """
@@ -84,12 +84,12 @@ def read_tunnel(path: str | Path) -> TunnelData:
 
 
 def dynamic_pressure(tunnel: TunnelData) -> Array:
-    """Dynamic pressure of the free stream from speed and density [Pa], (n,)."""
+    """Return the dynamic pressure of the free stream [Pa], (n,), from speed and density."""
     return np.asarray(density(tunnel.static_Pa, tunnel.temperature_K) * tunnel.speed_mps**2 / 2)
 
 
 class SlopeAtSpeed(NamedTuple):
-    """A straight line through an angle's residual at one tunnel speed: offset at zero angle, slope and its error."""
+    """A straight line through an angle's residuals at one tunnel speed: offset at zero angle, slope and slope error."""
 
     speed_mps: float
     points: int
@@ -102,8 +102,8 @@ class SpeedDependence(NamedTuple):
     """Whether the slope of an angle depends on speed."""
 
     speeds: list[SlopeAtSpeed]
-    chi_squared: float  # of the slopes about their mean
-    spread: float  # standard deviation of the slope from speed to speed, without noise; 0 if noise explains it
+    chi_squared: float  # chi squared of the slopes about their mean
+    spread: float  # standard deviation of the slope between speeds, less noise; 0 if noise explains it
 
     @property
     def significant(self) -> bool:
@@ -111,7 +111,7 @@ class SpeedDependence(NamedTuple):
 
 
 def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) -> SpeedDependence:
-    """The slope of an angle's residual at each speed, within TUNNEL.slope_range_rad. residual_rad, angle_rad : (n,)."""
+    """Fit the slope of an angle's residuals (n,) at each speed, for angles (n,) within TUNNEL.slope_range_rad."""
     small = np.abs(angle_rad) <= TUNNEL.slope_range_rad
     groups = _speed_groups(tunnel.speed_mps)
     at_speeds = []
@@ -138,7 +138,7 @@ def speed_dependence(tunnel: TunnelData, residual_rad: Array, angle_rad: Array) 
 
 
 def _speed_groups(speed_mps: Array) -> NDArray[np.int64]:
-    """The number of the tunnel speed to which each point belongs, from 0; a new one begins after a step of speed."""
+    """Return the number, from 0, of each point's tunnel speed; a gap between sorted speeds starts a new number."""
     order = np.argsort(speed_mps)
     steps = np.diff(speed_mps[order]) > FLOWN.nearby * speed_mps[order][:-1]
     group = np.empty(len(order), dtype=np.int64)
@@ -147,11 +147,11 @@ def _speed_groups(speed_mps: Array) -> NDArray[np.int64]:
 
 
 def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float = 0.0) -> ProbeCalibration:
-    """Smooth maps through a tunnel's measurements, the order of each chosen by cross-validation.
+    """Fit smooth maps to a tunnel's measurements; cross-validation chooses the order of each.
 
     angle_scale_sigma: relative standard error of the tunnel's own angles (turntable, blockage, walls). This error does
-    not show in the measurements. Raises InputError if there are too few points, points without flow or at one angle
-    only, or if they do not support a calibration: the maps predict too little of the variance of alpha or beta at
+    not show in the measurements. Raises InputError if there are too few points, a point without flow or only one angle,
+    or if the points do not support a calibration: the maps predict too little of the variance of alpha or beta at
     points left out, or the standard error of the slope of alpha exceeds TUNNEL.largest_slope_sigma.
     """
     if np.any(tunnel.speed_mps > UNITS.plausible.tip_mps[1]):
@@ -168,7 +168,7 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
     C_alpha, C_beta = tunnel.C_alpha, tunnel.C_beta
     q_ratio = fit_map(C_alpha, C_beta, tunnel.q_c_Pa / qbar, qbar, exponent=-0.5).map
     ratio = q_ratio(C_alpha, C_beta)
-    x, y = C_alpha * ratio, C_beta * ratio  # dp_alpha/qbar, dp_beta/qbar
+    x, y = C_alpha * ratio, C_beta * ratio  # these are dp_alpha/qbar and dp_beta/qbar
     alpha, alpha_covariance, weight = fit_map(x, y, tunnel.alpha_rad, qbar)
     beta = fit_map(x, y, tunnel.beta_rad, qbar).map
     for name, fitted, measured in (("alpha", alpha, tunnel.alpha_rad), ("beta", beta, tunnel.beta_rad)):
@@ -213,10 +213,10 @@ def calibrate(tunnel: TunnelData, source: str = "", *, angle_scale_sigma: float 
 
 
 def _slope_by_coefficient(alpha: FittedMap, x_range: tuple[float, float]) -> Callable[[Powers], Array]:
-    """A function of powers: by how much each coefficient changes the slope of alpha, (k,).
+    """Return a function of powers (k terms) that gives how much each coefficient changes the slope of alpha, (k,).
 
-    The slope is that of a straight line over the angles of normal flight at dp_beta = 0, relative to the slope of
-    `alpha` itself.
+    The slope is from a straight line over the angles of normal flight at dp_beta = 0, relative to the slope of `alpha`
+    itself.
     """
     x = np.linspace(*x_range, 401)
     angle = alpha(x, np.zeros_like(x))
@@ -226,7 +226,7 @@ def _slope_by_coefficient(alpha: FittedMap, x_range: tuple[float, float]) -> Cal
 
 
 def _equal_orders(best: FittedMap, points: int) -> list[int]:
-    """Other orders that predict as well as the best within the standard error of an rms of so many points."""
+    """Return other orders that predict as well as the best, within the standard error of an rms over `points`."""
     limit = best.residual_rms * (1 + 1 / np.sqrt(2 * points))
     good = [k for k, rms in enumerate(best.tried_rms, start=1) if rms < limit]
     return [k for k in good if k != best.order]
@@ -284,7 +284,7 @@ def probe(
 
 
 def summary(calibration: "ProbeCalibration") -> list[str]:
-    """The result in lines."""
+    """Return the result as lines of text."""
     lines = [f"{calibration.points} points, order of the polynomials by cross-validation:"]
     for name, fitted, scale, unit in (
         ("alpha", calibration.alpha_rad, math.degrees(1), "deg"),
@@ -297,7 +297,7 @@ def summary(calibration: "ProbeCalibration") -> list[str]:
 
 
 def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sigma: float) -> str:
-    """The page as one HTML file. angle_scale_sigma: relative standard error of the angles of the tunnel itself."""
+    """Return the page as one HTML file. angle_scale_sigma: relative standard error of the tunnel's own angles."""
     C_alpha, C_beta = tunnel.dp_alpha_Pa / tunnel.q_c_Pa, tunnel.dp_beta_Pa / tunnel.q_c_Pa
     ratio = tunnel.q_c_Pa / dynamic_pressure(tunnel)
     alpha, beta, predicted_ratio = calibration.maps(C_alpha, C_beta)
@@ -328,7 +328,7 @@ def render(tunnel: TunnelData, calibration: ProbeCalibration, *, angle_scale_sig
 
 
 def slope_parts(calibration: ProbeCalibration, dependence: SpeedDependence, angle_scale_sigma: float) -> str:
-    """What the error of the slope of alpha consists of; the parts add as squares."""
+    """Return the parts of the error of the slope of alpha as text; their squares add up."""
     parts = [f"angles of the tunnel {100 * angle_scale_sigma:.2f} %"] if angle_scale_sigma else []
     parts += [f"speed {100 * dependence.spread:.2f} %"] if dependence.significant else []
     rest = calibration.alpha_scale_sigma**2 - angle_scale_sigma**2 - dependence.spread**2
@@ -354,7 +354,7 @@ def _quality(calibration: ProbeCalibration, residuals: tuple[Array, Array, Array
 
 
 def speed_effect(dependence: SpeedDependence) -> str:
-    """Whether the slope of alpha depends on tunnel speed, in a sentence."""
+    """Return a sentence on whether the slope of alpha depends on tunnel speed."""
     if len(dependence.speeds) < 2:
         return (
             "Measured at one speed only, so that a dependence on speed cannot be seen. Measure at three speeds or more."
@@ -368,7 +368,7 @@ def speed_effect(dependence: SpeedDependence) -> str:
 
 
 def validity(calibration: ProbeCalibration) -> str:
-    """Where the calibration holds, in a sentence."""
+    """Return a sentence on where the calibration holds."""
     within = [
         f"{name} from {np.degrees(limits[0]):.0f} to {np.degrees(limits[1]):.0f} deg"
         for name, limits in (("alpha", calibration.alpha_limits_rad), ("beta", calibration.beta_limits_rad))
@@ -379,16 +379,16 @@ def validity(calibration: ProbeCalibration) -> str:
 
 
 QUANTITIES = (Axis("alpha", "deg"), Axis("beta", "deg"), Axis("q_c/q", "%"))
-LEVELS = (RED, ORANGE, GRAY, "#0087b3", BLUE)  # of a residual, from the most negative
+LEVELS = (RED, ORANGE, GRAY, "#0087b3", BLUE)  # colors for a residual, starting with the most negative
 
 
 def residual_maps(tunnel: TunnelData, residuals: tuple[Array, Array, Array]) -> list[Figure]:
-    """Residuals of QUANTITIES over the two angles; the speeds of a setting are drawn side by side."""
+    """Plot residuals of QUANTITIES over the two angles; points at different speeds are drawn side by side."""
     figures = []
     speeds = np.unique(np.round(tunnel.speed_mps, 1))
     aside = np.interp(tunnel.speed_mps, speeds, np.linspace(-0.9, 0.9, len(speeds))) if len(speeds) > 1 else 0.0
     for axis, residual in zip(QUANTITIES, residuals, strict=True):
-        end = float(np.percentile(np.abs(residual), 99))  # of the colors: outliers have the last
+        end = float(np.percentile(np.abs(residual), 99))  # end of the color scale; outliers get its last color
         figure = Figure(cursor=Cursor.NEAREST, heading=axis.title, x=Axis("alpha", "deg"))
         figure.y = Axis("beta", "deg")
         edges = np.linspace(-end, end, len(LEVELS) + 1)
@@ -406,7 +406,7 @@ def residual_maps(tunnel: TunnelData, residuals: tuple[Array, Array, Array]) -> 
 
 
 def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
-    """C_alpha against alpha and C_beta against beta near zero of the other angle (the source's Figs 5.8, 5.9)."""
+    """Plot C_alpha against alpha and C_beta against beta, the other angle near zero (the source's Figs 5.8, 5.9)."""
     figures = []
     speeds = np.round(tunnel.speed_mps).astype(int)
     for angle, other, dp, name in (
@@ -435,7 +435,7 @@ def sections(tunnel: TunnelData, calibration: ProbeCalibration) -> list[Figure]:
 
 
 def by_speed(dependence: SpeedDependence) -> list[Figure]:
-    """Residual of alpha at each tunnel speed: error of the slope with its 95 % interval, and offset at zero."""
+    """Plot alpha's residual at each tunnel speed: error of the slope with its 95 % interval, and offset at zero."""
     V = np.array([point.speed_mps for point in dependence.speeds])
     offset = np.array([np.degrees(point.offset_rad) for point in dependence.speeds])
     slope = np.array([100 * point.slope for point in dependence.speeds])
@@ -454,7 +454,7 @@ def by_speed(dependence: SpeedDependence) -> list[Figure]:
 
 
 def valid_range(C_alpha: Array, C_beta: Array, calibration: ProbeCalibration) -> Figure:
-    """The measured points and the convex hull within which the calibration holds."""
+    """Plot the measured points and the convex hull within which the calibration holds."""
     x, y = np.array([*calibration.hull, calibration.hull[0]]).T
     figure = Figure(equal=True, cursor=Cursor.NEAREST, x=Axis("C_alpha"))
     figure.y = Axis("C_beta")
@@ -466,7 +466,7 @@ def valid_range(C_alpha: Array, C_beta: Array, calibration: ProbeCalibration) ->
 
 
 def polynomial_orders(calibration: ProbeCalibration) -> Figure:
-    """Cross-validation error of each polynomial order that was tried; a diamond marks the chosen one."""
+    """Plot the cross-validation error of each polynomial order that was tried; a diamond marks the chosen order."""
     figure = Figure(height_px=380, x=Axis("order of the polynomial (diamond: chosen)", step=1))
     figure.y = Axis("error of left-out points, rms", logarithmic=True)
     surfaces = (calibration.alpha_rad, calibration.beta_rad, calibration.q_ratio)

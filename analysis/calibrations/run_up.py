@@ -1,10 +1,10 @@
-"""A strapped run-up of the motor: what its vibration adds to the accelerometer, the motor's constant, the battery.
+"""A strapped run-up of the motor: its vibration's effect on the accelerometer, the motor's constant, and the battery.
 
 The log has stretches of held motor speed n. On the strapped aircraft the mean specific force changes with n for two
-reasons: the accelerometer's zero moves with vibration, in proportion to n^2 as the force of an imbalance does, and
-the aircraft leans as the thrust pulls at its straps. How far it leans follows from the gyros between the stretches;
-their zeros are those of the stretches before and after, in which the aircraft does not turn. What remains is fitted by
-a constant, a drift in time and a term in n^2, for each axis; the residuals give its error.
+reasons: vibration moves the accelerometer's zero, in proportion to n^2 like the force of an imbalance, and the aircraft
+leans as its thrust pulls on the straps. The gyros show how far it leans between stretches; their zeros come from the
+stretches before and after, in which the aircraft does not turn. For each axis, a constant, a drift in time and a term
+in n^2 are fitted to the remaining force; the residuals give the error.
 """
 
 from itertools import pairwise
@@ -37,7 +37,7 @@ RATES = ("p_radps", "q_radps", "r_radps")
 
 
 class HeldSpeed(NamedTuple):
-    """A motor speed that was held: rows of the table, and means over them; 0 rev/s with the motor stopped."""
+    """A motor speed that was held: its rows in the table, and means over them. It is 0 rev/s with the motor stopped."""
 
     rows: slice
     time_s: float
@@ -46,14 +46,14 @@ class HeldSpeed(NamedTuple):
 
 
 class VibrationOffset(NamedTuple):
-    """What the accelerometer reads more at VIBRATION_REVPS, by axis (3,) [m/s^2], and its standard error."""
+    """The accelerometer's offset due to vibration at VIBRATION_REVPS, by axis (3,) [m/s^2], and its standard error."""
 
     offset_mps2: Array
     error_mps2: Array
 
     @property
     def sigma_in_flight_mps2(self) -> float:
-        """Standard deviation of forward and downward axis in flight, where nothing holds the aircraft."""
+        """Larger standard deviation of the forward and down offsets in flight, where nothing holds the aircraft."""
         in_flight = np.hypot(self.error_mps2, RUN_UP.transfer * self.offset_mps2)
         return float(max(in_flight[0], in_flight[2]))
 
@@ -68,9 +68,9 @@ class Battery(NamedTuple):
 
 
 def held_speeds(table: pd.DataFrame, source: str) -> list[HeldSpeed]:
-    """Stretches of held motor speed, in order of time. table: of `sources.daemon.synchronize`.
+    """Return the stretches of held motor speed, in order of time. table: from `sources.daemon.synchronize`.
 
-    Raises InputError where the log does not begin and end with a motor that stands, or has too few speeds.
+    Raises InputError if the log does not begin and end with the motor stopped, or has too few speeds.
     """
     revps = table["n_revps"].fillna(0.0).to_numpy()  # a stopped motor sends no messages
     t_s = table.index.to_numpy()
@@ -96,7 +96,7 @@ def held_speeds(table: pd.DataFrame, source: str) -> list[HeldSpeed]:
 
 
 def vibration_offset(table: pd.DataFrame, speeds: list[HeldSpeed]) -> VibrationOffset:
-    """Offset of the accelerometer in proportion to the square of the motor's speed."""
+    """Fit the accelerometer's offset, which is proportional to the square of the motor speed."""
     force = np.array([[speed.mean[name] for name in FORCES] for speed in speeds])
     without_lean = force - _by_lean(table, speeds, force[0])
     time_s = np.array([speed.time_s for speed in speeds])
@@ -107,7 +107,7 @@ def vibration_offset(table: pd.DataFrame, speeds: list[HeldSpeed]) -> VibrationO
 
 
 def _by_lean(table: pd.DataFrame, speeds: list[HeldSpeed], at_rest: Array) -> Array:
-    """Change of the specific force (k, 3) in the held stretches since the first, by how the aircraft leans."""
+    """Return the change of specific force (k, 3) from the first held stretch on that is due to the aircraft's lean."""
     x, y, z = at_rest
     pitch, roll = np.arctan2(x, np.hypot(y, z)), np.arctan2(-y, -z)
     step_s = float(table.index[1] - table.index[0])
@@ -118,7 +118,7 @@ def _by_lean(table: pd.DataFrame, speeds: list[HeldSpeed], at_rest: Array) -> Ar
     for i, (before, after) in enumerate(pairwise(speeds), start=1):
         between = slice(before.rows.stop, after.rows.start)
         turned[i] = turned[i - 1] + (rates - zeros)[between].sum(axis=0) * step_s
-    # Small turns: of roll by p, of pitch by the part of q and r about the level lateral axis.
+    # The turns are small: p changes roll, and the parts of q and r about the level lateral axis change pitch.
     leaned_roll = roll + turned[:, 0]
     leaned_pitch = pitch + turned[:, 1] * np.cos(roll) - turned[:, 2] * np.sin(roll)
     down = (0.0, 0.0, -GRAVITY_MPS2)
@@ -127,7 +127,7 @@ def _by_lean(table: pd.DataFrame, speeds: list[HeldSpeed], at_rest: Array) -> Ar
 
 
 def speed_over_constant(speeds: list[HeldSpeed], propulsion: Propulsion) -> float | None:
-    """Motor speed at full throttle over kV (V - I R). None where it was not held, or something was not measured."""
+    """Return motor speed over kV (V - I R) at full throttle; None if that was not held or a value is missing."""
     kv, resistance = propulsion.motor_kv_rpm_per_volt, propulsion.motor_resistance_ohm
     if kv is None or resistance is None:
         return None
@@ -141,7 +141,7 @@ def speed_over_constant(speeds: list[HeldSpeed], propulsion: Propulsion) -> floa
 
 
 def battery(speeds: list[HeldSpeed]) -> Battery | None:
-    """The battery, from voltage and current of the held stretches; None if these were not measured."""
+    """Fit the battery to voltage and current of the held stretches; None if too few were measured."""
     volts, amperes = (np.array([speed.mean[name] for speed in speeds]) for name in ("battery_V", "battery_A"))
     finite = np.isfinite(volts) & np.isfinite(amperes)
     if finite.sum() < STATISTICS.fewest_readings:
@@ -152,9 +152,9 @@ def battery(speeds: list[HeldSpeed]) -> Battery | None:
 
 
 def thrust_readings(speeds: list[HeldSpeed], thrust_N: list[float | None], source: str) -> StandReadings:
-    """Thrust as read from a scale at each speed that was held, None where it was not read; as readings on a stand.
+    """Turn thrusts read from a scale, one per held motor speed and None if not read, into readings on a stand.
 
-    Raises InputError if there is not one for each.
+    Raises InputError if the number of thrusts is not that of the motor speeds.
     """
     turning = [speed for speed in speeds if speed.revps > 0]
     if len(turning) != len(thrust_N):
@@ -163,7 +163,7 @@ def thrust_readings(speeds: list[HeldSpeed], thrust_N: list[float | None], sourc
             " one for each, in order, and - for a missing one"
         )
     read = [(speed, thrust) for speed, thrust in zip(turning, thrust_N, strict=True) if thrust is not None]
-    first = speeds[0].mean  # the tray warms up: its first temperature is that of the air
+    first = speeds[0].mean  # only the first temperature is the air's, because the tray warms up
     rho = float(density(first["static_Pa"], first["static_temperature_K"]))
     return StandReadings(
         np.array([speed.revps for speed, _ in read]), np.array([thrust for _, thrust in read]), np.full(len(read), rho)
@@ -171,7 +171,7 @@ def thrust_readings(speeds: list[HeldSpeed], thrust_N: list[float | None], sourc
 
 
 def in_words(speeds: list[HeldSpeed]) -> str:
-    """The speeds that were held, to be matched with the thrusts written down."""
+    """Return a list of the held speeds, for the user to match with the thrusts written down."""
     turning = [speed for speed in speeds if speed.revps > 0]
     return ", ".join(
         f"{number}: {60 * speed.revps:.0f} rpm at {speed.time_s:.0f} s" for number, speed in enumerate(turning, 1)
@@ -252,7 +252,7 @@ def run_up(
 
 
 def thrusts_N(text: str) -> list[float | None]:
-    """Thrusts [N] of a list with its unit at the end; None for -. Raises InputError naming --thrust."""
+    """Return the thrusts [N] in a list that ends with its unit; None for -. Raises InputError naming --thrust."""
     numbers, unit = numbers_and_unit(text, "--thrust", EXAMPLE)
     values = [None if word == "-" else to_si(f"{word} {unit}", "N", "--thrust") for word in numbers]
     if numbers and (not any(values) or not all(value is None or value > 0 for value in values)):
@@ -261,7 +261,7 @@ def thrusts_N(text: str) -> list[float | None]:
 
 
 def wrong_speed(ratio: float, aircraft: Aircraft) -> str:
-    """What contradicts the motor's constant, and the number of poles that would not."""
+    """Return text on how the motor speed contradicts its constant, and a number of poles that would agree."""
     fact = f"motor speed at full throttle is {ratio:.2f} times kV (V - I R)"
     pairs = aircraft.propulsion.pole_pairs
     if pairs is None or round(pairs * ratio) == pairs:
@@ -270,7 +270,7 @@ def wrong_speed(ratio: float, aircraft: Aircraft) -> str:
 
 
 def summary(offset: "VibrationOffset", battery: "Battery | None", ratio: float | None) -> list[str]:
-    """The result in lines."""
+    """Return the result as lines of text."""
     from flightpower.analysis.estimation.noise import NORMAL_95
 
     axes = ", ".join(
@@ -289,7 +289,7 @@ def summary(offset: "VibrationOffset", battery: "Battery | None", ratio: float |
 
 
 def to_toml(offset: "VibrationOffset", battery: "Battery | None", stand: "ThrustStand | None") -> str:
-    """The sections of an aircraft file."""
+    """Return the result as sections of an aircraft file."""
     vector = ", ".join(f'"{value:.3f} m/s^2"' for value in offset.offset_mps2)
     propulsion, uncertainty = [], [f'accelerometer_vibration = "{offset.sigma_in_flight_mps2:.2g} m/s^2"']
     if battery is not None:

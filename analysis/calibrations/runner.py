@@ -1,4 +1,4 @@
-"""What all calibrations do alike: refuse to replace a file, print what was found, and write it if it is good enough."""
+"""The steps common to all calibrations: protect existing files, print the result, and write it if it is good enough."""
 
 import inspect
 import sys
@@ -27,11 +27,11 @@ AircraftFileLines = Annotated[
 
 
 class Calibrated(NamedTuple):
-    """What a calibration found.
+    """The result of a calibration.
 
     summary, warnings : lines to print     unsupported : why the result is not good enough to be written; empty if it is
-    content : sections of an aircraft file as text, or what becomes a JSON file; None where there is nothing to write
-    pages : further files by path     remark : lines to print after what was written
+    content : sections of an aircraft file as text, or an object for a JSON file; None if there is nothing to write
+    pages : further files by path     remark : text to print after the names of the files written
     """
 
     summary: Sequence[str]
@@ -43,10 +43,10 @@ class Calibrated(NamedTuple):
 
 
 def calibration(file: Any, default: str | None = None) -> Callable[[Callable[..., Calibrated]], Callable[..., None]]:
-    """A command of a function that calibrates: with --output, annotated as `file`, and --replace.
+    """Turn a function that calibrates into a command with --replace and with --output, annotated as `file`.
 
-    These options are passed on if the function has parameters `output` and `replace`. Exit code 1 where the result
-    is not supported by the measurements.
+    These options are passed on if the function has parameters `output` and `replace`. The command exits with code 1 if
+    the measurements do not support the result.
     """
 
     def decorated(calibrate: Callable[..., Calibrated]) -> Callable[..., None]:

@@ -1,4 +1,4 @@
-"""Limits of measurements on the ground, with units and reasons."""
+"""Limits for measurements on the ground, with units and reasons."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from flightpower.flight.settings import Settings, setting
 
 @dataclass(frozen=True)
 class RunUpSettings(Settings):
-    """Run-up of the motor on the strapped aircraft."""
+    """Limits for the run-up of the motor on the strapped aircraft."""
 
     transfer: float = setting(
         0.2,
@@ -18,7 +18,7 @@ class RunUpSettings(Settings):
 
 @dataclass(frozen=True)
 class ImuSettings(Settings):
-    """Accelerometers by the tray on its six sides."""
+    """Limits for calibrating accelerometers with the tray on its six sides."""
 
     drift: float = setting(
         0.0015, "1", "of the scale between bench and flight, 1 sigma: 0.026 % a kelvin (MPU-9250), 10 K at most, evenly"

@@ -16,7 +16,7 @@ from flightpower.flight.errors import InputError
 
 
 class HeldPulse(NamedTuple):
-    """A pulse that was held: when it began [s], for how long [s], and its median [us]."""
+    """A pulse that was held: its start [s], its duration [s], and its median [us]."""
 
     start_s: float
     seconds: float
@@ -26,7 +26,7 @@ class HeldPulse(NamedTuple):
 class SurfaceTable(NamedTuple):
     """Pulses in ascending order with their angles, for the aircraft file.
 
-    hysteresis_deg : largest difference of the angles read for one position
+    hysteresis_deg : largest difference between angles read for one position
     """
 
     pulse_us: list[int]
@@ -35,7 +35,7 @@ class SurfaceTable(NamedTuple):
 
 
 def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
-    """Pulses held for the time of GROUND.held_s at least, in order of time. t_s, pulse_us : (n,)."""
+    """Return the pulses held for at least GROUND.held_s[1], in order of time. t_s, pulse_us : (n,)"""
     if len(t_s) < 2:
         return []
     holds: list[HeldPulse] = []
@@ -54,10 +54,10 @@ def held_pulses(t_s: Array, pulse_us: Array) -> list[HeldPulse]:
 
 
 def surface_table(holds: Sequence[HeldPulse], angles_deg: Sequence[float | None]) -> SurfaceTable:
-    """The table of pulses and angles; an angle is None where it was not read.
+    """Make a table of pulses and angles; an angle is None if it was not read.
 
-    Raises InputError if there are not as many angles as held pulses, if too few positions were read, if they
-    do not rise or fall with the pulse, or if a step between two positions is not significant: two readings of one
+    Raises InputError if the numbers of angles and held pulses differ, if too few positions were read, if the angles do
+    not rise or fall steadily with the pulse, or if a step between two positions is not significant. Two readings of one
     position that differ by d have a standard deviation of d/sqrt(2) each, so a step is significant (95 %) from 1.96 d.
     """
     if len(holds) != len(angles_deg):
@@ -94,12 +94,12 @@ def surface_table(holds: Sequence[HeldPulse], angles_deg: Sequence[float | None]
 
 
 def found_in_words(holds: Sequence[HeldPulse]) -> str:
-    """The held pulses with their times, to be matched with the written angles."""
+    """Return a list of the held pulses and their times, for the user to match with the angles written down."""
     return ", ".join(f"{k}: {h.pulse_us:.0f} us at {h.start_s:.0f} s" for k, h in enumerate(holds, start=1)) or "none"
 
 
 def to_toml(surface: str, channel: int, table: SurfaceTable) -> str:
-    """The surface's section of an aircraft file."""
+    """Return the surface's section of an aircraft file."""
     angles = ", ".join(f'"{angle:.1f} deg"' for angle in table.angle_deg)
     return f"[{surface}]\nchannel = {channel}\npulse_us = {table.pulse_us}\nangle = [{angles}]\n"
 

@@ -1,9 +1,9 @@
-"""Thrust of a propeller at rest, on a stand, against its table: the ratio of the two with its error.
+"""Compares a propeller's thrust at rest on a stand with its table, and gives the ratio of the two with its error.
 
-Thrust over that of the table at J = 0 and the same motor speed, by least squares over all readings. Errors of single
-readings are found from their scatter. An error of the stand's scale (load cell, lever arm, air density) shows in no
-residual and is given by the user. If the ratio changes with motor speed (Reynolds number, stalled blades) it does not
-hold at other speeds, so half of its change over the measured speeds is added to the error.
+The ratio of thrust to the table's thrust at J = 0 and the same motor speed is fitted to all readings by least squares.
+Errors of single readings follow from their scatter. An error of the stand's scale (load cell, lever arm, air density)
+shows in no residual, so the user gives it. If the ratio changes with motor speed (Reynolds number, stalled blades), it
+does not hold at other speeds; half of its change over the measured speeds is then added to the error.
 """
 
 import math
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from flightpower.analysis.air.thrust_stand import ThrustStand
     from flightpower.flight.propeller import Propeller
 
-# Column of the file: (field, unit).
+# Columns of the file, each with its (field, unit).
 _COLUMNS = {
     "motor_speed": ("revps", "turn/s"),
     "thrust": ("thrust_N", "N"),
@@ -53,11 +53,11 @@ class StandReadings(NamedTuple):
 def calibrate(
     readings: StandReadings, propeller: Propeller, scale_error: float, source: str
 ) -> tuple[ThrustStand, str]:
-    """The ratio of thrust to that of the table, and why the readings do not support it (empty if they do).
+    """Return the ratio of thrust to the table's thrust, and why the readings do not support it (empty if they do).
 
     scale_error : standard deviation of the stand's scale, as a fraction
-    Raises InputError for too few readings or speeds, a table that does not reach J = 0, and a ratio that no propeller
-    has.
+    Raises InputError for too few readings or speeds, for a table that does not reach J = 0, and for a ratio that no
+    propeller has.
     """
     n = readings.revps
     speeds = _speeds(n)
@@ -107,7 +107,7 @@ def calibrate(
 
 
 def _speeds(revps: Array) -> list[float]:
-    """The different speeds among the readings, ascending."""
+    """Return the distinct motor speeds among the readings, in ascending order."""
     speeds: list[float] = []
     for n in np.sort(revps).tolist():
         if not speeds or n > (1 + STAND_LIMITS.same_speed) * speeds[-1]:
@@ -116,21 +116,21 @@ def _speeds(revps: Array) -> list[float]:
 
 
 def student_sigma(residuals: Array, parameters: int) -> float:
-    """Standard deviation of a reading from the residuals, scaled so that +-1.96 times it is Student's 95 % interval."""
+    """Return a reading's standard deviation from residuals, scaled: +-1.96 times it is Student's 95 % interval."""
     dof = len(residuals) - parameters
     factor = float(special.stdtrit(dof, 0.975)) / NORMAL_95
     return factor * math.sqrt(float(residuals @ residuals) / dof)
 
 
 def student_fit(X: Array, y: Array) -> tuple[Array, Array]:
-    """Coefficients (m,) of y (n,) on the columns of X (n, m), and their errors as by `student_sigma`."""
+    """Fit y (n,) by the columns of X (n, m). Return coefficients (m,) and their errors, as in `student_sigma`."""
     coefficients = np.asarray(np.linalg.lstsq(X, y, rcond=None)[0])
     unit = np.sqrt(np.diag(np.linalg.inv(X.T @ X)))
     return coefficients, student_sigma(y - X @ coefficients, X.shape[1]) * unit
 
 
 def _why_not_supported(stand: ThrustStand) -> str:
-    """Empty if the ratio is known well enough to be of use."""
+    """Return why the ratio is not known well enough to be of use; empty if it is."""
     error = stand.ratio_error / stand.ratio
     if error <= STAND_LIMITS.largest_error:
         return ""
@@ -142,9 +142,9 @@ def _why_not_supported(stand: ThrustStand) -> str:
 
 
 def read_stand(path: Path, rho: float | None = None) -> StandReadings:
-    """The readings in a CSV file whose header names each column with its unit: `thrust_N` or `thrust [N]`.
+    """Read a CSV file whose header gives each column's name and unit, such as `thrust_N` or `thrust [N]`.
 
-    rho : density, for a file without air pressure and temperature
+    rho : air density [kg/m^3], for a file without pressure and temperature of the air
     Raises InputError naming file and cause.
     """
     values = read_unit_columns(path, _COLUMNS, ("motor_speed", "thrust"), _EXAMPLE)
@@ -252,7 +252,7 @@ def thrust(
 
 
 def summary(stand: "ThrustStand") -> list[str]:
-    """The result in lines."""
+    """Return the result as lines of text."""
     parts = ((stand.scatter_error, "scatter"), (stand.scale_error, "scale"), (stand.speed_error, "motor speed"))
     by = ", ".join(f"{100 * error:.1f} % {name}" for error, name in parts if error)
     return [
@@ -265,7 +265,7 @@ def summary(stand: "ThrustStand") -> list[str]:
 def doubts(
     stand: "ThrustStand", readings: "StandReadings", propeller: "Propeller", aircraft: Aircraft | None
 ) -> list[str]:
-    """What the user should look at, in sentences."""
+    """Return sentences on points that the user should check."""
     from flightpower.analysis.methods.thrust_prior import stand_conflict
 
     sentences = []
@@ -288,7 +288,7 @@ def doubts(
 
 
 def to_toml(stand: "ThrustStand") -> str:
-    """The sections of an aircraft file."""
+    """Return the result as sections of an aircraft file."""
     return (
         f"[propulsion]\nstatic_thrust_ratio = {stand.ratio:.4f}\n\n"
         f'[uncertainty]\nstatic_thrust_ratio = "{100 * stand.ratio_error / stand.ratio:.2g} %"\n'

@@ -1,4 +1,4 @@
-"""Slope and offset of the differential pressure transducers, from pressures applied to all three of them."""
+"""Finds slope and offset of the differential pressure transducers from pressures applied to all three of them."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 def calibrate(
     plateaus: Sequence[Plateau], pressures_Pa: Sequence[float], reference_error: float, source: str
 ) -> tuple[TransducerCalibration, str]:
-    """The lines of the three transducers, and why the data do not support them (empty if they do).
+    """Fit a line to each of the three transducers; also return why the data do not support them (empty if they do).
 
-    pressures_Pa : of the plateaus with pressure, in order; those at zero are known
-    reference_error : standard deviation of the reference's scale
-    Raises InputError if the pressures are not those of the plateaus.
+    pressures_Pa : of the plateaus with pressure, in order; plateaus at zero need none
+    reference_error : standard deviation of the reference's scale, as a fraction
+    Raises InputError if the pressures do not match the plateaus.
     """
     pressed = [plateau for plateau in plateaus if not plateau.open]
     if len(pressed) != len(pressures_Pa):
@@ -47,7 +47,7 @@ def calibrate(
     coefficients, *_ = np.linalg.lstsq(X, readings, rcond=None)
     residuals = readings - X @ coefficients
     dof = len(p) - 2
-    # Few residuals determine their own size poorly: Student's distribution, so that the 95 % intervals hold
+    # Few residuals give their standard deviation poorly, so Student's distribution keeps the 95 % intervals correct.
     factor = float(special.stdtrit(dof, 0.975)) / NORMAL_95
     sigma = factor * np.sqrt(np.sum(residuals**2, axis=0) / dof * np.linalg.inv(X.T @ X)[1, 1])
     slopes = coefficients[1]
@@ -80,7 +80,7 @@ def calibrate(
         alpha=lines["alpha"],
         beta=lines["beta"],
         airspeed=speed,
-        # Airspeed goes with the square root of its pressure.
+        # Airspeed is proportional to the square root of its pressure.
         airspeed_scale=float(np.sqrt(speed.slope) - 1),
         airspeed_scale_error=speed.slope_error / speed.slope / 2,
     )
@@ -88,7 +88,7 @@ def calibrate(
 
 
 def _why_not_supported(calibration: TransducerCalibration) -> str:
-    """Empty if the slopes are known clearly better than a flight without calibration assumes."""
+    """Return why the slopes are not known clearly better than a flight without calibration assumes, or empty text."""
     prior = Uncertainty()
     largest_V_scale, largest_alpha_scale = (
         STATISTICS.determined_share * sigma
@@ -134,7 +134,7 @@ def transducers(
             "Error of the reference's scale, 1 sigma, in %: 0.5 for a water column at 10 to 35 °C; for a manometer"
             " by its data sheet. The scatter of the readings gives their own errors."
         ),
-    ] = 0.5,  # density of water between 10 and 35 degC -0.4 to 0.2 %, local gravity up to 0.3 %
+    ] = 0.5,  # water density varies by -0.4 to 0.2 % between 10 and 35 degC, local gravity by up to 0.3 %
 ) -> Calibrated:
     """Measure slope and offset of the three differential transducers, by the same pressures on all of them.
 
@@ -172,7 +172,7 @@ def transducers(
 
 
 def pressures_Pa(text: str) -> list[float]:
-    """Pressures [Pa] other than zero of a list with its unit at the end. Raises InputError naming --pressures."""
+    """Return nonzero pressures [Pa] from a list that ends with its unit. Raises InputError naming --pressures."""
     numbers, unit = numbers_and_unit(text, "--pressures", EXAMPLE)
     factor = _unit_Pa(unit, text)
     values = [factor * float(number) for number in numbers if number != "-"]
@@ -193,7 +193,7 @@ def _unit_Pa(unit: str, text: str) -> float:
 
 
 def summary(fit: "TransducerCalibration") -> list[str]:
-    """The result in lines."""
+    """Return the result as lines of text."""
     lines = [
         f"/probe/{name}: slope {line.slope:.4f} ± {NORMAL_95 * line.slope_error:.4f} (95 % interval), offset"
         f" {line.offset_Pa:+.1f} Pa, {line.largest_residual_Pa:.1f} Pa at most off the line"

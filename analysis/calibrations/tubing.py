@@ -1,14 +1,14 @@
-"""The lags of pneumatic lines from recorded steps of pressure: a balloon that bursts, a syringe that is pulled off.
+"""Finds the lags of pneumatic lines from recorded pressure steps: a balloon that bursts, a syringe that is pulled off.
 
-The transducer is sampled at each tick; the time of the step between two ticks is not known. Unknowns of each step are
-its two levels and its time. The time is uniform and independent of the sampling, so the likelihood is integrated over
-it. (Its most likely value would do if a lag took many ticks; with few ticks a wrong lag fits every step at some time.)
-The lag is common to all steps of a line. A lag that is short against a tick cannot be distinguished from zero: then the
-result is an upper bound only.
+The transducer is sampled at each tick, and the time of a step between two ticks is unknown. Each step has three
+unknowns: its two levels and its time. The time is uniformly distributed and independent of the sampling, so the
+likelihood is integrated over it. (The most likely time would do for a lag of many ticks; with a lag of few ticks, a
+wrong lag can fit every step at some time.) All steps of a line share one lag. A lag much shorter than a tick cannot be
+distinguished from zero; the result is then only an upper bound.
 
-The shape of the step matters, too: an exponential gives a lag wrong by a third for a tube that rings or is slow to
-settle. So if the line's length and cavity are known, the shape is the step response by Bergh & Tijdeman for the
-diameter that has the lag in question.
+The shape of the step matters as well: for a tube that rings or is slow to settle, an exponential gives a lag that is
+wrong by a third. So if the line's length and cavity are known, the shape is the step response by Bergh & Tijdeman for
+the diameter that has the lag in question.
 """
 
 import math
@@ -33,12 +33,12 @@ from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 from flightpower.flight.log_reader import Log
 
-Shape = Callable[[Array], Array]  # remaining share of the step, from 1 to 0, by time since the step [s]
+Shape = Callable[[Array], Array]  # remaining fraction of the step, from 1 to 0, at times since the step [s]
 
 
 @dataclass(frozen=True)
 class PressureStep:
-    """The samples around one step: times [s] and values [Pa], (n,); the last quiet sample before it is `last_quiet`."""
+    """Samples around one step: times [s] and values [Pa], (n,). last_quiet : index of the last one before the step"""
 
     t_s: Array
     value: Array
@@ -47,14 +47,14 @@ class PressureStep:
 
 @dataclass(frozen=True)
 class Lag:
-    """A line's lag with its 95 % interval [s]; `lo_s` is zero where no lower bound can be given."""
+    """A line's lag with its 95 % interval [s]; `lo_s` is zero if there is no lower bound."""
 
     lag_s: float
     lo_s: float
     hi_s: float
     steps: int
     noise: float  # standard deviation of the samples [Pa]
-    misfit: float  # rms of the residuals over the noise
+    misfit: float  # rms of the residuals divided by the noise
 
     @property
     def fits(self) -> bool:
@@ -68,15 +68,15 @@ class Lag:
 
     @property
     def more_steps(self) -> int:
-        """Number of further such steps for a sufficient interval; its width goes with 1/sqrt(number)."""
+        """Number of further steps needed for a narrow enough interval; its width is proportional to 1/sqrt(steps)."""
         half = (self.hi_s - self.lo_s) / (2 * self.lag_s)
         return max(math.ceil(self.steps * ((half / LAG.half_width[1]) ** 2 - 1)), 0) if self.bounded else 0
 
 
 def find_steps(t_s: Array, value: Array) -> tuple[list[PressureStep], float]:
-    """Clear, quick steps between quiet levels, and the noise [Pa]. t_s : (n,) ascending; value : (n,) [Pa].
+    """Find clear, quick steps between quiet levels, and the noise [Pa]. t_s : (n,) ascending; value : (n,) [Pa]
 
-    The noise is at least 0.3 of a transducer's count.
+    The noise is taken as at least 0.3 of a transducer's count.
     """
     if len(t_s) < 8:
         return [], 0.0
@@ -107,21 +107,22 @@ def find_steps(t_s: Array, value: Array) -> tuple[list[PressureStep], float]:
 
 
 def exponential(lag_s: float) -> Shape:
-    """The shape of a step into a cavity behind a flow resistance: first order."""
+    """Return the first-order shape of a step into a cavity behind a flow resistance."""
     return lambda t: np.exp(-np.maximum(t, 0.0) / lag_s)
 
 
 def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float], Shape] = exponential) -> Lag:
-    """The most likely lag of all steps, which have as many samples each, with its interval by the likelihood ratio.
+    """Return the most likely common lag of all steps, with its interval from the likelihood ratio.
 
-    shape_of: the shape of a step, by lag; `through(line, gas)` if the line's length and cavity are known.
+    steps: all with the same number of samples. shape_of: gives a step's shape for a lag; use `through(line, gas)` if
+    the line's length and cavity are known.
     Raises InputError if there is no step.
     """
     if not steps:
         raise InputError("no step of pressure found")
 
     times, values = np.array([step.t_s for step in steps]), np.array([step.value for step in steps])
-    # A step happened near its last quiet sample; noise may hide the beginning of a slow step.
+    # The step happened near its last quiet sample, but noise may hide the beginning of a slow step.
     near_s = np.array([step.t_s[[min(step.last_quiet + i, len(step.t_s) - 1) for i in range(3)]] for step in steps])
 
     def misfits_of(lags: Array) -> list[Misfit]:
@@ -149,15 +150,15 @@ def fit_lag(steps: list[PressureStep], noise: float, shape_of: Callable[[float],
 
 
 def through(line: PneumaticLine, gas: Gas) -> Callable[[float], Shape]:
-    """Shapes of a step, by lag, at the end of a tube with this length and cavity and the diameter that has the lag."""
+    """Return a function from lag to step shape, for a tube of this length and cavity whose diameter gives the lag."""
 
     @cache
     def shape_of(lag_s: float) -> Shape:
         tube = replace(line, diameter_m=diameter_of_lag_m(line, lag_s, gas))
-        step_s, points, settled = max(2.5e-4, lag_s / 100), 4096, 8  # settled: points left out at the end
+        step_s, points, settled = max(2.5e-4, lag_s / 100), 4096, 8  # settled: number of points left out at the end
         f: Array = np.asarray(np.fft.rfftfreq(points, step_s), dtype=float)
         up = np.where(np.arange(points) < points // 2, 1.0, 0.0)  # up and down again, long enough to settle
-        # Lanczos sigma factors suppress the ringing of a spectrum that is cut off at its highest frequency.
+        # Lanczos sigma factors suppress the ringing that comes from cutting off the spectrum at its highest frequency.
         spectrum: Any = np.fft.rfft(up) * response([tube], f, gas) * np.sinc(f / f[-1])
         arrived = np.fft.irfft(spectrum, points)
         half = points // 2
@@ -169,17 +170,17 @@ def through(line: PneumaticLine, gas: Gas) -> Callable[[float], Shape]:
 
 
 class Misfit(NamedTuple):
-    """Residuals of all steps for one lag, by the times of the steps, with fitted levels."""
+    """Residuals of all steps for one lag, at possible times of the steps, with fitted levels."""
 
     instants_s: Array  # possible times of each step, (steps, m), ascending
     squares: Array  # sums of squared residuals, (steps, m)
 
 
 def _misfit(times: Array, values: Array, near_s: Array, lag_s: float, shape: Shape) -> Misfit:
-    """Instants are closest together where they fit best. times, values : (steps, n)      near_s : (steps, 3)"""
-    # A step that is short against a tick shows in a sample only if it happened just before it.
+    """Try instants for each step, most densely near the best fit. times, values : (steps, n)     near_s : (steps, 3)"""
+    # If the lag is much shorter than a tick, a sample shows the step only if it happened just before that sample.
     just_before = (near_s[:, :, None] - lag_s * np.linspace(0, 4, 9)).reshape(len(near_s), -1)
-    count = 33  # instants
+    count = 33  # number of instants
     evenly = np.linspace(near_s[:, 0] - lag_s, near_s[:, -1], count, axis=1)
     instants = np.sort(np.hstack([evenly, just_before]), axis=1)
     reach = 2 * (near_s[:, -1] - near_s[:, 0] + lag_s) / (count - 1)
@@ -196,14 +197,14 @@ def _misfit(times: Array, values: Array, near_s: Array, lag_s: float, shape: Sha
 
 
 def _variance(misfits: list[Misfit], samples: int) -> float:
-    """Variance of a sample's noise, from the residuals of the best lag. samples : of all steps together"""
+    """Return the variance of a sample's noise from the best lag's residuals. samples : number in all steps together"""
     degrees = samples - 3 * len(misfits[0].squares) - 1
     least = min(float(misfit.squares.min(axis=1).sum()) for misfit in misfits)
     return max(least / max(degrees, 1), 1e-12)
 
 
 def _deviance(misfits: list[Misfit], variance: float) -> Array:
-    """-2 log likelihood of each lag, integrated over the times of its steps."""
+    """Return -2 log likelihood of each lag; the likelihood is integrated over the times of the steps."""
 
     def of_lag(misfit: Misfit) -> float:
         least = misfit.squares.min(axis=1)
@@ -215,7 +216,7 @@ def _deviance(misfits: list[Misfit], variance: float) -> Array:
 
 
 def _residual_squares(values: Array, g: Array) -> Array:
-    """Residual sums of squares, (steps, m), of the linear regression of values (steps, n) on g (steps, m, n)."""
+    """Return residual sums of squares (steps, m) for linear regression of values (steps, n) on g (steps, m, n)."""
     y = values - values.mean(axis=1, keepdims=True)
     h = g - g.mean(axis=2, keepdims=True)
     explained = np.einsum("smn,sn->sm", h, y) ** 2 / np.maximum(np.einsum("smn,smn->sm", h, h), 1e-12)
@@ -223,7 +224,7 @@ def _residual_squares(values: Array, g: Array) -> Array:
 
 
 def _minimum(lags: Array, cost: Array, best: int) -> float:
-    """The minimum of a parabola through the best lag and its neighbors."""
+    """Return the lag at the minimum of a parabola through the best lag and its neighbors."""
     if best in (0, len(lags) - 1):
         return float(lags[best])
     left, middle, right = cost[best - 1 : best + 2]
@@ -233,8 +234,8 @@ def _minimum(lags: Array, cost: Array, best: int) -> float:
 
 
 def _interval(lags: Array, profile: Array) -> tuple[float, float]:
-    """Where the profile crosses the 95 % level, left and right of its minimum; 0 and infinity where it does not."""
-    level = float(special.chdtri(1, 1 - 0.95))  # of the likelihood ratio
+    """Return the lags where the profile crosses the 95 % level on each side of its minimum, or else 0 and infinity."""
+    level = float(special.chdtri(1, 1 - 0.95))  # level for the likelihood ratio
     best = int(np.argmin(profile))
     left = np.flatnonzero(profile[:best] > level)
     right = np.flatnonzero(profile[best:] > level)
@@ -251,25 +252,25 @@ def _crossing(lags: Array, above_level: Array, i: int) -> float:
 
 
 def diameter_of_lag_m(line: PneumaticLine, lag_s: float, gas: Gas) -> float:
-    """The inner diameter with which a line of this length and cavity has this lag [m], for the aircraft file.
+    """Return the inner diameter [m] that gives a line of this length and cavity this lag, for the aircraft file.
 
-    The inner diameter of a narrow tube is known to a few percent only, and the lag varies as its fourth power.
+    The inner diameter of a narrow tube is only known to a few percent, and the lag varies with its fourth power.
     """
 
     def excess(log_d: float) -> float:
         return float(np.log(low_frequency_lag_s([replace(line, diameter_m=float(np.exp(log_d)))], gas) / lag_s))
 
-    # The lag of a wide tube falls with the square of its diameter only, because of its own volume: still monotonic.
+    # The lag of a wide tube falls only with the square of its diameter, because of its own volume, but monotonically.
     return float(np.exp(brentq(excess, np.log(1e-5), np.log(1.0))))
 
 
 class LineLag(NamedTuple):
-    """What a log shows of one line.
+    """The lag of one line, from a log and from the aircraft file.
 
-    name : in the aircraft file     topic : of the line's transducer
-    measured : None if the log has no step of this pressure
+    name : the line's name in the aircraft file     topic : the topic of its transducer
+    measured : the lag in the log; None if the log has no step of this pressure
     expected_s : lag of the line in the aircraft file; None if its length is not given there
-    line : with the diameter that has the measured lag; None if length or lag is not known, or not supported
+    line : the line with the diameter that gives the measured lag; None if length or lag is unknown or not supported
     """
 
     name: str
@@ -280,7 +281,7 @@ class LineLag(NamedTuple):
 
     @property
     def unsupported(self) -> str:
-        """Why the bursts do not support a calibration of this line, and what to do; empty if they do."""
+        """Reason why the bursts do not support a calibration of this line, and the remedy; empty if they do."""
         lag = self.measured
         if lag is None:
             return ""
@@ -294,7 +295,7 @@ class LineLag(NamedTuple):
 
 
 def line_lags(log: Log, aircraft: Aircraft) -> list[LineLag]:
-    """The lag of every line for which `lines.TOPIC` names a transducer, at the log's pressure and temperature."""
+    """Return the lag of every line with a transducer in `lines.TOPIC`, at the log's pressure and temperature."""
     gas = air_in(log)
     lags = []
     for name, topic in TOPIC.items():
@@ -315,7 +316,7 @@ def line_lags(log: Log, aircraft: Aircraft) -> list[LineLag]:
 
 
 def to_toml(lags: list[LineLag]) -> str:
-    """The sections `[probe.lines.…]` of an aircraft file for the lines with a measured lag; empty if there are none."""
+    """Return sections `[probe.lines.…]` of an aircraft file for lines with a measured diameter; empty without any."""
     return "\n".join(
         f"[probe.lines.{name}]  # measured: {1e3 * lag.lag_s:.1f} ms\n"
         f'length = "{line.length_m:g} m"\n'
@@ -370,7 +371,7 @@ def tubing(log: LogFile, aircraft: AircraftOption = None) -> Calibrated:
 
 
 def summary(line: "LineLag") -> list[str]:
-    """The result for one line of tubing, in lines of text."""
+    """Return the result for one pneumatic line, as lines of text."""
     lag = line.measured
     if lag is None:
         return [f"{line.topic}: no step found"]

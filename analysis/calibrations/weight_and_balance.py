@@ -1,4 +1,4 @@
-"""Weight and center of gravity from readings of scales under the wheels or in a suspension, with their errors."""
+"""Computes weight and center of gravity, with errors, from scales under the wheels or in a suspension."""
 
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
@@ -15,14 +15,14 @@ from flightpower.flight.units import to_si
 
 
 class Support(NamedTuple):
-    """One wheel or point of suspension: position [m] aft of the datum (None if not measured), readings [kg]."""
+    """One wheel or suspension point: position [m] aft of the datum (None if not measured), and readings [kg]."""
 
     position_m: float | None
     readings_kg: tuple[float, ...]
 
 
 class ScaleErrors(NamedTuple):
-    """Standard deviations: of one reading [kg], of the scale's gain, common to all, and of a position [m]."""
+    """Standard deviations of one reading [kg], of the gain (a fraction) that all scales share, of a position [m]."""
 
     reading_kg: float
     gain: float
@@ -44,10 +44,10 @@ class WeightAndBalance(NamedTuple):
 
 
 def weighed(supports: Sequence[Support], errors: ScaleErrors) -> WeightAndBalance:
-    """The sum of the supports' means, and the center of their moments.
+    """Compute the mass from the supports' mean readings, and the center of gravity from their moments.
 
-    The scatter of repeated readings counts where it is larger than the stated error of a reading. Raises InputError
-    for no support, and for a sum that is not positive.
+    The scatter of repeated readings replaces the stated error of a reading if it is larger. Raises InputError if there
+    is no support, or if the sum is not positive.
     """
     if not supports:
         raise InputError("--scale: give the reading under each wheel or point of suspension")
@@ -63,7 +63,7 @@ def weighed(supports: Sequence[Support], errors: ScaleErrors) -> WeightAndBalanc
     positions_m = [support.position_m for support in supports if support.position_m is not None]
     if len(positions_m) == len(supports):
         x = np.array(positions_m)
-        position = float(mass @ x / total)  # a gain that is common to all scales does not move it
+        position = float(mass @ x / total)  # a gain error that all scales share does not move it
         by_mass, by_position = (x - position) / total * sigma, mass / total * errors.position_m
         position_error = float(np.sqrt(np.sum(by_mass**2) + np.sum(by_position**2)))
     return WeightAndBalance(total, mass_error, position, position_error, _why_not(supports, errors, mass_error / total))
@@ -77,7 +77,7 @@ def _why_not(supports: Sequence[Support], errors: ScaleErrors, share: float) -> 
                 f"readings of support {number} differ by {1e3 * apart:.0f} g, more than three times their error: let"
                 " the scale settle, and weigh without wind"
             )
-    largest = 10 * Uncertainty.weight_fraction  # of the error that the analysis assumes without a weighing
+    largest = 10 * Uncertainty.weight_fraction  # without a weighing the analysis assumes a tenth of this
     if share > largest:
         return (
             f"the standard error of the weight is {100 * share:.1f} %, more than {100 * largest:.0f} %:"
@@ -87,7 +87,7 @@ def _why_not(supports: Sequence[Support], errors: ScaleErrors, share: float) -> 
 
 
 def to_toml(balance: WeightAndBalance) -> str:
-    """The sections of an aircraft file."""
+    """Return the result as sections of an aircraft file."""
     decimals = max(0, 4 - int(np.floor(np.log10(balance.mass_kg))))
     return (
         f'[mass]\nweight = "{balance.mass_kg:.{decimals}f} kg"\n\n'
@@ -150,7 +150,7 @@ def weight_and_balance(
 
 
 def support(text: str) -> "Support":
-    """A support of the text after --scale. Raises InputError naming the option."""
+    """Parse a support from the text after --scale. Raises InputError naming the option."""
 
     position, _, readings = text.rpartition(":")
     numbers, unit = numbers_and_unit(readings, "--scale", EXAMPLE)
@@ -161,7 +161,7 @@ def support(text: str) -> "Support":
 
 
 def summary(balance: "WeightAndBalance") -> list[str]:
-    """The result in lines."""
+    """Return the result as lines of text."""
     from flightpower.analysis.estimation.noise import NORMAL_95
 
     lines = [f"weight {balance.mass_kg:.3f} ± {NORMAL_95 * balance.mass_error_kg:.3f} kg (95 % interval)"]

@@ -1,1 +1,1 @@
-"""The commands `analyze`, `calibrate`, `compare`, `export`, `plan`: arguments, messages, exit codes; no computation."""
+"""The commands, such as `analyze`, `calibrate` and `export`: arguments, messages and exit codes; no computation."""

@@ -1,4 +1,4 @@
-"""The command `analyze`: from a log to the report. Arguments, messages and exit codes only."""
+"""The command `analyze`, from a log to the report: only arguments, messages and exit codes."""
 
 import shlex
 import sys
@@ -31,7 +31,7 @@ app = application(no_args_is_help=False)
 
 
 class AnalyzeCommand(TyperCommand):
-    """`analyze LOG...`, and `analyze compare A B`: only a first argument that is the word itself means the latter."""
+    """Runs `analyze LOG...`, or `analyze compare A B` if the first argument is exactly the word compare."""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         if args[:1] == ["compare"]:
@@ -159,7 +159,7 @@ def analyze(
 
 
 def _finish(done: Report, json: bool, quiet: bool) -> ExitCode:
-    """Print the results, and on stderr what contradicts them. Returns the exit code."""
+    """Print the results, and on stderr the evidence against them. Returns the exit code."""
     from flightpower.analysis.results.files import to_json
 
     def print_results() -> None:

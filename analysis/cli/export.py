@@ -1,4 +1,4 @@
-"""The command `flightpower export`: an analyzed flight as files that other programs open."""
+"""The command `flightpower export`: writes an analyzed flight as files that other programs open."""
 
 from pathlib import Path
 from typing import Annotated
@@ -79,7 +79,7 @@ def export(
 
 
 def _export(log: Path, path: Path, to: str, options: Options, *, replace: bool, quiet: bool) -> ExitCode:
-    """Analyze a log and write it to `path`. Raises InputError; then nothing was written."""
+    """Analyze a log and write it to `path`. On InputError nothing has been written."""
     if log.is_dir():
         raise InputError(f"{log}: is a folder; give its logs, such as {log}/*.mcap")
     if path.exists() and log.exists() and path.samefile(log):

@@ -1,4 +1,4 @@
-"""The commands `fleet add` and `fleet show`: many airframes, many flights. Arguments and messages only."""
+"""The commands `fleet add` and `fleet show` for many airframes and flights: only arguments and messages."""
 
 import os
 from functools import partial
@@ -124,18 +124,18 @@ def show(
 
 
 def _report(dataset: str, output: Path | None, flight: "PoolFlight") -> str:
-    """The address of a flight's page from the folder of the fleet's page; "" where it is not on this computer."""
+    """Return the link from the fleet's page to a flight's page; "" if that page is not on this computer."""
     page = Path(dataset, flight.folder, "report.html")
     if output is None or not flight.folder or not page.is_file():
         return ""
     try:
         return quote(Path(os.path.relpath(page.resolve(), output.resolve())).as_posix())
-    except ValueError:  # on another drive of Windows
+    except ValueError:  # the page is on another Windows drive
         return page.resolve().as_uri()
 
 
 def main() -> None:
-    """Entry point. Wrong input gives one line on stderr and exit code 2."""
+    """Run the command. Wrong input gives one line on stderr and exit code 2."""
     run(app, "fleet")
 
 

@@ -1,4 +1,4 @@
-"""The command `parameters`: a file for an autopilot from results. Arguments, messages and exit codes only."""
+"""The command `parameters`, which makes a file for an autopilot from results: only arguments, messages, exit codes."""
 
 from pathlib import Path
 from typing import Annotated
@@ -44,7 +44,7 @@ def parameters(
 
 
 def main() -> None:
-    """Entry point. Wrong input gives one line on stderr and exit code 2."""
+    """Run the command. Wrong input gives one line on stderr and exit code 2."""
     run(app, "parameters")
 
 

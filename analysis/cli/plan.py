@@ -1,4 +1,4 @@
-"""The command `plan`: what to fly for the narrowest interval. Arguments, messages and exit codes only."""
+"""The command `plan`, which plans a flight for the narrowest interval: only arguments, messages and exit codes."""
 
 import dataclasses
 import shlex
@@ -27,7 +27,7 @@ app = application()
 
 
 class QuestionName(StrEnum):
-    """What the flight should measure best."""
+    """Quantities that the flight can be planned to measure best."""
 
     CURVE = "curve"
     ENDURANCE = "endurance"
@@ -48,7 +48,7 @@ class Firmware(StrEnum):
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """What the user wants of a plan."""
+    """The user's requirements for a plan."""
 
     propeller: Annotated[
         str | None,
@@ -126,7 +126,7 @@ class PlanOptions:
     firmware: Annotated[Firmware, typer.Option("--firmware", help="Of the mission.")] = Firmware.PX4
 
     def __post_init__(self) -> None:
-        """A program may give names as texts. Raises InputError for one that does not exist."""
+        """Convert names given as text. Raises InputError for unknown names, and for --wind-from without --heading."""
         for name, kind in (("question", QuestionName), ("pilot", PilotKind), ("firmware", Firmware)):
             value = getattr(self, name)
             if value not in set(kind):
@@ -139,7 +139,7 @@ class PlanOptions:
 
     @property
     def first_leg_deg(self) -> float | None:
-        """Heading of the first leg, where given: of the two directions of the legs the one into the wind."""
+        """Heading of the first leg, if given; with a wind direction, the legs' heading that goes into the wind."""
         if self.heading_deg is None or self.wind_from_deg is None:
             return self.heading_deg
         with_wind = abs((self.wind_from_deg - self.heading_deg + 180) % 360 - 180) > 90
@@ -147,13 +147,13 @@ class PlanOptions:
 
     @property
     def longest_leg_m(self) -> float:
-        """The given length, or the usual one for this pilot."""
+        """Longest leg [m]: the given length, or the usual length for this pilot."""
         by_autopilot = self.pilot is PilotKind.AUTOPILOT
         return self.leg_m or (LEG.length_m[1] if by_autopilot else LEG.length_m[0])
 
     @property
     def place_deg(self) -> tuple[float, float] | None:
-        """Latitude and longitude of the middle of the legs, where given. Raises InputError."""
+        """Latitude and longitude [deg] of the middle of the legs, if given. Raises InputError."""
         return None if self.home is None else place_of(self.home)
 
 
@@ -219,7 +219,7 @@ def _aircraft(name_or_path: str, options: PlanOptions) -> Aircraft:
 
 
 def flight_plan(aircraft: str, options: PlanOptions, progress: Callable[[str], None] = lambda _: None) -> "FlightPlan":
-    """The plan for an aircraft, a shipped one or a file. progress: called with each step. Raises InputError."""
+    """Plan a flight for a shipped aircraft or an aircraft file. progress: called with each step. Raises InputError."""
     from flightpower.analysis.missions import information
     from flightpower.analysis.missions.expected_aircraft import expected_aircraft
     from flightpower.analysis.missions.pieces import Pilot, Space
@@ -244,7 +244,7 @@ def flight_plan(aircraft: str, options: PlanOptions, progress: Callable[[str], N
 
 
 def place_of(text: str) -> tuple[float, float]:
-    """Latitude and longitude [deg] of `--home`. Raises InputError."""
+    """Return latitude and longitude [deg] from the text of `--home`. Raises InputError."""
     try:
         latitude, longitude = (float(part) for part in text.split(","))
     except ValueError:
@@ -276,7 +276,7 @@ def _print(made: "FlightPlan", folder: Path, files: list[str], unit: SpeedUnit, 
 
 
 def main() -> None:
-    """Entry point. Wrong input gives one line on stderr and exit code 2."""
+    """Run the command. Wrong input gives one line on stderr and exit code 2."""
     run(app, "plan")
 
 

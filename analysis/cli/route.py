@@ -1,4 +1,4 @@
-"""The command `route`: the energy of a mission in wind. Arguments, messages and exit codes only."""
+"""The command `route`, for the energy of a mission in wind: only arguments, messages and exit codes."""
 
 import sys
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ Read = TypeVar("Read", bound="WithCurves")
 
 @dataclass(frozen=True)
 class StallOptions:
-    """The stall speed and the margin that every airspeed keeps."""
+    """The stall speed, and the margin above it that every airspeed keeps."""
 
     stall_mps: Annotated[
         float | None,
@@ -241,7 +241,7 @@ def _mission(path: Path | None, options: RouteOptions) -> "Mission":
 
 
 def _asked_speed(text: str) -> "Speed | Objective | None":
-    """None: the mission's. Raises InputError."""
+    """Return the airspeed or objective asked for; None means the mission's airspeeds. Raises InputError."""
     from flightpower.analysis.missions.mission import Speed
     from flightpower.analysis.missions.prediction import Objective
 
@@ -258,7 +258,7 @@ def _asked_speed(text: str) -> "Speed | Objective | None":
 
 
 def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | None", options: RouteOptions) -> "Flight":
-    """Raises InputError where the battery's energy or the air is not known."""
+    """Combine results and options. Raises InputError if the battery's energy or the air density is not known."""
     from flightpower.analysis.missions.energy import Battery
     from flightpower.analysis.missions.prediction import Air, Flight
     from flightpower.analysis.performance.request import parse_request, voltage_of
@@ -301,7 +301,7 @@ def _flight(results: "RouteInput", wind: "Wind", speed: "Speed | Objective | Non
 
 
 def _questions(results: "RouteInput", flight: "Flight", options: RouteOptions) -> list[str]:
-    """Entered values that are far from the flight, each as a question."""
+    """Return a question on each entered value that is far from the flight's value."""
     from flightpower.analysis.performance.request import unusual_battery, unusual_weight
 
     given_Wh = flight.battery.energy_J / 3600 if options.battery_Wh is not None else None
@@ -310,16 +310,16 @@ def _questions(results: "RouteInput", flight: "Flight", options: RouteOptions) -
 
 
 def read_route_input(path: Path) -> "RouteInput":
-    """What a route needs of the results of one flight or of a pool, read as by `read_results`."""
+    """Read the part of one flight's or a pool's results that a route needs, with the checks of `read_results`."""
     from flightpower.analysis.missions import inputs
 
     return _trusted(path, inputs.read_route_input(path))
 
 
 def read_results(path: Path) -> "Results | PooledResults":
-    """Reads the results of one flight or of a pool; doubts go to stderr.
+    """Read the results of one flight or of a pool; doubts go to stderr.
 
-    Raises InputError when it is something else, or not to be trusted.
+    Raises InputError if the file is anything else, or if its results are not to be trusted.
     """
     from flightpower.analysis.results import read
 
@@ -345,7 +345,7 @@ def _weight_N(text: str, option: str) -> float:
 
 
 def main() -> None:
-    """Entry point. Wrong input gives one line on stderr and exit code 2."""
+    """Run the command. Wrong input gives one line on stderr and exit code 2."""
     run(app, "route")
 
 

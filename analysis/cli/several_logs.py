@@ -1,4 +1,4 @@
-"""`analyze` of several logs: each flight into its folder, and all together above them."""
+"""`analyze` for several logs: writes each flight's results in its own folder, and those of all flights above them."""
 
 import importlib
 import io
@@ -39,14 +39,14 @@ PRELOAD = (
     "flightpower.analysis.pipeline",
     "flightpower.analysis.pages.write",
     "flightpower.analysis.pages.terminal",
-)  # of each analysis
+)  # modules that each analysis needs
 
 
 @dataclass(frozen=True)
 class FlightAnalysis:
-    """`analyze_log` with its options, for other processes.
+    """`analyze_log` with its options, to be run in other processes.
 
-    mixed : whether the options of autopilots' logs are not for logs with an aircraft file of their own
+    mixed : whether logs with their own aircraft file ignore the options that are for autopilots' logs
     """
 
     options: Options
@@ -56,7 +56,7 @@ class FlightAnalysis:
         analyze_log(log, folder, replace(self.options_of(log), runs=runs), progress)
 
     def options_of(self, log: Path) -> Options:
-        """The options that are for this log."""
+        """Return the options that apply to this log."""
         return self.options.with_own_aircraft() if self.mixed and _has_aircraft(log) else self.options
 
     def under(self, root: Path) -> "FlightAnalysis":
@@ -68,7 +68,7 @@ class FlightAnalysis:
 
 
 def settings(options: Options) -> str:
-    """The options' values as text; of a file its name alone, since its content counts and not its folder."""
+    """Return the options' values as text. A file appears as its bare name: its content matters, not its folder."""
     values = (getattr(options, field.name) for field in fields(Options))
     return repr([value.name if isinstance(value, Path) else value for value in values])
 
@@ -76,10 +76,10 @@ def settings(options: Options) -> str:
 def analyze_logs(
     listing: FoundLogs, output: Path | None, options: Options, *, jobs: int | None, scheduler: str | None, quiet: bool
 ) -> ExitCode:
-    """Analyze logs and pool the flights. Returns `ExitCode.FAILURE` when some of the logs cannot be used, or the
-    results of one are not to be trusted.
+    """Analyze logs and pool the flights. Returns `ExitCode.FAILURE` if some of the logs cannot be used, or if there
+    are results that are not to be trusted.
 
-    Raises InputError when none can, or the flights cannot be pooled.
+    Raises InputError if none of the logs can be used, or the flights cannot be pooled.
     """
     if output is None:
         raise InputError("several logs: give the folder for the results with -o")
@@ -90,7 +90,7 @@ def analyze_logs(
         )
     if options.leave_out is not None:
         raise InputError(f"--leave-out {options.leave_out!r}: belongs to one log; analyze that log alone")
-    options.replacements()  # a wrong file is refused once, not for each log
+    options.replacements()  # rejects a wrong file once instead of for each log
     modules = {type(file_system(log.address)[0]).__module__ for log in listing.logs if isinstance(log, RemoteLog)}
     preload = (*PRELOAD, *sorted(modules))
     note = own_aircraft_note(listing.logs, options)
@@ -98,8 +98,8 @@ def analyze_logs(
     values = settings(options) + (", mixed" if note else "")
     work = Work(analysis, values, lambda log: files_used(log, options), preload)
     stderr = Console(stderr=True)
-    # Meanwhile this process has nothing else to do: what the report needs is loaded before the last flight has ended.
-    # Waited for at the end: C++ libraries abort a process that ends while a thread loads them.
+    # This process is idle during the analyses, so it loads the modules for the report before the last flight ends. The
+    # thread is not a daemon: C++ libraries abort a process that ends while a thread loads them.
     threading.Thread(target=_load_report).start()
     with exclusive(output):
         with ProgressOnConsole(stderr, quiet) as monitor:
@@ -114,8 +114,9 @@ def analyze_logs(
 
 
 def own_aircraft_note(logs: Sequence[Log], options: Options) -> str:
-    """What options of autopilots' logs are for, where other logs have an aircraft file; empty where none is given, or
-    no log at hand is an autopilot's, or none has an aircraft file.
+    """Return a note that options for autopilots' logs do not apply to logs with an aircraft file.
+
+    It is empty if there is no such option, no local log from an autopilot, or no local log with an aircraft file.
     """
     if not (names := options.of_autopilots):
         return ""
@@ -130,7 +131,7 @@ def _of_autopilot(log: Path) -> bool:
     try:
         return autopilot_of(log) is not None
     except InputError:
-        return False  # the analysis says so
+        return False  # the analysis reports the error
 
 
 def _has_aircraft(log: Path) -> bool:
@@ -149,7 +150,7 @@ def _load_report() -> None:
 def _pool(campaign: Campaign, output: Path, quiet: bool, request: Request = Request()) -> ExitCode:
     """Write and print the results of all flights and the evidence against them.
 
-    Raises InputError when they cannot be pooled.
+    Raises InputError if they cannot be pooled.
     """
     with Console(stderr=True, quiet=quiet).status(f"pooling {len(campaign.folders)} flights …"):
         from flightpower.analysis.flights.campaign.campaign import read_flights
@@ -185,18 +186,18 @@ def _pool(campaign: Campaign, output: Path, quiet: bool, request: Request = Requ
 
 
 def _print_note(text: str) -> None:
-    """Print a note to stderr; nothing where there is none."""
+    """Print a note to stderr; print nothing if it is empty."""
     if text:
         print(f"note: {text}", file=sys.stderr)
 
 
 def _processors() -> int:
-    """Processors that this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class ProgressOnConsole:
-    """A line for each flight that is being analyzed, and a bar for all; without a terminal, a line when one ends."""
+    """Shows a line for each running analysis and a bar for all; without a terminal, a line when an analysis ends."""
 
     def __init__(self, console: Console, quiet: bool):
         self.console, self.quiet = console, quiet
@@ -261,9 +262,9 @@ class ProgressOnConsole:
 
 
 def files_used(log: Log, options: Options) -> list[tuple[str, Path]]:
-    """(option, file) of every file that the analysis of `log` reads; of a log at an address, that options name.
+    """Return (option, file) for every file that the analysis of `log` reads; for a remote log, only files from options.
 
-    Raises InputError when the aircraft file cannot be used.
+    Raises InputError if the aircraft file cannot be used.
     """
     attached = ((option_name(field), getattr(options, field)) for field in ATTACHMENTS)
     files = [(option, path) for option, path in attached if isinstance(path, Path) and path.is_file()]
@@ -274,7 +275,7 @@ def files_used(log: Log, options: Options) -> list[tuple[str, Path]]:
 
 
 def _named_propeller(log: Log, aircraft: Path | None) -> str | None:
-    """The propeller in the aircraft file given, or in the log's where the log has no table of it."""
+    """Return the propeller named in the given aircraft file, or in the log's own if the log has no propeller table."""
     if aircraft is not None:
         return load_aircraft(aircraft).propulsion.propeller
     if not isinstance(log, Path) or autopilot_of(log):
@@ -286,20 +287,20 @@ def _named_propeller(log: Log, aircraft: Path | None) -> str | None:
         text = attached["aircraft.toml"].decode("utf-8", errors="replace")
         return parse_aircraft(text, f"{log}: aircraft.toml").propulsion.propeller
     except InputError:
-        return None  # the analysis says so
+        return None  # the analysis reports the error
 
 
 def _attachments(log: Path) -> dict[str, bytes]:
-    """Attachments of a log by name, by its index; none of a torn log, whose index is missing."""
+    """Return a log's attachments by name, found by its index; none from a truncated log, whose index is missing."""
     try:
         with log.open("rb") as stream:
             return {attachment.name: attachment.data for attachment in _indexed_attachments(stream)}
-    except Exception:  # the reader raises errors of many kinds; the analysis says what is wrong with the log
+    except Exception:  # the reader raises errors of many kinds; the analysis reports what is wrong
         return {}
 
 
 def _indexed_attachments(stream: IO[bytes]) -> Iterator[Attachment]:
-    """Finds attachments by the offsets at the end of the file, without reading the index of the chunks."""
+    """Yield attachments, found by the offsets at the end of the file without reading the index of the chunks."""
     end = stream.seek(-(RECORD_HEAD.size + FOOTER_BYTES + len(MAGIC)), os.SEEK_END)
     footer = Footer.read(_contents(stream.read(RECORD_HEAD.size + FOOTER_BYTES))[0][1])
     if not footer.summary_offset_start:
@@ -317,7 +318,7 @@ def _indexed_attachments(stream: IO[bytes]) -> Iterator[Attachment]:
 
 
 def _contents(records: bytes) -> list[tuple[int, ReadDataStream]]:
-    """Operation code and content of each whole record."""
+    """Return the operation code and content of each record."""
     contents, offset = [], 0
     while offset < len(records):
         opcode, length = RECORD_HEAD.unpack_from(records, offset)
@@ -328,10 +329,10 @@ def _contents(records: bytes) -> list[tuple[int, ReadDataStream]]:
 
 
 def _propeller_files(name_or_path: str | None) -> list[Path]:
-    """The files in which `flight.propeller_files.load_propeller` finds a propeller; none of a shipped one."""
+    """Return the files in which `flight.propeller_files.load_propeller` finds a propeller; none for a shipped one."""
     if name_or_path is None or name_or_path in shipped_propellers():
         return []
     path = Path(name_or_path)
-    if path.is_dir() or path.suffix == ".txt":  # tables of UIUC: the others in the folder belong to it
+    if path.is_dir() or path.suffix == ".txt":  # a UIUC table, to which the other tables in its folder belong
         return sorted((path if path.is_dir() else path.parent).glob("*.txt"))
     return [path] if path.is_file() else []

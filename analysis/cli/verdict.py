@@ -1,4 +1,4 @@
-"""What contradicts results, printed on the terminal: doubts before them, reasons not to trust them at the end."""
+"""Prints evidence against results on the terminal: doubts before the results, reasons not to trust them after."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def report_evidence(evidence: Sequence["Evidence"], print_results: Callable[[], None]) -> ExitCode:
-    """Print doubts on stderr, then the results, then why they are not to be trusted. Returns the exit code."""
+    """Print doubts on stderr, then the results, then on stderr reasons not to trust them. Returns the exit code."""
     from flightpower.analysis.records.flight import Trust
     from flightpower.analysis.results.evidence import sentence
 
@@ -29,6 +29,6 @@ def report_evidence(evidence: Sequence["Evidence"], print_results: Callable[[], 
 
 
 def evidence_of_kinds(results: "PooledResults | ComparisonResults") -> list["Evidence"]:
-    """The evidence against the estimates by either kind of power, each piece once."""
+    """Return the evidence against the estimates from both kinds of power, each piece once."""
     of_other = results.other_kind.evidence if results.other_kind else []
     return [*results.evidence, *(piece for piece in of_other if piece not in results.evidence)]
