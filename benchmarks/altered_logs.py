@@ -1,12 +1,12 @@
-"""Altered logs, tables, missions and propeller tables through their readers: no traceback, no warning, no hang.
+"""Feeds altered logs, tables, missions and propeller tables to their readers: no traceback, warning or hang is allowed.
 
     python benchmarks/altered_logs.py --inputs 1000000 --minutes 30
 
-The logs are as short as their reader, or the estimate, permits. Each input has one to eight alterations, which follow
-from its number: bytes and bits, whole numbers and floats at their limits, stretches cut, repeated, moved; in every
-other text, numbers, words and lines in place of others, so that parsing gets past the first line. Messages of the
-daemon are altered before they are packed into a log. A defect is any exception but a refusal, a warning of a library,
-10 s for one input, or 2 GB of memory; its input is kept in tests/data/fuzz.
+The logs are as short as their reader, or the estimate, permits. Each input has one to eight alterations, which its
+number determines: changed bytes and bits; integers and floats at their limits; stretches cut, repeated or moved. In
+every second text, numbers, words and lines are replaced instead, so that parsing gets past the first line. Messages
+of the daemon are altered before they are packed into a log. A defect is any exception except a refusal, a warning from
+a library, more than 10 s for one input, or more than 2 GB of memory; its input is kept in tests/data/fuzz.
 """
 
 import os
@@ -59,7 +59,7 @@ from tests.fuzz_targets import electrical
 
 KEPT = Path(__file__).resolve().parent.parent / "tests" / "data" / "fuzz"
 IN_MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
-READ_S, FLOWN_S = 4.4, 64.0  # as little as is read at 5 messages a second, and as a curve needs at one a second
+READ_S, FLOWN_S = 4.4, 64.0  # shortest that is read at 5 messages a second; shortest that gives a curve at 1
 SLOWEST_S, MEMORY_BYTES = 10.0, 2 << 30
 BATCH = 500
 LIMITS = [struct.pack(code, x) for code, x in (
@@ -76,7 +76,7 @@ OTHER_PARTS = (
 
 
 def small_table() -> bytes:
-    """The log of a radio, which needs no map: times of day, positions in one cell, units in brackets."""
+    """Return a radio's log that needs no map: times of day, positions in one cell, units in brackets."""
     lines = ["Date,Time,RSSI(dB),GPS,GSpd(kmh),Hdg(@),Alt(m),ASpd(kts),VFAS(V),Curr(A)"]
     for i in range(60):
         wave = np.sin(0.3 * i)
@@ -88,7 +88,7 @@ def small_table() -> bytes:
 
 
 def jeti_table() -> bytes:
-    """The log of another radio: a line for each device and moment."""
+    """Return a log of another radio, with a line for each device and time."""
     lines = ["# one", "000000000;42;0;MSPEED;", "000000000;42;1;Velocity;m/s", "000000000;43;0;MUI-75;",
              "000000000;43;1;Voltage;V", "000000000;43;2;Current;A", "000000000;44;0;MGPS;",
              "000000000;44;2;Latitude; ", "000000000;44;6;Altitude;m"]  # fmt: skip
@@ -102,7 +102,7 @@ def jeti_table() -> bytes:
 
 
 def european_table() -> bytes:
-    """Semicolons, decimal commas, a line of units, lines before the names."""
+    """Return a table with semicolons, decimal commas, a line of units, and lines before the names."""
     rows = [
         f"{i / 5:.1f};{15 + np.sin(i / 9):.2f};{50 + np.sin(i / 7):.2f};14,9;{8 + np.sin(i / 9):.2f}" for i in range(60)
     ]
@@ -147,7 +147,7 @@ def paparazzi() -> bytes:
 
 
 def daemon_messages() -> bytes:
-    """Messages of the daemon, one a line: topic, time in nanoseconds, JSON."""
+    """Return messages of the daemon, one per line: topic, time in nanoseconds, JSON."""
     lines = []
     for i in range(30):
         wave = float(np.sin(0.3 * i))
@@ -168,7 +168,7 @@ def daemon_messages() -> bytes:
 
 
 def packed_messages(lines: bytes) -> bytes:
-    """A log of these messages, uncompressed. Lines without topic or time are left out, as no log can hold them."""
+    """Return an uncompressed log of these messages, without lines that lack a topic or time, which no log can hold."""
     from mcap.writer import CompressionType, Writer
 
     stream = io.BytesIO()
@@ -202,7 +202,7 @@ def daemon_log() -> bytes:
 
 
 def read_checked(path: Path) -> object:
-    """A log of the daemon as far as it is read and checked before it is synchronized."""
+    """Read and check a log of the daemon up to the point where it would be synchronized."""
     log = read_log(path)
     check_log(log, 0.3)
     return receiver_notes(log)
@@ -247,7 +247,7 @@ def plan() -> bytes:
 
 
 def small_log(path: Path, flown_s: float, rate_Hz: float) -> None:
-    """A log in the format of its suffix, with each kind of message that is read."""
+    """Write a log in the format of its suffix, with each kind of message that is read."""
     t_s = np.arange(0.0, flown_s, 1 / rate_Hz)
     time_us = np.round(1e6 * (10 + t_s)).astype(np.uint64)
     zero, unity, wave = 0 * t_s, 0 * t_s + 1, np.sin(0.3 * t_s)
@@ -300,15 +300,15 @@ def mission(path: Path) -> object:
 
 @dataclass(frozen=True)
 class Target:
-    """share : of all inputs"""
+    """A reader and its inputs. share : fraction of all inputs"""
 
     name: str
     suffix: str
     run: Callable[[Path], object]
     share: float
     log: tuple[float, float] = (READ_S, 5.0)  # duration [s], rate [Hz]
-    made: Callable[[], bytes] | None = None  # the input that is altered, if it is no log of `small_log`
-    packed: Callable[[bytes], bytes] = bytes  # what is written of the altered input
+    made: Callable[[], bytes] | None = None  # the input to alter, if it is not a log from `small_log`
+    packed: Callable[[bytes], bytes] = bytes  # converts the altered input to the bytes that are written
     is_text: bool = False
 
 
@@ -338,7 +338,7 @@ TARGETS = (
 
 
 def altered(data: bytes, number: int, is_text: bool = False) -> bytes:
-    """The input of this number; every other text by its numbers, words and lines."""
+    """Return the altered input with this number; in every second text, numbers, words and lines are altered."""
     if is_text and number % 2:
         return altered_text(data, number)
     draw, out = random.Random(number), bytearray(data)
@@ -367,7 +367,7 @@ def altered(data: bytes, number: int, is_text: bool = False) -> bytes:
 
 
 def altered_text(data: bytes, number: int) -> bytes:
-    """A text with other numbers and words, and other lines."""
+    """Return a text with numbers, words and lines replaced."""
     draw, lines = random.Random(number), data.splitlines(keepends=True)
     for _ in range(draw.choice((1, 1, 2, 4, 8))):
         line_number, other = draw.randrange(len(lines)), draw.randrange(len(lines))
@@ -393,7 +393,7 @@ def altered_text(data: bytes, number: int) -> bytes:
                     continue
                 part = draw.choice(parts)
                 new = draw.choice((*OTHER_PARTS, draw.choice(parts)[0]))
-                in_every_line = draw.random() < 0.1  # in every line
+                in_every_line = draw.random() < 0.1  # the change is made in every line
                 rows = range(len(lines)) if in_every_line else (line_number,)
                 for row in rows:
                     lines[row] = lines[row].replace(part[0], new) if in_every_line else (
@@ -402,12 +402,12 @@ def altered_text(data: bytes, number: int) -> bytes:
 
 
 class Hang(BaseException):
-    """One input took too long. No Exception, since readers catch those that altered bytes cause."""
+    """Raised when one input takes too long. It is not an Exception, so readers that catch errors do not catch it."""
 
 
 @dataclass
 class Tally:
-    """inputs, of which were refused; those with a defect; seconds in all, and of the slowest input"""
+    """Numbers of inputs and refusals, inputs with a defect, total seconds, and seconds for the slowest input."""
 
     inputs: int = 0
     refused: int = 0
@@ -423,14 +423,14 @@ class Tally:
 
 
 def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
-    """Runs inputs of one target, for a range of numbers, until a deadline."""
+    """Run a range of one target's inputs until a deadline."""
     index, data, first, stop, until = job
     target, tally = TARGETS[index], Tally()
 
     def too_long(_: int, __: FrameType | None) -> None:
         raise Hang(f"longer than {SLOWEST_S:g} s")
 
-    signal.signal(signal.SIGPROF, too_long)  # of processor time: another process may have the processor
+    signal.signal(signal.SIGPROF, too_long)  # limits processor time, because another process may have the processor
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     with tempfile.TemporaryDirectory(dir=IN_MEMORY) as folder:
         path = Path(folder) / f"log{target.suffix}"
@@ -444,7 +444,7 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
             try:
                 with warnings.catch_warnings(record=True) as warned:
                     warnings.simplefilter("always")
-                    warnings.simplefilter("ignore", ResourceWarning)  # Python does not show these either
+                    warnings.simplefilter("ignore", ResourceWarning)  # comes from a slot that Python does not expose
                     target.run(path)
                 if warned:
                     raise RuntimeError(
@@ -467,7 +467,7 @@ def tried(job: tuple[int, bytes, int, int, float]) -> Tally:
 
 
 def original(target: Target) -> bytes:
-    """The input that is altered; raises InputError if it is refused itself."""
+    """Return the unaltered input; raises InputError if even that is refused."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"log{target.suffix}"
         if target.made is None:
@@ -492,7 +492,7 @@ def main(
         data, count = original(target), round(inputs * target.share)
         for first in range(seed, seed + count, BATCH):
             jobs.append(((first - seed) / count, (index, data, first, min(first + BATCH, seed + count), until)))
-    jobs.sort(key=lambda job: job[0])  # all targets advance equally, so the time limit does not cut off any one of them
+    jobs.sort(key=lambda job: job[0])  # all targets advance equally: the time limit does not cut off one of them
     tallies = [Tally() for _ in TARGETS]
     with ProcessPoolExecutor(processes) as pool:
         for (_, job), tally in zip(jobs, pool.map(tried, [job for _, job in jobs]), strict=True):

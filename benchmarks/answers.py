@@ -32,7 +32,7 @@ from flightpower.sim.trim import Trimmer
 
 
 def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarray, climb_V: float) -> np.ndarray:
-    """Battery power at each speed in trimmed level flight, the highest level speed, the best climb at one speed."""
+    """Return battery power in trimmed level flight at each V, the highest level speed, the best climb at `climb_V`."""
     plant = plant_of(aircraft, deviations=deviations)
     height = brentq(lambda h: float(ambient(plant.air, h).density) - rho, -1000, 4000)
     trimmer = Trimmer(plant, height)
@@ -55,7 +55,7 @@ def truth_of(aircraft: Aircraft, deviations: Deviations, rho: float, V: np.ndarr
 
 
 class Estimated(NamedTuple):
-    """What a flight tells of performance and of drag, its weight and air, and the air data that it comes from."""
+    """Performance and drag estimated from a flight, its weight and air, and the air data behind them."""
 
     model: PerformanceModel
     condition: Condition
@@ -64,7 +64,7 @@ class Estimated(NamedTuple):
 
 
 def estimated(setup: Setup, *, blind: bool = False, errors: DrawnErrors | None = None) -> Estimated:
-    """Fly and analyze. blind: without battery data     errors: errors, in place of those of the seed"""
+    """Fly and analyze. blind: without battery data     errors: used in place of the seed's errors"""
     aircraft, probe, errors = load_aircraft(setup.aircraft), flights.tunnel_probe(), errors or setup.drawn_errors
     flight, sensor_truth, table = flights.flown(aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt)
     t = table.index.to_numpy()
@@ -94,8 +94,10 @@ def estimated(setup: Setup, *, blind: bool = False, errors: DrawnErrors | None =
 
 
 def _mean_current_A(truth: pd.DataFrame, t_s: np.ndarray) -> np.ndarray:
-    """Over a tick, as a meter shows it, from the energy: at single instants, just after a change of throttle, the
-    current is up to 1.4 % larger."""
+    """Return the mean current over each tick, from the energy, as a meter shows it.
+
+    At an instant just after a change of throttle, the current is up to 1.4 % larger.
+    """
     time_s, half_s = truth["time_s"], flights.TICK_S / 2
     begin_J, end_J = (np.interp(t_s + shift_s, time_s, truth["battery_energy_J"]) for shift_s in (-half_s, half_s))
     voltage_V = np.interp(t_s, time_s, truth["battery_voltage_V"])
@@ -103,7 +105,7 @@ def _mean_current_A(truth: pd.DataFrame, t_s: np.ndarray) -> np.ndarray:
 
 
 def one_flight(setup: Setup, *, blind: bool = False) -> Rows:
-    """Battery power at each of `columns`, highest level speed and rate of climb. blind: without battery data."""
+    """Return rows for power at each of `columns`, highest level speed and climb rate. blind: without battery data"""
     aircraft, errors = load_aircraft(setup.aircraft), setup.drawn_errors
     model, condition, *_ = estimated(setup, blind=blind)
     V = speeds(aircraft)[1:]

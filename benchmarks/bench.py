@@ -1,11 +1,11 @@
-"""Time and memory of daemon, simulator, analysis and estimation, by the table of benches below: most of them ratios.
+"""Measures time and memory of daemon, simulator, analysis and estimation by the benches in the table below.
 
     python benchmarks/bench.py                                    # all
     python benchmarks/bench.py drivers optimizers                 # these
     python benchmarks/bench.py analysis --with before=HEAD~5      # with an option, an argument of its function
 
-A ratio is to a limit, to real time, to another optimizer or to an earlier version, measured by turns in one run. Exit
-code 1 if a ratio exceeds its "at most" or is below its "at least".
+Most results are ratios: to a limit, to real time, to another optimizer, or to an earlier version that is measured by
+turns in the same run. Exit code 1 if a ratio exceeds its "at most" or is below its "at least".
 """
 
 import os
@@ -27,7 +27,7 @@ from records import Record, markdown, option
 
 
 def analysis(*, log: str = "", before: str = "", hours: float = 0.0, rounds: int = 3) -> list[Record]:
-    """Times of an analysis by step, as ratios to an earlier version if one is named."""
+    """Measure an analysis step by step, as ratios to an earlier version if one is named."""
     return speed.records(Path(log) if log else None, [before] if before else [], hours, rounds)
 
 
@@ -45,7 +45,7 @@ BENCHES: Mapping[str, Callable[..., list[Record]]] = {
 
 
 def missed(records: Sequence[Record]) -> list[Record]:
-    """The rows whose ratio is beyond its limit."""
+    """Return the rows whose ratio is beyond its limit."""
     return [
         record
         for record in records

@@ -3,11 +3,11 @@
     python benchmarks/blade_elements.py 11 5 1200 2000 3000 4200 5500 7000 > flight/data/propellers/blade-11x5.csv
     python benchmarks/blade_elements.py 16 10 1000 2000 3000 4500 6500 > flight/data/propellers/blade-16x10.csv
 
-Blade elements in the flow of a helical wake (M. Drela, QPROP formulation, MIT 2006), which holds from standing through
-zero thrust. Two blades of constant pitch with the thin cambered section of electric propellers, whose drag falls with
-the square root of Reynolds number. Simulated aircraft fly these; no propeller on sale is
-claimed to be like them. For a 10x5 at 6000 rpm and J from 0.15 to 0.55 cT and cP are within 8 % of those that UIUC
-measured for the APC 10x5E.
+It uses blade elements in the flow of a helical wake (M. Drela, QPROP formulation, MIT 2006), which hold from standstill
+through zero thrust. The propellers have two blades of constant pitch with the thin cambered section of electric
+propellers, whose drag falls with the square root of Reynolds number. Simulated aircraft fly them; they do not claim to
+match any propeller on sale. For a 10x5 at 6000 rpm and J from 0.15 to 0.55, cT and cP are within 8 % of the values that
+UIUC measured for the APC 10x5E.
 """
 
 from typing import Annotated
@@ -21,16 +21,16 @@ from flightpower.flight.propeller_files import INCH_M
 
 Array = NDArray[np.float64]
 
-BLADES, ELEMENTS, HUB = 2, 40, 0.12  # HUB: share of the radius without blade
-RHO, NU = 1.225, 1.46e-5  # air at sea level
+BLADES, ELEMENTS, HUB = 2, 40, 0.12  # HUB: fraction of the radius without blade
+RHO, NU = 1.225, 1.46e-5  # properties of air at sea level
 LIFT_SLOPE, ZERO_LIFT_RAD, MOST_LIFT, LEAST_LIFT = 5.7, np.radians(-4.0), 1.2, -0.7
-# Drag of the section: least at Re = 100 000, the lift coefficient of that, rise with lift, a plate across the flow.
+# Section drag: least value at Re = 100 000, lift coefficient there, rise with lift, and a plate across the flow.
 LEAST_DRAG, CL_LEAST_DRAG, DRAG_RISE, PLATE_DRAG = 0.018, 0.4, 0.02, 1.2
-POINTS, BEYOND = 25, 0.35  # points of a row, which ends this far in J beyond zero thrust: windmilling in a dive
+POINTS, BEYOND = 25, 0.35  # points in a row, and how far in J it goes beyond zero thrust: windmilling in a dive
 
 
 def section(alpha: Array, reynolds: Array) -> tuple[Array, Array]:
-    """cl and cd. cl saturates smoothly; in proportion to what is lost of it the flow is that about a plate."""
+    """Return cl and cd. cl saturates smoothly; the more of it is lost, the more cd approaches that of a plate."""
     linear = LIFT_SLOPE * (alpha - ZERO_LIFT_RAD)
     limit = np.where(linear > 0, MOST_LIFT, -LEAST_LIFT)
     cl = limit * np.tanh(linear / limit)
@@ -40,7 +40,7 @@ def section(alpha: Array, reynolds: Array) -> tuple[Array, Array]:
 
 
 def coefficients(J: float, rpm: float, diameter_m: float, pitch_m: float) -> tuple[float, float]:
-    """cT and cP. The wake's angle psi of each element is found by bisection: circulation equals that of the lift."""
+    """Return cT and cP. Bisection finds each element's wake angle psi: wake and lift have the same circulation."""
     R, n = diameter_m / 2, rpm / 60
     r = R * (HUB + (1 - HUB) * (np.arange(ELEMENTS) + 0.5) / ELEMENTS)
     chord = 0.20 * R * (1 - ((r / R - 0.45) / 0.78) ** 2)

@@ -36,13 +36,13 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 def simulated_tunnel(seed: int) -> TunnelData:
-    """The simulator's: angles set to 0.03 deg, pressures to 0.6 Pa; its own probe and ring of static ports."""
+    """Simulate a tunnel with its own probe and static ring: angles are set to 0.03 deg, pressures read to 0.6 Pa."""
     speed, alpha, beta, *rest = simulated_measurements(seed=seed).to_numpy().T
     return TunnelData(speed, np.radians(alpha), np.radians(beta), *rest)
 
 
 def probe_errors(calibration: ProbeCalibration) -> tuple[float, float, float]:
-    """Largest errors within +-15 deg: alpha, beta [deg], dynamic pressure [%]."""
+    """Return the largest errors within +-15 deg: alpha and beta [deg], dynamic pressure [%]."""
     alpha, beta = (grid.ravel() for grid in np.meshgrid(ANGLES_RAD, ANGLES_RAD))
     flow = _measured(calibration, alpha, beta)
     of_alpha, of_beta = (np.degrees(np.max(np.abs(w))) for w in (flow.alpha_rad - alpha, flow.beta_rad - beta))
@@ -50,7 +50,7 @@ def probe_errors(calibration: ProbeCalibration) -> tuple[float, float, float]:
 
 
 def slope_error(calibration: ProbeCalibration) -> float:
-    """Relative error of the slope of alpha: of a straight line through estimated over true angles of +-10 deg."""
+    """Return the relative error of alpha's slope, from a line through estimated over true angles within +-10 deg."""
     alpha = np.radians(np.linspace(-10, 10, 41))
     return float(np.polyfit(alpha, _measured(calibration, alpha, np.zeros(41)).alpha_rad, 1)[0]) - 1
 
@@ -61,13 +61,13 @@ def _measured(calibration: ProbeCalibration, alpha_rad: Array, beta_rad: Array) 
 
 
 def tunnel_errors(seed: int) -> tuple[float, float, float, float, float]:
-    """Errors of a tunnel's calibration: `probe_errors`, `slope_error`, and the latter's stated deviation."""
+    """Return the errors of a tunnel's calibration: `probe_errors`, `slope_error`, and the stated sigma of the slope."""
     calibration = calibrate(simulated_tunnel(seed))
     return *probe_errors(calibration), slope_error(calibration), calibration.alpha_scale_sigma
 
 
 def probe_records(seeds: range, jobs: int = 1) -> list[Record]:
-    """Errors of the maps over tunnels: the largest within +-15 deg, and that of the slope of alpha."""
+    """Return records of the maps' errors over tunnels: the largest within +-15 deg, and that of alpha's slope."""
     with ProcessPoolExecutor(jobs) as pool:
         *worst, slopes, stated_sigma = np.array(list(pool.map(tunnel_errors, seeds))).T
     records: list[Record] = []
@@ -93,13 +93,13 @@ def probe(
     seed: Annotated[int, typer.Option(help="Of the first.")] = 0,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
-    """Errors of the maps from simulated tunnels."""
+    """Print the errors of maps from simulated tunnels."""
     print(markdown(probe_records(range(seed, seed + tunnels), jobs)))
 
 
 @lru_cache(maxsize=2)
 def _burst(line: PneumaticLine, full: bool) -> tuple[Array, Array]:
-    """Pressure at the transducer around one burst: it rises for 1 s, is constant for 1.5 s, drops to zero."""
+    """Return the pressure at the transducer around a burst: it rises for 1 s, is constant for 1.5 s, drops to zero."""
     t: Array = np.asarray(np.arange(round(8 / FINE_S)) * FINE_S - 4, dtype=float)
     mouth = np.where(t < 0, SIZE_PA * np.clip(t + 2.5, 0.0, 1.0), 0.0)
     if full:
@@ -112,9 +112,9 @@ def _burst(line: PneumaticLine, full: bool) -> tuple[Array, Array]:
 def bursts(
     line: PneumaticLine, *, full: bool, rate_Hz: float = 100.0, seed: int = 0, steps: int = 8
 ) -> tuple[Array, Array]:
-    """A transducer's samples of bursts four seconds apart, at random times between ticks: times [s], values [Pa].
+    """Return times [s] and values [Pa] of a transducer for bursts four seconds apart, at random times between ticks.
 
-    full: through the line's whole response, which creeps and rings; else a first-order lag, as in the simulator.
+    full: use the line's full response, which creeps and rings; otherwise a first-order lag, as in the simulator.
     """
     rng = np.random.default_rng(seed)
     instants = 3 + 4 * np.arange(steps) + rng.uniform(-0.2, 0.2, steps)
@@ -125,7 +125,7 @@ def bursts(
 
 
 def bound(line: PneumaticLine, rate_Hz: float, steps: int) -> float:
-    """Cramér-Rao bound of the lag's relative standard error; time and levels of each burst are unknown."""
+    """Return the Cramér-Rao bound of the lag's relative standard error, with time and levels of each burst unknown."""
     lag_s, shape_of, small, early = low_frequency_lag_s([line], SEA_LEVEL), through(line, SEA_LEVEL), 1e-3, 1e-4
     longer, shape, shorter = (shape_of(lag_s * factor) for factor in (1 + small, 1.0, 1 - small))
     information = []
@@ -139,7 +139,7 @@ def bound(line: PneumaticLine, rate_Hz: float, steps: int) -> float:
 
 
 def lag_of(seed: int, diameter_mm: float, rate_Hz: float, steps: int) -> tuple[float, float, float]:
-    """A line's lag from the bursts of a log, and the ends of its interval, over the true one."""
+    """Return a line's lag from the bursts in a log, and the ends of its interval, all divided by the true lag."""
     line = _line(diameter_mm)
     true_s = low_frequency_lag_s([line], SEA_LEVEL)
     lag = fit_lag(
@@ -153,7 +153,7 @@ def _line(diameter_mm: float) -> PneumaticLine:
 
 
 def tubing_record(seeds: range, diameter_mm: float, rate_Hz: float, steps: int, jobs: int = 1) -> Record:
-    """Errors of a line's lag over many logs, next to the Cramér-Rao bound."""
+    """Return a record of the lag's errors over many logs, next to the Cramér-Rao bound."""
     line = _line(diameter_mm)
     with ProcessPoolExecutor(jobs) as pool:
         lag_of_seed = partial(lag_of, diameter_mm=diameter_mm, rate_Hz=rate_Hz, steps=steps)
@@ -179,7 +179,7 @@ def tubing(
     seed: Annotated[int, typer.Option(help="Of the first.")] = 0,
     jobs: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
-    """Errors of a line's lag from bursts of 400 Pa with 6 Pa of noise."""
+    """Print the errors of a line's lag from bursts of 400 Pa with 6 Pa of noise."""
     print(markdown([tubing_record(range(seed, seed + logs), diameter_mm, rate_Hz, steps, jobs)]))
 
 

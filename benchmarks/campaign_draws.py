@@ -1,8 +1,8 @@
-"""Campaigns drawn from the statistics of flights that were flown: what a few flights promise for many campaigns.
+"""Draws campaigns from the statistics of flown flights, to extend the results of a few flights to many campaigns.
 
-The errors of installation and thrust are drawn from the study's budget, once a campaign, and the estimates of each
-flight from the covariance that its analysis states, with the prior's effect. What such draws cannot show is whether
-that covariance is right; `benchmarks/campaigns.py` shows that, by coverage of the flights flown.
+Errors of installation and thrust are drawn from the study's budget once per campaign. The estimates of each flight are
+drawn from the covariance that its analysis states, with the effect of the prior. Such draws cannot show whether that
+covariance is right; `benchmarks/campaigns.py` shows it by the coverage of the flown flights.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ class Draws:
     """Draws campaigns from flights of one weather."""
 
     def __init__(self, flights: Sequence[FlightStatistics], polar: Array, seed: int):
-        """polar: (3,) that is flown. Flights: with a named installation."""
+        """polar: (3,), the true one. flights: each with a named installation"""
         stack = stacked(flights)
         self.flights, self.polar, self._rng = flights, polar, np.random.default_rng(seed)
         self._own, self._normal_matrix = np.linalg.inv(stack.gain), stack.normal_matrix
@@ -33,11 +33,11 @@ class Draws:
             [change for name, change in flight.parameters.shared.items() if name in OWN_CHANGES] for flight in flights
         ]
         by_changes = np.stack([sum((np.outer(c, c) for c in some), np.zeros((M, M))) for some in day_changes])
-        values, vectors = np.linalg.eigh(stack.own_covariance - by_changes)  # the budget has none of these changes
+        values, vectors = np.linalg.eigh(stack.own_covariance - by_changes)  # the budget contains none of these changes
         self._root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
 
     def shared(self) -> Array:
-        """Parameters that the flights of one campaign share, drawn from the study's budget."""
+        """Draw from the study's budget the parameters that all flights of one campaign share."""
         s, uniform = load_budget("study").systematic, self._rng.uniform
         tilt = s.imu_misalignment_rad
         errors = {
@@ -53,7 +53,7 @@ class Draws:
         return np.concatenate([self.polar, [errors[name] for name in POOLED[3:]]])
 
     def pool(self, shared: Array, number: int) -> JointPool:
-        """So many flights, drawn with replacement, with new errors of the day."""
+        """Pool `number` flights, drawn with replacement, with new errors of the day."""
         flights = []
         for i in self._rng.integers(len(self.flights), size=number):
             flight = self.flights[i]
@@ -64,5 +64,5 @@ class Draws:
 
 
 def with_more_drag(shared: Array) -> Array:
-    """Configuration B."""
+    """Return the parameters for configuration B, which has more drag."""
     return np.concatenate([(1 + MORE_DRAG) * shared[:3], shared[3:]])

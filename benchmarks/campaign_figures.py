@@ -1,4 +1,4 @@
-"""The tables of `benchmarks/campaigns.py`, from the lines of its flights."""
+"""Makes the tables of `benchmarks/campaigns.py` from the lines of its flights."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -28,7 +28,7 @@ TO_SEE = MORE_DRAG
 
 
 def by_campaign(lines: list[dict[str, Any]]) -> dict[Cell, dict[int, Flights]]:
-    """The flights that were analyzed, by world, weather and configuration, and by campaign."""
+    """Group analyzed flights by world, weather and configuration, then by campaign."""
     campaigns: dict[Cell, dict[int, Flights]] = {}
     for line in lines:
         if "results" in line:
@@ -38,7 +38,7 @@ def by_campaign(lines: list[dict[str, Any]]) -> dict[Cell, dict[int, Flights]]:
 
 
 def print_figures(lines: list[dict[str, Any]], draws: int = 0) -> None:
-    """Markdown: pools of each size; comparisons; so many drawn campaigns."""
+    """Print Markdown tables: pools of each size, comparisons, and `draws` drawn campaigns."""
     flown = [line for line in lines if "results" in line]
     speeds_named = ", ".join(f"{x:g}" for x in OVER_STALL)
     print(f"{len(flown)} flights, {len(lines) - len(flown)} refused. Speeds: {speeds_named} times the stalling speed. %"
@@ -56,7 +56,7 @@ def print_figures(lines: list[dict[str, Any]], draws: int = 0) -> None:
 
 
 def groups(flights: Flights, size: int) -> Iterator[list[dict[str, Any]]]:
-    """Flights in groups of this size, none in two groups."""
+    """Return disjoint groups of `size` flights."""
     numbers = sorted(flights)
     for first in range(0, len(numbers) - size + 1, size):
         yield [flights[number] for number in numbers[first : first + size]]
@@ -67,14 +67,14 @@ def pooled(lines: list[dict[str, Any]]) -> JointPool:
 
 
 def errors(polar: Polar, pool: JointPool, lines: list[dict[str, Any]], V: Array) -> tuple[Array, Array]:
-    """Error and half the 95 % interval of a polar, each (speeds,), in percent of the true power."""
+    """Return error and half the 95 % interval of a polar, each (speeds,), in percent of the true power."""
     truth = np.mean([line["power_W"] for line in lines], axis=0)
     power, error = power_required(V, polar, pool.condition)
     return 100 * (power / truth - 1), 100 * NORMAL_95 * error / truth
 
 
 def mean_polar(pool: JointPool) -> Polar:
-    """The mean of the flights' polars, with the covariance of a mean of independent estimates."""
+    """Return the mean of the flights' polars, with the covariance of a mean of independent estimates."""
     polars = [flight.polar for flight in pool.flights]
     weights = [np.linalg.inv(polar.covariance) for polar in polars]
     covariance = np.linalg.inv(np.sum(weights, axis=0))
@@ -83,7 +83,7 @@ def mean_polar(pool: JointPool) -> Polar:
 
 
 def pools_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
-    """Records for each number of flights pooled; with too few flights, the half width they promise."""
+    """Return records for each number of pooled flights; if too few were flown, with the predicted half width."""
     V, out = speeds(load_aircraft("nexstar")), []
     for (world, weather, configuration), campaign_lines in sorted(campaigns.items()):
         if configuration != "A":
@@ -112,7 +112,7 @@ def pools_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
 
 
 def _of_pools(of_pool: list[tuple[Array, Array]], of_mean: list[tuple[Array, Array]], p: list[float]) -> Record:
-    """Half widths, errors and coverage of pools, and of the weighted means of the same flights."""
+    """Return half widths, errors and coverage of pools, and of weighted means of the same flights."""
     error, half = np.array(of_pool).transpose(1, 0, 2)
     mean_error, mean_half = np.array(of_mean).transpose(1, 0, 2)
     covered, counting = counted(np.mean(np.abs(error) < half, axis=1))
@@ -128,7 +128,7 @@ def _of_pools(of_pool: list[tuple[Array, Array]], of_mean: list[tuple[Array, Arr
 
 
 def singles_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
-    """Each flight of A alone, by world."""
+    """Return records of single flights of configuration A, by world."""
     V = speeds(load_aircraft("nexstar"))
     flights: dict[str, dict[float, list[Points]]] = {}
     for (world, weather, configuration), lines in sorted(campaigns.items()):
@@ -139,13 +139,13 @@ def singles_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
 
 
 def promised(lines: list[dict[str, Any]], number: int, V: Array) -> Array:
-    """Half width (speeds,) [%] promised by so many flights, some of which are the same."""
+    """Return the half width (speeds,) [%] predicted for `number` flights, some of which are repeated."""
     pool = pooled(lines)
     return pool.half_widths_percent([len(range(i, number, len(lines))) for i in range(len(lines))], V)
 
 
 def comparison_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
-    """A against B, and A against other flights of A of the same campaign, which must not differ."""
+    """Compare A with B, and A with other A flights of the same campaign, between which there must be no difference."""
     out: list[Record] = []
     for (world, weather, configuration), lines in sorted(campaigns.items()):
         if configuration != "A":
@@ -180,8 +180,10 @@ def comparison_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record
 
 
 def false_name_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record]:
-    """Flights of another installation, whose files name that of A: how often comparisons and two-flight pools reject
-    that claim, and how often the evidence reports it."""
+    """Count how often comparisons and two-flight pools reject a false installation, and the evidence reports it.
+
+    The flights have another installation, but their files name that of configuration A.
+    """
     out: list[Record] = []
     for (world, weather, configuration), lines in sorted(campaigns.items()):
         others = campaigns.get((world, weather, "C"), {})
@@ -214,7 +216,7 @@ def false_name_records(campaigns: dict[Cell, dict[int, Flights]]) -> list[Record
 
 
 def drawn_records(flown: list[dict[str, Any]], campaigns: int) -> list[Record]:
-    """Pools and comparisons of so many campaigns a row, drawn from the flights' statistics."""
+    """Return pools and comparisons of `campaigns` campaigns per row, drawn from the flights' statistics."""
     V, out = speeds(load_aircraft("nexstar")), []
     cells = sorted({(line["world"], line["weather_kt"]) for line in flown})
     for world, weather in cells:

@@ -1,14 +1,14 @@
-"""Campaigns of simulated flights of one installation, pooled: half widths, coverage, differences seen, false alarms.
+"""Pools campaigns of simulated flights of one installation: half widths, coverage, detected differences, false alarms.
 
     python benchmarks/campaigns.py --campaigns 20
     python benchmarks/campaigns.py --campaigns 2 --flights 2 --seed 0 --weather 3 --drawn 200
 
-The systematic errors of installation, propeller and aircraft are drawn once a campaign; biases of the IMU, zeros of the
-transducers and the updraft once a flight. Configuration B is the same aircraft with 3 % more drag at every lift.
-Each flight's statistics for pooling are a line of the file of flights as soon as it is flown and analyzed, without
-buses, counts and log (`benchmarks/flights.py`). A flight that has a line by this version of the code is not flown
-again, so that an interrupted run continues. The numbers of flights pooled are taken from the same flights.
-Campaigns below 10 are for development; figures of the documentation come from others (seeds from 1000).
+Systematic errors of installation, propeller and aircraft are drawn once per campaign; IMU biases, transducer zeros and
+the updraft once per flight. Configuration B is the same aircraft with 3 % more drag at every lift. Flights are
+simulated without buses, counts and log (`benchmarks/flights.py`). When a flight has been analyzed, its statistics for
+pooling are written as a line of the file of flights. A flight that has a line from this version of the code is not
+flown again, so that an interrupted run continues. Pools of every size use the same flights. Campaigns below 10 are for
+development; figures in the documentation come from others (seeds from 1000).
 """
 
 import dataclasses
@@ -52,7 +52,7 @@ from flightpower.sim.world import World, load_world
 
 ROOT = Path(__file__).parents[1]
 PLAN, SEEDS_A_CAMPAIGN = "full-test-flight", 100
-FIRST_SEED = {"A": 0, "B": 50, "C": 75}  # of each configuration in a campaign
+FIRST_SEED = {"A": 0, "B": 50, "C": 75}  # first seed of each configuration in a campaign
 OF_AIRCRAFT = ("thrust_scale", "thrust_slope_J", "thrust_bow", "windmilling", "weight_scale")  # not of the installation
 FOLDERS = ("analysis/air", "analysis/methods", "analysis/estimation", "analysis/maneuvers", "analysis/sources",
            "analysis/trajectory", "flight", "sim")  # fmt: skip
@@ -70,12 +70,12 @@ class Job(NamedTuple):
 
     @property
     def seed(self) -> int:
-        """Seed of the turbulence and of the errors of the day."""
+        """Seed for the turbulence and the errors of the day."""
         return SEEDS_A_CAMPAIGN * self.campaign + FIRST_SEED[self.configuration] + self.flight
 
 
 def version(world: str) -> str:
-    """Hash of what the statistics of a flight depend on."""
+    """Return a hash of everything on which a flight's statistics depend."""
     digest = hashlib.sha256(repr(load_world(world)).encode())
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*")):
@@ -85,8 +85,7 @@ def version(world: str) -> str:
 
 
 def errors_of(world: World, job: Job) -> DrawnErrors:
-    """Errors of the installation follow from the campaign, errors of the day from the seed. C has another
-    installation."""
+    """Draw installation errors by campaign, errors of the day by the flight's seed. C has another installation."""
     first = SEEDS_A_CAMPAIGN * job.campaign
     installation = flights.draw_errors(world.errors, first)
     if job.configuration == "C":
@@ -97,7 +96,7 @@ def errors_of(world: World, job: Job) -> DrawnErrors:
 
 
 def aircraft_of(configuration: str, world: World, campaign: int) -> Aircraft:
-    """The aircraft file of a flight; B and C have more drag, which the analysis does not read."""
+    """Return the aircraft of a flight; B and C have more drag, which the analysis does not read."""
     aircraft = load_aircraft("nexstar")
     aerodynamics = dict(aircraft.aerodynamics or {})
     if configuration != "A":
@@ -113,7 +112,7 @@ def aircraft_of(configuration: str, world: World, campaign: int) -> Aircraft:
 def analyzed(
     data: flights.AirOf, runs: list[Maneuver], aircraft: Aircraft, propeller: Propeller, probe: ProbeCalibration
 ) -> DynamicEstimate:
-    """What `analyze` makes of a flight: with larger priors where they conflict with the data."""
+    """Analyze a flight as `analyze` does, with larger priors where these conflict with the data."""
 
     def trajectory_of(air: pd.DataFrame, prior_factor: ArrayLike) -> Trajectory:
         return reconstruct(
@@ -141,7 +140,7 @@ def analyzed(
 
 
 def one_flight(job: Job) -> dict[str, Any]:
-    """The line of one flight: the part of results.json that pooling reads, and the true power at `speeds`."""
+    """Return the line of one flight: the part of results.json that pooling reads, and the true power at `speeds`."""
     world, probe = load_world(job.world), flights.tunnel_probe()
     aircraft, errors = aircraft_of(job.configuration, world, job.campaign), errors_of(world, job)
     plan = load_plan(PLAN)
@@ -182,7 +181,7 @@ def one_flight(job: Job) -> dict[str, Any]:
 
 
 class Study(NamedTuple):
-    """The flights to fly. most: flights of each configuration a campaign; B and C fly only in the calmest weather."""
+    """The flights to fly. most: flights per configuration in a campaign; B and C fly only in the calmest weather."""
 
     worlds: Sequence[str]
     weather_kt: Sequence[float]
@@ -191,7 +190,7 @@ class Study(NamedTuple):
 
 
 def jobs_of(study: Study) -> Iterator[Job]:
-    """All flights, first five of each campaign, so that an interrupted run has some of everything."""
+    """Return all flights, starting with five of each campaign, so that an interrupted run has some of everything."""
     versions = {name: version(name) for name in study.worlds}
     for block in range(0, max(study.most.values()), 5):
         for campaign in study.campaigns:
@@ -203,7 +202,7 @@ def jobs_of(study: Study) -> Iterator[Job]:
 
 
 def flown(study: Study, file: Path, jobs: int) -> list[dict[str, Any]]:
-    """The lines of all flights asked for; those that the file lacks are flown."""
+    """Return the lines of all requested flights; flights that the file lacks are flown."""
     wanted = {tuple(job): job for job in jobs_of(study)}
     done = flights.fly_missing(file, wanted, one_flight, lambda line: tuple(line[name] for name in Job._fields),
                                jobs=jobs, summary=lambda line: line.get("refused", ""))  # fmt: skip
@@ -229,7 +228,7 @@ def main(
     study = Study(worlds or ["study"], weather_kt or [3.0, 15.0], range(first, first + campaigns),
                   {"A": most, "B": with_B, "C": with_C})  # fmt: skip
     if not fly_missing:
-        places = {tuple(job)[:-1] for job in jobs_of(study)}  # by any version
+        places = {tuple(job)[:-1] for job in jobs_of(study)}  # flights from any version of the code
         campaign_figures.print_figures(
             [line for line in flights.known_lines(file) if tuple(line[n] for n in Job._fields[:-1]) in places], draws
         )

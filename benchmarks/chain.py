@@ -1,10 +1,10 @@
-"""The whole chain over simulated flights: fakes, daemon, log, analysis; error and coverage of the curve in the results.
+"""Tests the whole chain on simulated flights: fakes, daemon, log, analysis; gives the curve's error and coverage.
 
-Each flight is flown and recorded by `sim fly` and analyzed by `analyze`, as a user would: all runs, and by an edited
-runs.toml the longest acceleration and the longest deceleration alone. The curve in results.json is compared with the
-simulator's truth at the flown speeds of benchmarks/estimators.py. The table also has the curve that
+Each flight is flown and recorded by `sim fly` and analyzed by `analyze`, as a user would: with all runs, and with an
+edited runs.toml that has only the longest acceleration or the longest deceleration. The curve in results.json is
+compared with the simulator's truth at the speeds of benchmarks/estimators.py. The table also has the curve that
 benchmarks/estimators.py gets from the same flights without buses, quantization and log ("direct"), and the difference
-of the two. `python benchmarks/study.py chain` repeats it.
+between the two. `python benchmarks/study.py chain` repeats it.
 """
 
 import csv
@@ -26,11 +26,11 @@ from flightpower.analysis.curve import Condition, Polar, power_required
 from flightpower.flight.aircraft import load_aircraft
 
 ALONE = {"one acceleration": "acceleration", "one deceleration": "deceleration"}
-NOT_TRUSTED, REFUSED = 1, 2  # exit codes: a result with a warning; input that is refused
+NOT_TRUSTED, REFUSED = 1, 2  # exit codes for a result that is not to be trusted, and for refused input
 
 
 def run(*command: object, may_refuse: bool = False) -> bool:
-    """Whether the command succeeded, or refused its input where it may."""
+    """Return whether the command succeeded; False if it refused its input, where it may."""
     line = [sys.executable, "-m", "flightpower", *(str(part) for part in command)]
     done = subprocess.run(line, capture_output=True, text=True)
     if done.returncode not in (0, NOT_TRUSTED) and not (may_refuse and done.returncode == REFUSED):
@@ -39,7 +39,7 @@ def run(*command: object, may_refuse: bool = False) -> bool:
 
 
 def one_flight(setup: Setup, *, hardware: bool = True) -> Rows:
-    """Rows by what was kept; NaN if not flown or refused. hardware: through fakes and daemon"""
+    """Return rows by the runs that were kept; NaN if not flown or refused. hardware: through fakes and daemon"""
     V = estimators.speeds(load_aircraft(setup.aircraft))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -65,7 +65,7 @@ def one_flight(setup: Setup, *, hardware: bool = True) -> Rows:
 
 
 def fly(setup: Setup, folder: Path, *options: str, aircraft: Path | None = None) -> None:
-    """Flies and records into a folder. aircraft: a file in place of the shipped one."""
+    """Fly and record into a folder. aircraft: a file in place of the shipped one"""
     (folder / "plan.toml").write_text(plan_text(setup.plan, setup.turbulence_kt), "utf-8")
     (folder / "probe.json").write_bytes(msgspec.json.encode(tunnel_probe()))
     run("sim", "fly", "--replace", "--aircraft", aircraft or setup.aircraft, "--plan", folder / "plan.toml", "--errors",
@@ -73,7 +73,7 @@ def fly(setup: Setup, folder: Path, *options: str, aircraft: Path | None = None)
 
 
 def alone(runs: list[dict], kind: str) -> str:
-    """The text of a runs.toml with the longest run of a kind and no other."""
+    """Return the text of a runs.toml with only the longest run of a kind."""
 
     def duration_s(run: dict) -> float:
         start, end = (float(run[name].removesuffix(" s")) for name in ("start", "end"))
@@ -84,29 +84,29 @@ def alone(runs: list[dict], kind: str) -> str:
 
 
 def read_results(report: Path) -> dict[str, Any]:
-    """The content of results.json."""
+    """Return the content of results.json."""
     return json.loads((report / "results.json").read_text("utf-8"))
 
 
 def read_truth(folder: Path) -> np.ndarray:
-    """The simulator's curve: speed [m/s] and power [W], (n, 2)."""
+    """Return the simulator's curve: speed [m/s] and power [W], (n, 2)."""
     with (folder / "truth_power_required.csv").open() as file:
         return np.array([(float(row["speed_mps"]), float(row["power_W"])) for row in csv.DictReader(file)])
 
 
 def plan_text(plan: str, turbulence_kt: float) -> str:
-    """A shipped plan with turbulence of this W20."""
+    """Return the text of a shipped plan with turbulence of this W20."""
     text = (resources.files("flightpower.sim") / "plans" / f"{plan}.toml").read_text("utf-8")
     return text.replace("[air]\n", f'[air]\nturbulence = "{turbulence_kt} kt"\n')
 
 
 def compared(results: dict[str, Any], truth: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """Error and half the interval, % of the truth (2, speeds). truth: of `read_truth`."""
+    """Return error and half the interval, % of the truth (2, speeds). truth: from `read_truth`"""
     flown, power, high = (
         np.array([point[name] for point in results["curves"]["power_required"]["points"]])
         for name in ("speed_mps", "power_W", "power_hi_W")
     )
-    # The curve itself: between its points it is no straight line, nor level beyond the last.
+    # Use the curve itself: it is not straight between its points, nor level beyond the last one.
     condition = Condition(*results["test"].values(), results["aircraft"]["wing_area_m2"])
     A = np.array([results["drag_polar"][name] for name in ("A0", "A1", "A2")])
     power_W, _ = power_required(V, Polar(A, np.zeros((3, 3))), condition)

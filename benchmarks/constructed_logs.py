@@ -1,8 +1,8 @@
-"""Logs of simulated flights with the habits of real firmware: is the truth inside what is found of each?
+"""Analyzes logs of simulated flights with the habits of real firmware: do the intervals contain the truth?
 
     python benchmarks/constructed_logs.py --seed 5200
 
-Each log has its own flight. Power at seven speeds, the ratio and the speeds to type in are compared with the
+Each log has its own flight. Power at seven speeds, the airspeed ratio and the speeds to enter are compared with the
 truth; logs that lack what the method needs must be refused.
 """
 
@@ -47,7 +47,7 @@ WRONG = [(autopilot, file, faults) for autopilot, file in (("ardupilot", BIN), (
 
 
 class Checked(NamedTuple):
-    """Result of one log: speeds with the true power inside, half width [%], what else is inside."""
+    """Result of one log. power : speeds with the true power inside, half width [%]; flags : what else is inside"""
 
     title: str
     refusal: str = ""

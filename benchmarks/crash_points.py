@@ -1,5 +1,5 @@
-"""Power cuts without a machine: the daemon records onto a disk whose every write is logged; then the disk is rebuilt as
-it was at many instants.
+"""Simulates power cuts: the daemon records onto a disk whose every write is logged; then the disk is rebuilt as it was
+at many instants.
 
     sudo .venv/bin/python benchmarks/crash_points.py --points 500 --seed 3
 
@@ -7,12 +7,12 @@ The disk is ext4 on a loop device on a FUSE export of qemu-storage-daemon, whose
 and flushes. It needs root, FUSE, and Debian's packages qemu-system-common and e2fsprogs. Kinds of cut:
 
     all       all writes up to the instant are on the disk: the computer stopped, the card did not
-    half      of the writes since the last flush a random half is: a card with a volatile cache
-    torn      none of them is, but one of which only the first half is
+    half      a random half of the writes since the last flush is on the disk: a card with a volatile cache
+    torn      none of the writes since the last flush is on the disk, except the first half of one
 
-Each rebuilt disk is mounted, its logs are read, completed as at the daemon's next start, and read again, also by the
-stock MCAP reader. Printed: how old the oldest lost message is just before the next write, and what went wrong. Exit
-code 1 if more than a second is lost, or a log is not readable, not completed, or lost a message when it was completed.
+Each rebuilt disk is mounted, and its logs are read, completed as at the daemon's next start, and read again, also with
+the stock MCAP reader. It prints how old the oldest lost message is just before the next write, and what went wrong.
+Exit code 1 if more than a second is lost, or if a log is unreadable, not completed, or loses a message on completion.
 """
 
 import io
@@ -45,7 +45,7 @@ from flightpower.flight.log_reader import read_log
 REAL_TIME = ("chrt", "-f")
 DISK_BYTES = 300 * 2**20
 LARGEST_LOSS_S = 1.0
-STARTED_S = 4.0  # instants before this, after the daemon's start, are not judged
+STARTED_S = 4.0  # instants before this time after the daemon's start are not judged
 SECTOR = 512
 # The log of blklogwrites has the format of the kernel's dm-log-writes (Documentation/admin-guide/device-mapper).
 LOG_MAGIC = 0x6A736677736872
@@ -56,7 +56,7 @@ KINDS = ("all", "half", "torn")
 
 
 class Write(NamedTuple):
-    """A logged write. end: position in the log of writes behind it."""
+    """A logged write. end: position in the log of writes just after it"""
 
     offset: int
     data: bytes
@@ -65,7 +65,7 @@ class Write(NamedTuple):
 
 
 class LogState(NamedTuple):
-    """A log on a rebuilt disk. first_s, last_s: monotonic times of its first and last tick."""
+    """A log on a rebuilt disk. first_s, last_s: monotonic times of its first and last tick"""
 
     complete: bool
     ticks: int
@@ -84,7 +84,7 @@ def run(*command: object) -> str:
 
 @contextmanager
 def fake_tray(folder: Path) -> Iterator[Path]:
-    """The tray file of fake parts on device files, served by another process."""
+    """Yield the tray file for fake parts on device files that another process serves."""
     command = [
         *REAL_TIME,
         "60",
@@ -107,7 +107,7 @@ def fake_tray(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def logged_disk(folder: Path) -> Iterator[Path]:
-    """A mounted file system whose writes are appended to folder/writes.log; its first state is in folder/before.img."""
+    """Mount a file system whose writes are appended to folder/writes.log; its initial state is in folder/before.img."""
     image, log, disk, mounted = (folder / name for name in ("disk.img", "writes.log", "disk", "mounted"))
     mounted.mkdir()
     image.touch()
@@ -139,7 +139,7 @@ def logged_disk(folder: Path) -> Iterator[Path]:
 
 
 def record(folder: Path, seconds: float) -> tuple[list[tuple[float, int]], float]:
-    """Run the daemon on the logged disk and kill it. Returns (monotonic time, size of the log of writes), its start."""
+    """Run the daemon on the logged disk and kill it. Returns (monotonic time, size of write log) pairs, its start."""
     grown: list[tuple[float, int]] = []
     stop = threading.Event()
 
@@ -165,7 +165,7 @@ def record(folder: Path, seconds: float) -> tuple[list[tuple[float, int]], float
 
 
 def writes_of(log: Path) -> list[Write]:
-    """The log of writes in order."""
+    """Return the logged writes in order."""
     writes = []
     with log.open("rb") as stream:
         magic, _, _, sector = SUPER.unpack(stream.read(SUPER.size))
@@ -184,7 +184,7 @@ def writes_of(log: Path) -> list[Write]:
 
 
 def surviving(writes: list[Write], instant: int, kind: str, rng: random.Random) -> list[Write]:
-    """The writes that are on the disk after a cut just behind write `instant`."""
+    """Return the writes that are on the disk after a power cut just after write `instant`."""
     if kind == "all":
         return writes[: instant + 1]
     flushed = max((i for i in range(instant + 1) if writes[i].flush), default=-1)
@@ -200,7 +200,7 @@ def surviving(writes: list[Write], instant: int, kind: str, rng: random.Random) 
 
 @contextmanager
 def rebuilt(folder: Path, writes: list[Write]) -> Iterator[Path]:
-    """The disk with these writes, mounted, which replays its journal."""
+    """Rebuild the disk with these writes, and mount it, which replays its journal."""
     image, mounted = folder / "rebuilt.img", folder / "mounted"
     run("cp", "--sparse=always", folder / "before.img", image)
     with image.open("r+b") as stream:
@@ -215,7 +215,7 @@ def rebuilt(folder: Path, writes: list[Write]) -> Iterator[Path]:
 
 
 def state_of(path: Path) -> LogState:
-    """What a log holds, by this program's reader and, if it is complete, by the stock reader."""
+    """Read a log with this program's reader and, if it is complete, with the stock reader."""
     data = path.read_bytes()
     complete = data.endswith(b"\x89MCAP0\r\n") and len(data) > 16
     try:
@@ -234,7 +234,7 @@ def state_of(path: Path) -> LogState:
 
 
 def judge(logs: Path, cut_s: float) -> tuple[float | None, list[str]]:
-    """How much time before the cut is lost [s], None if all; and what is wrong."""
+    """Return how much time before the power cut is lost [s], None if all of it, and what is wrong."""
     before = {path.name: state_of(path) for path in numbered_logs(logs)}
     last_s = max((state.last_s for state in before.values() if state.last_s is not None), default=None)
     trouble = [] if last_s is not None else ["nothing can be read"]

@@ -1,11 +1,11 @@
-"""The installed daemon in real time on device files of another process: ticks, lateness, CPU, memory.
+"""Measures the installed daemon in real time on another process's device files: ticks, lateness, CPU, memory.
 
     .venv/bin/python benchmarks/daemon.py soak --seconds 600 --rate 25      # two buses (FUSE), three lines (ptys)
     .venv/bin/python benchmarks/daemon.py faults                            # every fault of the schedule, figures
     .venv/bin/python benchmarks/daemon.py day                               # 24 h on the simulated clock
     .venv/bin/python benchmarks/daemon.py mend                              # how long the next start takes
 
-`soak` needs root (FUSE); the fake tray runs in its own process, so that its work is not the daemon's.
+`soak` needs root (FUSE). The fake tray runs in its own process, so that its work does not count as the daemon's.
 """
 
 import os
@@ -31,12 +31,12 @@ sys.path += [str(ROOT / "tests" / "hw_fakes"), str(ROOT / "tests" / "daq")]
 EXAMPLE = ROOT / "daq" / "tray.example.toml"
 DAQ = Path(sysconfig.get_path("scripts")) / "daq"
 SECOND_BUS = "/dev/i2c-3"
-ON_SECOND_BUS = ("honeywell", "ms5805")  # drivers
+ON_SECOND_BUS = ("honeywell", "ms5805")  # drivers of parts on the second bus
 BAUDS = {"gps": 38400, "esc_counter": 115200, "autopilot": 57600}
-OPENING_S = 1.0  # buses are opened, and libraries loaded, before the first tick
+OPENING_S = 1.0  # time to open buses and load libraries before the first tick
 CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
-WEIGHED_AT_S = 60.0  # after a change of file
-DISK_DONE_S = 0.1  # of real time
+WEIGHED_AT_S = 60.0  # memory is measured this long after a change of file
+DISK_DONE_S = 0.1  # counted in real time
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
@@ -52,8 +52,8 @@ def soak(
 ) -> None:
     """Record in real time; print what the log and the kernel say about it.
 
-    --fifo: real-time priority, as the unit. --bit-rate: all parts on one bus of so many bits a second, instead of on
-    two of 400,000. --busy: so many processes that compute all the time run beside.
+    --fifo: use real-time priority, as the service does. --bit-rate: put all parts on one bus with this many bits a
+    second, instead of on two with 400,000. --busy: run this many processes at the same time that compute constantly.
     """
     beside = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(busy)]
     try:
@@ -65,10 +65,10 @@ def soak(
 
 
 def soaked(seconds: float, rate: float, *, fifo: bool, serve: Sequence[str] = ()) -> Record:
-    """Checks a recording in real time by its log and the kernel; prints which ticks were missed and why."""
+    """Record in real time, and check the recording by its log and the kernel; print which ticks were missed and why."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        # With --fifo the fake parts stand above the daemon: real ones do not wait for a computer's scheduler.
+        # With --fifo the fake parts have a higher priority than the daemon: real parts do not wait for a scheduler.
         tray = subprocess.Popen(
             [
                 *(["chrt", "-f", "60"] if fifo else []),
@@ -108,7 +108,7 @@ def soaked(seconds: float, rate: float, *, fifo: bool, serve: Sequence[str] = ()
 
 
 def watch(daemon: subprocess.Popen) -> tuple[list[tuple[float, int]], list[tuple[float, float]]]:
-    """Resident memory [KiB] and CPU time [s] of the daemon, over time [s], until it ends."""
+    """Return resident memory [KiB] and CPU time [s] of the daemon over time [s], until it ends."""
     memory, cpu = [], []
     start_s = time.monotonic()
     while daemon.poll() is None:
@@ -123,11 +123,11 @@ def watch(daemon: subprocess.Popen) -> tuple[list[tuple[float, int]], list[tuple
             memory.append((at_s, rss[0]))
             cpu.append((at_s, (int(fields[11]) + int(fields[12])) / CLOCK_TICKS))
         time.sleep(0.5)
-    return memory[:-1], cpu[:-1]  # the last may be of the way out
+    return memory[:-1], cpu[:-1]  # the last values may be from its shutdown
 
 
 def ticks_of(paths: list[Path]) -> Record:
-    """Ticks, missed ones, how late they were, and messages without measurement."""
+    """Return counts of ticks, missed ticks and messages without measurement, and how late the ticks were."""
     from flightpower.flight.log_reader import read_log
     from flightpower.flight.messages import Status
 
@@ -151,7 +151,7 @@ def ticks_of(paths: list[Path]) -> Record:
 
 @app.command()
 def faults() -> None:
-    """Every fault of the schedule: ticks lost, and how the other sensors fared meanwhile (simulated clock)."""
+    """Inject every fault of the schedule on the simulated clock: ticks lost, and values that other sensors lost."""
     print(markdown(fault_records()))
 
 
@@ -187,7 +187,7 @@ def fault_records() -> list[Record]:
                 log = read_log(done.path)
             hit = on_bus if device == "i2c" else set(topics[device])
             if device == "imu":
-                hit = hit | {"/mag"}  # in the same package, reached through the IMU's bypass
+                hit = hit | {"/mag"}  # it is in the same package, and is reached through the IMU's bypass
             if kind == "timeout" and device != "i2c":
                 hit = on_bus  # the bus hangs
             first_ns = log.entries["/daq/tick"][0].time_ns
@@ -209,12 +209,12 @@ def fault_records() -> list[Record]:
 
 @app.command()
 def day(rate: float = 25.0, hours: float = 24.0, file_min: float = 60.0) -> None:
-    """A day on the simulated clock, two transducers on a scripted bus: files, drift, memory."""
+    """Record a day on the simulated clock with two transducers on a scripted bus: files, drift, memory."""
     print(markdown([day_record(rate, hours, file_min)]))
 
 
 def day_record(rate: float, hours: float, file_min: float) -> Record:
-    """Memory is weighed a simulated minute after each change of file, when the disk's thread has nothing left to do."""
+    """Memory is measured a simulated minute after each change of file, when the disk thread is idle."""
     from flightpower.daq import disk_writer
     from flightpower.daq.__main__ import prepare_process
     from flightpower.daq.config import parse_tray
@@ -239,7 +239,7 @@ def day_record(rate: float, hours: float, file_min: float) -> Record:
     )
     memory: list[tuple[float, int]] = []
     clock = SimulatedClock(unix_at_start_ns=10**18)
-    # A sync lasts minutes of simulated time, and what waits for it is memory in use: here the disk is infinitely fast.
+    # A sync lasts minutes of simulated time, and data waiting for it use memory, so here the disk is infinitely fast.
     disk_writer.SYNC_EVERY_S = 0.0
     os.fdatasync = lambda file: None
 
@@ -278,7 +278,7 @@ def day_record(rate: float, hours: float, file_min: float) -> Record:
 
 @app.command()
 def mend(hours: float = 1.0) -> None:
-    """How long the next start takes to complete a log of the default tray that a power cut left."""
+    """Measure how long the next start takes to complete a default-tray log that a power cut left."""
     print(markdown([mend_record(hours)]))
 
 
@@ -323,7 +323,7 @@ def resident_KiB() -> int:
 
 @app.command(hidden=True)
 def serve(folder: Path, rate: float = 25.0, file_min: float = 4.0, bit_rate: float = 0.0) -> None:
-    """The fake tray on device files, until SIGTERM."""
+    """Serve the fake tray on device files until SIGTERM."""
     from analytic_sensor_truth import AnalyticSensorTruth, sine
 
     from flightpower.hw_fakes.fuse_i2c import FuseI2C

@@ -1,9 +1,9 @@
-"""CPU time of each part of the daemon at each tick: threads as counted by the kernel, and the steps of the sampling
-thread.
+"""Measures the CPU time of each part of the daemon per tick: of threads as counted by the kernel, and of the sampling
+thread's steps.
 
 `python benchmarks/bench.py daemon-threads` counts everything in real time on device files (needs root): system calls,
-the kernel's side of I2C transfers, changes of thread, cold caches; with `--with before=HEAD~5` of an earlier version as
-well, by turns. `daemon-parts` measures only the Python code, on the simulated clock in one thread with warm caches,
+the kernel's side of I2C transfers, thread switches, cold caches. `--with before=HEAD~5` also measures an earlier
+version, by turns. `daemon-parts` measures only the Python code, on the simulated clock in one thread with warm caches,
 without the fake parts and the cost of counting.
 """
 
@@ -28,18 +28,18 @@ ROOT = Path(__file__).resolve().parent.parent
 EXAMPLE = ROOT / "daq" / "tray.example.toml"
 DAEMON = ROOT / "benchmarks" / "daemon.py"
 CALIBRATION_CALLS = 2000
-SETTLED_S = 7.0  # after the start: imports, bringing up, configuring
+SETTLED_S = 7.0  # time for imports, startup and configuration, which is not counted
 
 
 class Usage(NamedTuple):
     """Usage of one thread since its start."""
 
     run_ns: int
-    switches: int  # changes of thread
+    switches: int  # number of thread switches
 
 
 def threads_of(process_id: int) -> dict[int, Usage]:
-    """Usage of every thread, in the order in which they were started."""
+    """Return the usage of every thread, in the order in which the threads were started."""
     usage = {}
     for task in sorted(Path(f"/proc/{process_id}/task").iterdir(), key=lambda path: int(path.name)):
         status = (task / "status").read_text().splitlines()
@@ -49,8 +49,8 @@ def threads_of(process_id: int) -> dict[int, Usage]:
 
 
 def account(code: Path, tray: Path, seconds: float, rate: float, *, fifo: bool) -> list[tuple[float, float]]:
-    """CPU time [us] and changes of thread a tick, of each thread of a daemon that runs `code`."""
-    module = "flightpower.daq" if (code / "flightpower" / "daq").exists() else "daq"  # in earlier versions
+    """Return CPU time [us] and thread switches per tick for each thread of a daemon that runs `code`."""
+    module = "flightpower.daq" if (code / "flightpower" / "daq").exists() else "daq"  # its name in earlier versions
     command = [*(["chrt", "-f", "50"] if fifo else []), sys.executable, "-m", module, "run", "-c", str(tray)]
     environment = os.environ | {"PYTHONPATH": str(code)}
     daemon = subprocess.Popen(command, cwd=code, env=environment, stderr=subprocess.DEVNULL)
@@ -76,7 +76,7 @@ THREADS = ["sampling: collect, encode, compress", "disk: write, sync", "free spa
 def thread_records(
     *, seconds: float = 20.0, rate: float = 25.0, fifo: bool = True, before: str = "", rounds: int = 2
 ) -> list[Record]:
-    """CPU time and changes of thread a tick of every thread, the median of the rounds."""
+    """Return CPU time and thread switches per tick for every thread, as medians of the rounds."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         command = [sys.executable, str(DAEMON), "serve", str(folder), "--rate", str(rate)]
@@ -110,13 +110,13 @@ def thread_records(
 
 
 class Parts:
-    """Adds up the CPU time of named parts of the calling thread; a part inside another one is not counted in it.
+    """Adds up the CPU time of named parts of the calling thread; an outer part does not count the parts inside it.
 
     The cost of counting is measured first and subtracted.
     """
 
     def __init__(self) -> None:
-        self._inside_ns = self._outside_ns = 0.0  # cost of counting: in the counted part, and in the one around it
+        self._inside_ns = self._outside_ns = 0.0  # cost of counting, in the counted part and in the part around it
         self.spent_ns: dict[str, float] = defaultdict(float)
         self._running: list[str] = []
         self._since_ns = 0
@@ -141,7 +141,7 @@ class Parts:
             self.spent_ns[self._running[-1]] -= self._outside_ns
 
     def timed(self, original: Callable[..., Any], part: str) -> Callable[..., Any]:
-        """A function whose every call is counted as `part`."""
+        """Return a function whose every call is counted as `part`."""
 
         def timed(*arguments: Any, **options: Any) -> Any:
             self.enter(part)
@@ -167,7 +167,7 @@ FAKES = "the fake parts"
 
 
 def part_records(*, seconds: float = 60.0) -> list[Record]:
-    """CPU time a tick of the daemon's parts, in one thread on the simulated clock."""
+    """Return the CPU time per tick of the daemon's parts, in one thread on the simulated clock."""
     sys.path.append(str(ROOT / "tests" / "hw_fakes"))
     from analytic_sensor_truth import AnalyticSensorTruth
 
@@ -185,7 +185,7 @@ def part_records(*, seconds: float = 60.0) -> list[Record]:
     fake = FakeTray(AnalyticSensorTruth(), clock, 2)
 
     class Wrapped:
-        """A bus or port whose time is that of the fake parts."""
+        """A bus or port whose time counts as the fake parts' time."""
 
         def __init__(self, transport: Any):
             for name in ("read", "write", "write_read", "read_available"):

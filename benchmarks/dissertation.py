@@ -1,11 +1,11 @@
-"""Every result of the source's chapters 4 and 7 that a log can show, from simulated flights: `make dissertation`.
+"""Repeats each result of the source's chapters 4 and 7 that a log can show, on simulated flights: `make dissertation`.
 
     python benchmarks/dissertation.py
-    python benchmarks/dissertation.py --docs      the figures into docs/figures too, as dissertation.md shows them
+    python benchmarks/dissertation.py --docs      also write the figures shown in dissertation.md into docs/figures
 
-Flies Astraeus LS, HS and Nexstar (seed 1001), writes their logs, analyses these with `--likelihood`, and draws. Flights
-and analyses are kept in out/dissertation/flights and are not repeated; remove the folder to start over. The tables
-are printed and written to out/dissertation/tables.md.
+It flies Astraeus LS, HS and Nexstar (seed 1001), writes their logs, analyzes the logs with `--likelihood`, and draws
+figures. Flights and analyses are kept in out/dissertation/flights and not repeated; remove the folder to start over.
+The tables are printed and written to out/dissertation/tables.md.
 """
 
 import json
@@ -44,7 +44,7 @@ Flights = dict[FlightName, FlightFigures]
 
 
 def significance_limits(folder: Path) -> dict[str, list[tuple[float, float]]]:
-    """Fig. 4.12 for the Astraeus HS: by maneuver (factor on the noise, SNR above which C_Lq is significant)."""
+    """Return Fig. 4.12 for the Astraeus HS by maneuver: noise factors, and SNRs above which C_Lq is significant."""
     cache = folder / "significance.json"
     if not cache.exists():
         aircraft = load_aircraft("astraeus-hs")
@@ -57,7 +57,7 @@ def significance_limits(folder: Path) -> dict[str, list[tuple[float, float]]]:
 
 
 def of_curve(flight: FlightFigures, method: str) -> Record:
-    """Largest error of power over the method's speeds, in % and W, and where its 95 % interval contains the truth."""
+    """Return a curve's largest errors of power, and the share of speeds whose 95 % interval contains the truth."""
     curve = flight.curves.get(method)
     if curve is None:
         return {}
@@ -72,7 +72,7 @@ def of_curve(flight: FlightFigures, method: str) -> Record:
 
 
 def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> dict[str, list[Record]]:
-    """Tables by name: curves, significance of C_Lq by run, noise, estimates, limits, noise against error."""
+    """Return tables by name: curves, significance of C_Lq by run, noise, estimates, limits, noise against error."""
     curves, significance = [], []
     for name, flight in flights.items():
         methods = ["piw-viw"] if name.plan == "steady-points" else ["dynamic", "two-state", "force-models"]
@@ -115,7 +115,7 @@ def tables(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> di
 
 
 def analyzed(folder: Path, jobs: int = 1) -> tuple[Flights, dict[str, list[tuple[float, float]]]]:
-    """All flights, flown and analyzed unless the folder has them, and the limits of significance. jobs: processes."""
+    """Return all flights, which are flown and analyzed if the folder lacks them, and the limits of significance."""
     cache = folder / "flights"
     cache.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(jobs) as pool:
@@ -130,7 +130,7 @@ def analyzed(folder: Path, jobs: int = 1) -> tuple[Flights, dict[str, list[tuple
 
 
 def figures_quietly(name: FlightName, folder: Path) -> FlightFigures:
-    """`flight_figures` without a warning of a mean over gaps of a channel."""
+    """Run `flight_figures` without warnings about means over gaps in a channel."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         return flight_figures(name, folder)

@@ -1,4 +1,4 @@
-"""The figures of benchmarks/dissertation.py, one function each, named after the source's figures."""
+"""Draws the figures of benchmarks/dissertation.py; each function's docstring gives the source's figure number."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -96,7 +96,7 @@ def piw_viw(flights: Flights) -> Any:
 
 
 def _first(flight: FlightFigures, kind: str) -> RunFit:
-    """The longest run of a kind."""
+    """Return the longest run of a kind."""
     return max((fit for fit in flight.fits if fit.run.startswith(kind)), key=lambda fit: fit.t_s[-1])
 
 
@@ -138,7 +138,7 @@ def curves(flights: Flights) -> Any:
 
 
 def _high_passed(x: np.ndarray) -> np.ndarray:
-    """A signal without what is slower than some tenths of a second: the samples less the mean of 11."""
+    """Remove changes slower than some tenths of a second: subtract the mean of 11 samples."""
     return np.convolve(x, np.r_[np.zeros(5), 1.0, np.zeros(5)] - 1 / 11, mode="valid")
 
 
@@ -181,7 +181,7 @@ def signal_to_noise(flights: Flights, limits: dict[str, list[tuple[float, float]
             marker={"color": BLACK, "symbol": "x", "size": 9}, showlegend=i == 0, row=1, col=1,
         )  # fmt: skip
     for (name, points), color in zip(limits.items(), (BLUE, GREEN, GRAY), strict=False):
-        determined = [(factor, snr) for factor, snr in points if snr > 0]  # neither never (NaN) nor always (0)
+        determined = [(factor, snr) for factor, snr in points if snr > 0]  # leaves out never (NaN) and always (0)
         figure.add_scatter(
             x=[factor for factor, _ in determined], y=[snr for _, snr in determined], name=f"limit, {name}",
             mode="lines+markers", line={"color": color}, row=1, col=2,

@@ -1,4 +1,4 @@
-"""The flights of benchmarks/dissertation.py: simulated, analyzed, and what the figures show of each, cached."""
+"""Simulates and analyzes the flights of benchmarks/dissertation.py, and caches what the figures show of each."""
 
 import pickle
 import subprocess
@@ -20,7 +20,7 @@ from flightpower.flight.aircraft import load_aircraft
 from flightpower.flight.log_reader import read_log
 
 AIRCRAFT = {"Astraeus LS": "astraeus-ls", "Astraeus HS": "astraeus-hs", "Nexstar": "nexstar"}
-WINDMILLING = "apc-12x8e-windmilling"  # the table of all these flights: decelerations windmill
+WINDMILLING = "apc-12x8e-windmilling"  # table for all these flights, in which decelerations windmill
 SEED = 1001
 CASES = ("case-1", "case-2-returns", "case-2-higher", "case-2-lower-slowly", "case-3")
 NOISE_FACTORS = (0.5, 1.0, 1.5, 3.0)
@@ -28,7 +28,7 @@ Array = np.ndarray
 
 
 class FlightName(NamedTuple):
-    """aircraft: a value of AIRCRAFT; noise: factor on the noise of `bench`, whose systematic errors stay."""
+    """aircraft: a value of AIRCRAFT. noise: factor on the noise of the budget `bench`; its systematic errors stay"""
 
     aircraft: str
     plan: str
@@ -57,9 +57,9 @@ class Curve(NamedTuple):
 class RunFit(NamedTuple):
     """One run fitted alone by the two-state model.
 
-    measured, modeled : (n,) by output     change_by_CLq : of the model's response, in fits with and without it
+    measured, modeled : (n,) by output     change_by_CLq : change of the response due to CLq
     estimates : name to value, standard error for white and for colored residuals
-    CLq, t_CLq : of a second fit, without a prior
+    CLq, t_CLq : from a second fit, without a prior
     """
 
     run: str
@@ -87,17 +87,17 @@ class FlightFigures(NamedTuple):
     points: Array  # (points, 4): speed, power, its interval; at the test's weight and density
     to_standard: tuple[float, float]  # factors of power and speed to PIW and VIW
     fits: list[RunFit]
-    t_CLq: float  # of all runs together
+    t_CLq: float  # from all runs together
     noise: dict[str, dict[str, float]]  # standard deviation of one sample by channel, by maneuver
     runs: dict[str, pd.DataFrame]
 
 
 def flown(name: FlightName, folder: Path) -> Path:
-    """The folder of the flight's log, simulated where it is not there yet."""
+    """Return the folder of the flight's log; simulate the flight if it is not there yet."""
     path = folder / str(name)
     if not (path / "log.mcap").exists():
         path.mkdir(parents=True, exist_ok=True)
-        inputs = folder / f"inputs of {name}"  # of its own: flights are flown at once
+        inputs = folder / f"inputs of {name}"  # a folder for each flight, because flights are flown in parallel
         inputs.mkdir(exist_ok=True)
         aircraft, errors = inputs / f"{name.aircraft}.toml", inputs / f"noise-{name.noise:g}.toml"
         text = Path("flight/data/aircraft", f"{name.aircraft}.toml").read_text("utf-8")
@@ -110,7 +110,7 @@ def flown(name: FlightName, folder: Path) -> Path:
 
 
 def _budget(noise: float) -> str:
-    """The error budget `bench` with its noise (Table 4.1) times a factor."""
+    """Return the error budget `bench` with its noise (Table 4.1) times a factor."""
     lines, section = [], ""
     for line in Path("sim/data/errors/bench.toml").read_text("utf-8").splitlines():
         section = line if line.startswith("[") else section
@@ -123,7 +123,7 @@ def _budget(noise: float) -> str:
 
 
 def flight_figures(name: FlightName, folder: Path) -> FlightFigures:
-    """What the figures show of a flight; from the cache, where it has been analyzed before."""
+    """Return what the figures show of a flight; from the cache if it has been analyzed before."""
     path = flown(name, folder)
     cache = path / "shown.pickle"
     if not cache.exists():
@@ -171,7 +171,7 @@ def _noise(rows: pd.DataFrame) -> dict[str, float]:
 
 
 def _run_fit(analysis: Analysis, run: Maneuver, condition: Condition) -> RunFit:
-    """One run alone, as the source fits them."""
+    """Fit one run alone, as the source does."""
     rows = analysis.table.iloc[run.rows]
     CL = 2 * condition.weight_N / (rows["rho"] * rows["V_mps"] ** 2 * condition.wing_area_m2)
     flown_CL = tuple(float(x) for x in np.nanpercentile(CL, (2.0, 98.0)))
@@ -202,7 +202,7 @@ COEFFICIENTS = ("CL0", "CLa", "CLde", "CD0", "K", "CL_minD")
 
 
 def _estimates(fit: Fit) -> dict[str, tuple[float, float, float]]:
-    """Values of COEFFICIENTS and standard errors, for white residuals as in Table 7.1 and for colored ones."""
+    """Return COEFFICIENTS and their standard errors, for white residuals as in Table 7.1 and for colored residuals."""
 
     def function(p):
         CL_minD = -p.A1 / (2 * p.A2)
@@ -215,6 +215,6 @@ def _estimates(fit: Fit) -> dict[str, tuple[float, float, float]]:
 
 
 def true_estimates(aircraft: str) -> dict[str, float]:
-    """The values of COEFFICIENTS that the simulator flies."""
+    """Return the true values of COEFFICIENTS in the simulator."""
     truth = load_aircraft(aircraft).aerodynamics
     return {name: float(truth[name]) for name in COEFFICIENTS}

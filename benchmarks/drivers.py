@@ -1,6 +1,7 @@
-"""CPU time of the drivers at each tick, without what the fake parts spend: `python benchmarks/bench.py drivers`.
+"""Measures the drivers' CPU time per tick without that of the fake parts: `python benchmarks/bench.py drivers`.
 
-Thread CPU time, so that other work on the machine does not count; reading that clock is included (a few microseconds).
+It is thread CPU time, so that other work on the machine does not count. It includes a few microseconds for reading that
+clock.
 """
 
 import tempfile
@@ -20,12 +21,12 @@ from flightpower.sim.plan import load_plan
 from flightpower.sim.sensors import FlightSensorTruth, draw, load_budget
 
 EXAMPLE = Path(__file__).resolve().parent.parent / "daq" / "tray.example.toml"
-LIMIT_US = 1000.0  # a tick, for the whole tray
-SETTLING_TICKS = 75  # bringing up and configuring are not what a tick costs
+LIMIT_US = 1000.0  # limit per tick for the whole tray
+SETTLING_TICKS = 75  # startup and configuration are not part of a tick's cost
 
 
 class Timed:
-    """Any object whose methods' CPU time is added up in `spent_ns`, in a list that all share."""
+    """Wraps an object and adds up the CPU time of its methods in the shared list `spent_ns`."""
 
     def __init__(self, target, spent_ns: list[int]):
         self._target, self._spent_ns = target, spent_ns
@@ -57,7 +58,7 @@ class TimedBuses:
 
 
 def measure(seconds: float) -> tuple[dict[str, list[float]], list[float]]:
-    """CPU time [us] at each tick: of each driver, and of all fake parts together."""
+    """Return the CPU time [us] at each tick of each driver, and of all fake parts together."""
     aircraft = load_aircraft("nexstar")
     errors = draw(load_budget("bench"), 0)
     sensor_truth = FlightSensorTruth(
@@ -91,7 +92,7 @@ def measure(seconds: float) -> tuple[dict[str, list[float]], list[float]]:
 
 
 def records(*, seconds: float = 60.0) -> list[Record]:
-    """CPU time of each driver, and of all against the limit: 99 of 100 ticks."""
+    """Return CPU times of each driver, and of all drivers against the limit that 99 of 100 ticks must meet."""
     drivers_us, fakes_us = measure(seconds)
     whole_us = [sum(tick) for tick in zip(*drivers_us.values(), strict=True)]
     limit = {"ratio": rounded(quantiles(whole_us, n=100)[98] / LIMIT_US, 2), "at most": 1.0}
@@ -100,6 +101,6 @@ def records(*, seconds: float = 60.0) -> list[Record]:
 
 
 def row(name: str, values: list[float]) -> Record:
-    """Microseconds a tick."""
+    """Return a row of microseconds per tick."""
     figures = {"mean, us": fmean(values), "99 %, us": quantiles(values, n=100)[98], "worst, us": max(values)}
     return {"driver": name} | {title: rounded(value, 1) for title, value in figures.items()}

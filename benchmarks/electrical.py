@@ -1,6 +1,7 @@
 """Errors and coverage of the electrical power of level flight over simulated flights that an autopilot logs.
 
-At seven speeds from the slowest to the fastest of each curve. `python benchmarks/study.py autopilot-logs` repeats it.
+It compares seven speeds from the slowest to the fastest of each curve. `python benchmarks/study.py autopilot-logs`
+repeats it.
 """
 
 import dataclasses
@@ -47,17 +48,17 @@ Errors = tuple[Array, Array]
 
 AUTOPILOTS = {"px4": (write_px4_log, read_px4), "ardupilot": (write_ardupilot_log, read_ardupilot)}
 WITHOUT = {"motor": MOTOR, "blind": AIRSPEED_PRESSURE}
-KEPT_S, LOST_S = 4.0, 4.0  # means of what the radio of a telemetry log transmits, and loses, at a time
+KEPT_S, LOST_S = 4.0, 4.0  # mean durations of stretches that a telemetry radio transmits, and loses
 SPEEDS = 7
 MORE_DRAG = 0.04
-CLOSED_LOOP = "laps"  # the plan that an energy controller flies, in a mean wind of W20
+CLOSED_LOOP = "laps"  # this plan is flown by an energy controller, in a mean wind of W20
 MOTOR_REVPS = np.linspace(20.0, 250.0, 3000)
 
 
 def true_power(aircraft: CompleteAircraft, flight: Flight, errors: DrawnErrors, V: Array, rho: float) -> Array:
-    """Electrical power of level flight (n,) [W]; NaN below the slowest speed of the true curve.
+    """Return the electrical power of level flight (n,) [W]; NaN below the slowest speed of the true curve.
 
-    The true curve is that of one density; at another, the same lift coefficient is flown faster with the same drag.
+    The true curve is for one density. At another density the same lift coefficient has the same drag at another speed.
     """
     truth = flight.power_required
     faster = np.sqrt(truth["density_kgpm3"].iloc[0] / rho)
@@ -76,8 +77,10 @@ def battery_power(
     *,
     idle_A: float = 0.0,
 ) -> Array:
-    """Electrical power (n,) [W] by which the propeller overcomes drag (n,) at airspeeds V (n,), with a current beside
-    that of the motor."""
+    """Return the electrical power (n,) [W] for which thrust equals drag (n,) at airspeeds V (n,).
+
+    idle_A: current in addition to the motor's
+    """
     propeller, power = plant_of(aircraft).propeller, []
     for v, D in zip(V, drag_N, strict=True):
         thrust, _ = propeller.thrust_and_power(np.full_like(MOTOR_REVPS, v), MOTOR_REVPS, rho)
@@ -91,7 +94,7 @@ def battery_power(
 
 
 class _InTurningWind(_FlightSimulation):
-    """A flight whose mean wind turns to the right by `turn_rad` in all, in equal steps from segment to segment."""
+    """A flight whose mean wind turns right by `turn_rad` in total, in equal steps from segment to segment."""
 
     turn_rad = 0.0
 
@@ -109,7 +112,7 @@ class _InTurningWind(_FlightSimulation):
 def in_turning_wind(
     aircraft: CompleteAircraft, plan: Plan, turn_rad: float, seed: int, deviations: Deviations
 ) -> Flight:
-    """A flight in a mean wind that turns by `turn_rad` while it is flown."""
+    """Fly in a mean wind that turns by `turn_rad` during the flight."""
     plant = plant_of(aircraft, plan.air, deviations)
     simulation = _InTurningWind(aircraft, plan, plant, seed, dt=DT_S, progress=lambda _: None)
     simulation.turn_rad = turn_rad
@@ -124,10 +127,13 @@ def one_flight(
     traps: bool = False,
     turning_deg: float = 0.0,
 ) -> Rows:
-    """Rows by case. data: electrical; blind: without the airspeed sensor; torn: one sample a second, half of
-    them lost by the radio; rpm or motor: power required by propeller table and motor speed, or by the motor's
-    constants. Several are separated by commas. traps: with each fault of real logs, or its refusal. turning_deg: by
-    which the mean wind turns in the flight."""
+    """Return rows by case.
+
+    data, several separated by commas: electrical; blind: without the airspeed sensor; torn: one sample a second, half
+    of them lost by the radio; rpm or motor: power required from the propeller table and motor speed, or from the
+    motor's constants. traps: add each fault of real logs, or its refusal. turning_deg: angle by which the mean wind
+    turns during the flight
+    """
     aircraft, errors = load_complete_aircraft(setup.aircraft), setup.drawn_errors
     flight, sensors, _ = flown(
         aircraft, errors, setup.plan, setup.seed, setup.turbulence_kt, wind_too=setup.plan == CLOSED_LOOP
@@ -152,8 +158,10 @@ def one_flight(
 
 
 def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind: bool = False) -> Rows:
-    """Pools of the first flights of one aircraft, which has the same errors in all; and the difference of as many
-    flights with `MORE_DRAG` from as many without."""
+    """Pool the first flights of one aircraft, whose errors are the same in all flights.
+
+    changed: number of flights with `MORE_DRAG` that are compared with as many without it
+    """
     pools, aircraft = [int(size) for size in sizes.split(",")], load_complete_aircraft(setup.aircraft)
     name = "blind" if blind else "electrical"
     flights, rows = [_pooled_flight(setup, aircraft, n, name) for n in range(max(pools))], []
@@ -183,7 +191,7 @@ def one_campaign(setup: Setup, *, sizes: str = "1,3,10", changed: int = 0, blind
 
 
 def _pooled_flight(setup: Setup, aircraft: CompleteAircraft, n: int, data: str) -> tuple[Results, Flight, DrawnErrors]:
-    """Flight n of a campaign: errors of the aircraft as in its first, air and zeros of its own."""
+    """Simulate flight n of a campaign: it shares the aircraft's errors, but has its own air and zeros."""
     flight_setup = setup._replace(seed=1000 * setup.seed + n)
     errors = dataclasses.replace(flight_setup.drawn_errors, values=setup.drawn_errors.values)
     flight, sensors, _ = flown(aircraft, errors, flight_setup.plan, flight_setup.seed, flight_setup.turbulence_kt)
@@ -204,7 +212,7 @@ def columns(_: Aircraft) -> list[str]:
 
 
 def _without(recording: FlightRecording, data: str) -> FlightRecording:
-    """The recording without the channel or samples that this case lacks."""
+    """Return the recording without the channel or samples that this case lacks."""
     channels = {name: channel for name, channel in recording.channels.items() if name != WITHOUT.get(data)}
     if data == "torn":
         noise = channels[AIRSPEED_PRESSURE].value[:8].view(np.uint32)  # each flight loses samples at other times

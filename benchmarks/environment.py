@@ -1,10 +1,10 @@
-"""Removes from .venv what no program loads, and keeps each library that a package holds under several names once.
+"""Removes files from .venv that no program loads, and keeps only one copy of a library that has several names.
 
     .venv/bin/python benchmarks/environment.py     # `make` does it after installing; prints what it saved
 
-The tests of pandas and SciPy, header files and static libraries take 120 MB; CasADi's shared libraries are in its wheel
-up to three times, since a wheel holds no links, 140 MB. Nothing is removed outside the environment of the Python that
-runs this. To have all of a package again: pip install --force-reinstall PACKAGE.
+The tests of pandas and SciPy, header files and static libraries take 120 MB. CasADi's wheel has its shared libraries up
+to three times, because a wheel holds no links; this takes 140 MB. Nothing is removed outside the environment of the
+Python that runs this. To restore all of a package: pip install --force-reinstall PACKAGE.
 """
 
 import filecmp
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def removable(packages: Path) -> Iterator[Path]:
-    """Folders and files to remove."""
+    """Return the folders and files to remove."""
     for pattern in FOLDERS:
         yield from [path for path in packages.glob(pattern) if path.is_dir()]
     for pattern in FILES:
@@ -45,7 +45,7 @@ def removable(packages: Path) -> Iterator[Path]:
 
 
 def link_equal_files(packages: Path) -> None:
-    """One copy of each large library, under all its names."""
+    """Link all names of each large library to one copy."""
     by_size = defaultdict(set)
     for pattern in LIBRARIES:
         for path in packages.glob(pattern):
@@ -60,7 +60,7 @@ def link_equal_files(packages: Path) -> None:
 
 
 def size_bytes(folder: Path) -> int:
-    """Size of all files, each counted once, whatever its names."""
+    """Return the total size [bytes] of all files; a file with several names counts once."""
     sizes = {(info.st_dev, info.st_ino): info.st_size for path in folder.rglob("*") if (info := path.lstat())}
     return sum(sizes.values())
 

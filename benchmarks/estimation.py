@@ -37,7 +37,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def statistics(
     seeds: Annotated[int, typer.Option(help="Records of 10 s each are taken two at a time.")] = 240,
 ) -> None:
-    """Filter error and output error in turbulence, per parameter: bias and scatter over the bound, and coverage."""
+    """Compare filter error and output error in turbulence, per parameter: bias and scatter over bound, coverage."""
     cases = (
         (disturbed.LINEAR, disturbed.LINEAR_NOISE, disturbed.linear_record, disturbed.LINEAR_TRUTH),
         (disturbed.NONLINEAR, disturbed.NONLINEAR_NOISE, disturbed.nonlinear_record, disturbed.NONLINEAR_TRUTH),
@@ -78,19 +78,19 @@ class Limit(NamedTuple):
     """snr : SNR of q below which CLq is not significant; NaN if never significant, 0 if always."""
 
     snr: float
-    snr_in_flight: float  # with the gyro noise of Table 4.1 times the factor
+    snr_in_flight: float  # SNR with the gyro noise of Table 4.1 times the factor
     t_quiet: float  # t of CLq with the quietest gyro
 
 
-# Table 4.1, and a barometer's.
+# Noise from Table 4.1; for h, a barometer's.
 NOISE = {"V": 0.29, "alpha": 0.008, "ax": 0.058, "az": 0.058, "h": 0.3}
 GYRO_RADPS = 0.005
-OCTAVES = range(-4, 8)  # of the gyro's noise: 0.0003 to 0.64 rad/s
+OCTAVES = range(-4, 8)  # octaves of gyro noise: 0.0003 to 0.64 rad/s
 DECIMATION = 2  # the truth is at 50 Hz, the measurements are at 25 Hz
 
 
 def maneuvers(aircraft: str = "nexstar") -> dict[str, pd.DataFrame]:
-    """The maneuvers of case 3: two runs and an elevator input, without the recovery after it."""
+    """Return the maneuvers of case 3: two runs and an elevator input, without the recovery after it."""
     ramp, _, step = runs("case-3", aircraft)
     elevator = runs("case-3", aircraft, kind="3-2-1-1")[0]
     return {
@@ -101,7 +101,7 @@ def maneuvers(aircraft: str = "nexstar") -> dict[str, pd.DataFrame]:
 
 
 def measured(run: pd.DataFrame, factor: float, gyro_radps: float, seed: int) -> Segment:
-    """A maneuver with the noise of Table 4.1 times `factor` on the outputs, and white noise on the gyro."""
+    """Add the noise of Table 4.1 times `factor` to a maneuver's outputs, and white noise to the gyro."""
     rng = np.random.default_rng(seed)
     rows = run.iloc[::DECIMATION]
     true = {name: rows[name].to_numpy() for name in rows.columns if name != "kind"}
@@ -126,7 +126,7 @@ def measured(run: pd.DataFrame, factor: float, gyro_radps: float, seed: int) -> 
 
 
 def t_of_CLq(aircraft: Aircraft, run: pd.DataFrame, factor: float, gyro_radps: float, seeds: int) -> float:
-    """Mean over the seeds of CLq divided by its standard error (4.4, 4.5), without a prior of CLq."""
+    """Return the mean over seeds of CLq divided by its standard error (4.4, 4.5), without a prior on CLq."""
     model = pitch_and_height(aircraft).changed(CLq={"start": 0.0, "prior_sigma": np.inf})
     t = []
     for seed in range(seeds):
@@ -139,7 +139,7 @@ def t_of_CLq(aircraft: Aircraft, run: pd.DataFrame, factor: float, gyro_radps: f
 
 
 def significance_limit(aircraft: Aircraft, run: pd.DataFrame, factor: float, seeds: int = 6) -> Limit:
-    """The SNR of q (4.6, 4.7) at which the mean t falls to 1.96 as gyro noise increases (Fig. 4.12)."""
+    """Return the SNR of q (4.6, 4.7) at which the mean t falls to 1.96 as gyro noise increases (Fig. 4.12)."""
     signal = float(run["q_radps"].var())
     snr_in_flight = signal / (factor * GYRO_RADPS) ** 2
     before: tuple[float, float] | None = None
@@ -160,7 +160,7 @@ def significance_limit(aircraft: Aircraft, run: pd.DataFrame, factor: float, see
 
 @app.command()
 def significance(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.")] = 6) -> None:
-    """The SNR of pitch rate at which CLq becomes significant in the maneuvers of case 3 (Fig. 4.12)."""
+    """Print the SNR of pitch rate at which CLq becomes significant in the maneuvers of case 3 (Fig. 4.12)."""
     aircraft = load_aircraft("nexstar")
     table = Table(
         "maneuver", "all other noise", "CLq significant above SNR", "SNR in flight", "t, quietest gyro", box=None

@@ -5,7 +5,7 @@
     python benchmarks/estimation_cases.py cases
     python benchmarks/estimation_cases.py agreement
 
-docs/evidence/accuracy.md quotes the output. Seeds are from 1000 on; nothing was chosen on them.
+docs/evidence/accuracy.md quotes the output. Seeds start at 1000; they were not used to choose any setting.
 """
 
 import sys
@@ -36,14 +36,14 @@ import test_term_selection as terms
 import twins
 
 FIRST_SEED = 1000
-SAME = 1.0  # difference in log-likelihood below which two fits of filter error are the same
+SAME = 1.0  # two fits of filter error whose log-likelihoods differ by less are the same
 CONSOLE = Console(width=150)
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command("filter")
 def filter_() -> None:
-    """Filter error in turbulence and of an unstable aircraft: iterations, arrival from poor starts, coverage."""
+    """Test filter error in turbulence and on an unstable aircraft: iterations, arrival from poor starts, coverage."""
     table = Table("filter error", "fits", "reached the optimum", "iterations: median, largest", "wanted", box=None)
     seeds = range(FIRST_SEED, FIRST_SEED + 20)
     turbulence = [_turbulence(seed, start="equation error") for seed in seeds]
@@ -115,7 +115,7 @@ def _iterations(fits) -> str:
 
 @app.command()
 def optima(starts: Annotated[int, typer.Option(help="Starts of each case.")] = 80) -> None:
-    """Output error from random starts: at the best optimum, elsewhere and told so, or elsewhere in silence."""
+    """Count output-error fits from random starts: at the best optimum, elsewhere with a warning, elsewhere without."""
     seed = FIRST_SEED
     sine = hard_cases.CASES["a false optimum"].fit(seed).segment_fits[0].segment
     unstable = twins.unstable(seed)
@@ -146,7 +146,7 @@ def optima(starts: Annotated[int, typer.Option(help="Starts of each case.")] = 8
             start = {key: value * factor ** rng.uniform(-1, 1) for key, value in truth.items()}
             try:
                 fits.append(fit(start))
-            except InputError:  # it says that the response is not finite
+            except InputError:  # the response is not finite, and the error says so
                 fits.append(None)
         best = _cheapest([fit(truth), *fits])
         at_best = sum(f is not None and f.negative_log_likelihood < best + 0.01 and f.verdict.ok for f in fits)
@@ -160,7 +160,7 @@ def optima(starts: Annotated[int, typer.Option(help="Starts of each case.")] = 8
 
 
 def _second_starts(starts: int = 40) -> None:
-    """Cases with several optima, with and without the second start from the record cut in pieces."""
+    """Compare cases with several optima with and without a second start, from fits to pieces of the record."""
     table = Table(
         f"{starts} starts, 1/2 to 2", "at the best optimum", "elsewhere, converged", "elsewhere, silent",
         "one start: at the best", "elsewhere, converged", box=None,
@@ -186,7 +186,7 @@ def _second_starts(starts: int = 40) -> None:
 
 
 def _second_starts_of_filter_error(starts: int) -> None:
-    """Runs the cases by filter error. The best optimum: parameters within a tenth of their standard errors."""
+    """Run the cases by filter error. At the best optimum, parameters are within a tenth of their standard errors."""
     table = Table("filter error", "at the best optimum", "elsewhere, told", "elsewhere, silent", box=None)
     for name, case in bimodal.cases(FIRST_SEED).items():
         filter_errors = [
@@ -208,14 +208,14 @@ def _same_parameters(fit: Fit, best: Fit, names: Iterable[str]) -> bool:
 
 
 def _cheapest(fits) -> float:
-    """The cost of the best fit with a clean verdict, NaN if there is none; a fit that did not converge may have any."""
+    """Return the least cost of fits with a clean verdict, NaN if there is none; unconverged fits may have any cost."""
     clean = [f.negative_log_likelihood for f in fits if f is not None and f.verdict.ok and not f.verdict.hints]
     return min(clean, default=np.nan)
 
 
 @app.command()
 def cases(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.")] = 20) -> None:
-    """Twelve fits that must not be used: how often the verdict rejects them, and with which words."""
+    """Count how often the verdict rejects twelve fits that must not be used, and print its words."""
     table = Table("case", "named", "verdict", box=None)
     for name, case in hard_cases.CASES.items():
         verdicts = [case.fit(seed).verdict for seed in range(FIRST_SEED, FIRST_SEED + seeds)]
@@ -226,14 +226,14 @@ def cases(seeds: Annotated[int, typer.Option(help="Number of draws of the noise.
 
 @app.command()
 def agreement(seeds: Annotated[int, typer.Option(help="Number of records.")] = 100) -> None:
-    """True terms found by structure selection; frequency against time domain."""
+    """Compare structure selection with the true terms, and the frequency domain with the time domain."""
     every = range(FIRST_SEED, FIRST_SEED + seeds)
     table = Table("", "measured", "wanted", box=None)
     for name, method in zip(("stepwise", "orthogonal functions"), terms.METHODS, strict=True):
         right = sum(set(method(*terms.flight(seed)).names) == set(terms.TRUE) for seed in every)
         table.add_row(f"true terms found, {name}", f"{right} of {seeds}", "95 of 100")
     apart, truth = [], disturbed.LINEAR_TRUTH
-    # Constants have no part in the frequency domain and must be fixed.
+    # Constants do not appear in the frequency domain, so they must be fixed.
     still = disturbed.LINEAR.changed(**{name: {"start": truth[name], "free": False} for name in ("Z0", "M0")})
     for seed in every:
         segment = disturbed.linear_record(seed, strength=0.0)

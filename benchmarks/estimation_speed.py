@@ -1,4 +1,4 @@
-"""Processor time of `analysis.estimation`: over what is wanted, over other optimizers, and its growth.
+"""Measures processor time of `analysis.estimation` against limits and other optimizers, and how it grows.
 
 `python benchmarks/bench.py fits`, `optimizers`, `growth`, `trajectory`. `aeroid` takes part where it is installed
 (`pip install aeroid`).
@@ -61,7 +61,7 @@ ELEVEN = Model(
         9.81 * x.alpha + p.bias_ax,
     ),
 )
-# Four states and outputs, twelve parameters: speed V and pitch angle theta too.
+# Four states and outputs, which include speed V and pitch angle theta, and twelve parameters.
 TWELVE_TRUTH = {
     "Xv": -0.04, "Xal": -4.0, "Zv": -0.003, "Zal": -1.5, "Zq": 0.02, "Zde": -0.1, "Mv": 0.01, "Mal": -12.0, "Mq": -2.5,
     "Mde": -15.0, "bias": 0.01, "theta_bias": 0.02,
@@ -115,7 +115,7 @@ def fitted(model, segments):
 
 
 def fit_records() -> list[Record]:
-    """Processor time of fits, and of import and model build, over what is wanted."""
+    """Return processor times of fits, import and model build, as ratios to their limits."""
     run_s = [timed.made_by_the_model(f"run {i}", i) for i in range(20)]
     start = aircraft_models.starting_values(timed.NEXSTAR, run_s[0])
 
@@ -141,7 +141,7 @@ def fit_records() -> list[Record]:
 
 
 def _import_s() -> float:
-    """Processor time of a new Python process that imports the package and NumPy and compiles an aircraft model."""
+    """Return the processor time of a new Python process that imports package and NumPy and compiles a model."""
     program = (
         "import time;"
         "from flightpower.analysis.methods import aircraft_models;"
@@ -159,7 +159,7 @@ def _import_s() -> float:
 
 
 def trajectory_records() -> list[Record]:
-    """Processor time of the trajectory reconstruction for 20 minutes of flight; it grows with the length."""
+    """Return the processor time of trajectory reconstruction for 20 minutes of flight; it grows with the length."""
     aircraft, probe = load_aircraft("nexstar"), flights.tunnel_probe()
     rows = []
     for turbulence_kt in (0.0, 3.0, 15.0):
@@ -172,7 +172,7 @@ def trajectory_records() -> list[Record]:
     return rows
 
 
-# Model, samples, maneuvers, and the processor time [ms] and memory [MB] that are wanted.
+# Model, samples, maneuvers, and limits for processor time [ms] and memory [MB].
 GROWTH: tuple[tuple[str, int, int, float | None, float | None], ...] = (
     ("TWELVE", 500, 1, 20.0, None), ("TEN", 500, 1, None, None), ("ELEVEN", 601, 1, 50.0, None),
     ("TEN", 2000, 1, None, None), ("TEN", 10_000, 1, None, None), ("TEN", 50_000, 1, 3000.0, 300.0),
@@ -181,7 +181,7 @@ GROWTH: tuple[tuple[str, int, int, float | None, float | None], ...] = (
 
 
 def growth_records() -> list[Record]:
-    """Processor time and peak memory of fits over samples and maneuvers; each fit in its own process."""
+    """Return processor time and peak memory of fits for growing samples and maneuvers, each in its own process."""
     rows = []
     for name, samples, maneuvers, wanted_ms, wanted_MB in GROWTH:
         code = f"import sys; sys.path.insert(0, {str(ROOT / 'benchmarks')!r}); import estimation_speed as e; e.one_fit"
@@ -207,7 +207,7 @@ def one_fit(name: str, samples: int, maneuvers: int) -> None:
 
 
 def optimizer_records() -> list[Record]:
-    """Processor time of other optimizers with finite differences over output error's, on the same record."""
+    """Return other optimizers' processor time, with finite differences, over output error's on the same record."""
     model, segment = disturbed.LINEAR, disturbed.linear_record(1000, strength=0.0)
     truth = disturbed.LINEAR_TRUTH
     start = {name: 1.3 * value for name, value in truth.items()}
@@ -215,7 +215,7 @@ def optimizer_records() -> list[Record]:
     ours = processor_time_s(lambda: fit_output_error(model, segment, start=start), 10)
     simulator, U = build_simulator(model, ()), segment.u["de"][:, None]
     Z = np.column_stack([segment.z[name] for name in model.outputs])
-    sigma = np.sqrt(np.diag(fit.noise_covariance))  # known to it
+    sigma = np.sqrt(np.diag(fit.noise_covariance))  # the noise is given to it
     theta0 = np.array([*start.values(), *(segment.z[name][0] for name in model.states)])
 
     def residuals(theta):
@@ -231,7 +231,7 @@ def optimizer_records() -> list[Record]:
     took_s = processor_time_s(lambda: optimize.least_squares(residuals, theta0), 1)
     rows = [row("scipy least_squares", took_s, solution.x)]
     if importlib.util.find_spec("aeroid") is not None:
-        aeroid = importlib.import_module("aeroid")  # no dependency of this project
+        aeroid = importlib.import_module("aeroid")  # not a dependency of this project
         aeroid_model = aeroid.Model(
             states=list(model.states), controls=["de"], parameters=dict(start),
             dynamics=lambda t, x, u, p: np.array(model.evaluate_dynamics(x, u, [p[name] for name in truth])),
@@ -239,7 +239,7 @@ def optimizer_records() -> list[Record]:
         data = aeroid.FlightData(segment.t_s, {**segment.z, **segment.u})
         weights = dict(zip(model.outputs, (1 / sigma).tolist(), strict=True))
         results = []
-        x0 = dict(zip(model.states, fit.values[7:].tolist(), strict=True))  # it does not estimate them
+        x0 = dict(zip(model.states, fit.values[7:].tolist(), strict=True))  # aeroid does not estimate initial states
         took_s = processor_time_s(
             lambda: results.append(aeroid.identify(aeroid_model, data, list(truth), weights=weights, x0=x0)), 1
         )
@@ -262,9 +262,9 @@ def processor_time_s(work, repeats):
 
 
 def general_optimizer(run):
-    """scipy's trust-constr with finite differences on the same likelihood.
+    """Run scipy's trust-constr with finite differences on the same likelihood.
 
-    Its processor time [s], how many evaluations it took, and by how much its cost ends above ours.
+    Returns its processor time [s], the number of evaluations, and by how much its final cost is above ours.
     """
     start = aircraft_models.starting_values(timed.NEXSTAR, run)
     fit = fit_output_error(timed.MODEL, run, start=start)
@@ -273,7 +273,7 @@ def general_optimizer(run):
     U = np.column_stack([run.u[name] for name in timed.MODEL.inputs])
     Z = np.column_stack([run.z[name] for name in timed.MODEL.outputs])
     free_indices = [i for i, q in enumerate(timed.MODEL.parameters) if q.free]
-    scale = np.sqrt(np.diag(fit.covariance))  # the best scaling there is
+    scale = np.sqrt(np.diag(fit.covariance))  # the best possible scaling
 
     def cost(scaled):
         theta = scaled * scale

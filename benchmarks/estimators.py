@@ -1,7 +1,7 @@
-"""How well each estimator does: error of power required, width and coverage of intervals, and sensor errors.
+"""Measures how good each estimator is: error of power required, width and coverage of intervals, and sensor errors.
 
-Flies, simulates the sensors (no buses, no counts: this compares estimators, not drivers), analyzes, and compares with
-the simulator's true curve at five speeds. `python benchmarks/study.py estimators` prints what it gives.
+It flies, simulates the sensors (without buses and counts, since it compares estimators rather than drivers), analyzes,
+and compares with the simulator's true curve at five speeds. `python benchmarks/study.py estimators` prints the results.
 """
 
 from dataclasses import replace
@@ -30,14 +30,15 @@ from flightpower.sim.sensors.budget import DrawnErrors
 OVER_STALL = (1.1, 1.3, 1.6, 1.9, 2.2)
 FLYING_M = 30.0
 LEVEL_RAD = 0.15
-SLOPE_DEGREE = 5  # of the polynomial of d alpha/d ln(dp_alpha) over alpha
+SLOPE_DEGREE = 5  # degree of the polynomial for d alpha/d ln(dp_alpha) over alpha
 SLOW_OVER_STALL = 1.237  # 13 m/s of the Nexstar
 
 
 def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = False) -> Rows:
-    """Power required by method. By `path, …`: one number that all runs share (2, 1), in the unit named.
+    """Return power required by method; titles with `path, …` have one number for all runs (2, 1), in the unit named.
 
-    cross_check: output error too. calibrated: transducers, by a water column. Empty where the flight ended too soon.
+    cross_check: also run output error. calibrated: calibrate transducers by a water column. Empty if the flight ended
+    too soon.
     """
     aircraft, probe, errors = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn_errors
     try:
@@ -47,7 +48,7 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
     flight, propeller = flown.flight, load_propeller(aircraft.propulsion.propeller)
     transducers = flights.transducers_of(errors, setup.seed) if calibrated else None
     measured = transducers.corrected(flown.table) if transducers else flown.table
-    if transducers:  # remaining part of the error
+    if transducers:  # part of the error that remains
         V_scale = (1 + errors.values.V_scale) / np.sqrt(transducers.airspeed.slope) - 1
         errors = replace(errors, values=replace(errors.values, V_scale=float(V_scale)))
     air, still, at_rest = flights.air_of(measured, aircraft, probe)
@@ -69,7 +70,7 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
     figures = trajectory_errors(trajectory, air, errors, flight.truth, SLOW_OVER_STALL * flights.stall_mps(aircraft))
     for name, kind in (("all runs", ""), ("one acceleration", "acceleration"), ("one deceleration", "deceleration")):
         chosen = [run for run in runs if run.kind.startswith(kind)]
-        if kind:  # the longest one, as a user without better knowledge would choose
+        if kind:  # the longest run, which a user without better knowledge would choose
             chosen = sorted(chosen, key=lambda run: run.start_s - run.end_s)[:1]
         figures[name] = compared(dynamic.estimate_polar(trajectory, chosen, aircraft, propeller).polar)
     if cross_check:
@@ -84,10 +85,10 @@ def one_flight(setup: Setup, *, cross_check: bool = False, calibrated: bool = Fa
 def trajectory_errors(
     trajectory: Trajectory, air: pd.DataFrame, errors: DrawnErrors, truth: pd.DataFrame, slow_mps: float
 ) -> dict[str, np.ndarray]:
-    """Errors of the estimated sensor errors, and of mean states over the flight, with half their 95 % intervals.
+    """Return errors of the estimated sensor errors and of mean states over the flight, with half their 95 % intervals.
 
     Forces are taken in the IMU's axes, so the IMU's tilt counts as part of the offset of angle of attack and of pitch.
-    The true slope and offset of the measured angle are those of the best line over the angles flown, which includes the
+    The true slope and offset of the measured angle come from the best line over the angles flown, which includes the
     error of the probe's calibration; the slope acts through the calibration. The true airspeed scale includes the error
     of density.
     """
@@ -104,7 +105,7 @@ def trajectory_errors(
     at_probe = air["alpha_by_upwash_rad"] + air["alpha_by_rotation_rad"]
     measured_slope = air["dalpha_dlndp_alpha_rad"]
     of_angle = Polynomial.fit((air["alpha_rad"] + at_probe)[flown], measured_slope[flown], SLOPE_DEGREE)
-    true_slope = of_angle(alpha - tilt + at_probe)  # without the noise of the measured angle
+    true_slope = of_angle(alpha - tilt + at_probe)  # this leaves out the noise of the measured angle
     slope_error, offset = np.polyfit(true_slope[flown], (air["alpha_rad"] - alpha + tilt)[flown], 1)
     V_scale = (1 + values.V_scale) * np.sqrt((rho / air["rho"])[flown].mean()) - 1
     true_values = {
@@ -153,7 +154,7 @@ def trajectory_errors(
 
 
 def with_half_interval(error: float, standard_error: float) -> np.ndarray:
-    """Error and half the 95 % interval (2, 1)."""
+    """Return the error and half the 95 % interval (2, 1)."""
     return np.array([[error], [NORMAL_95 * standard_error]])
 
 

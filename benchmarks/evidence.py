@@ -1,15 +1,15 @@
-"""Every figure that README and docs/evidence quote, from one version: runs the studies, and renders the pages.
+"""Produces every figure that README and docs/evidence quote, from one version: runs studies and renders pages.
 
-    python benchmarks/evidence.py                   # what this version has not run yet; 90 minutes
-    python benchmarks/evidence.py --only worlds     # one part of PARTS; may be repeated; says which figures moved
-    python benchmarks/evidence.py --quick           # tiny counts, into out/evidence/quick: shows that all of it works
-    python benchmarks/evidence.py --render          # the pages alone, from the files in docs/evidence/data
+    python benchmarks/evidence.py                   # parts that this version has not run yet; 90 minutes
+    python benchmarks/evidence.py --only worlds     # one of PARTS; may be repeated; says which figures changed
+    python benchmarks/evidence.py --quick           # tiny counts, into out/evidence/quick: shows that everything works
+    python benchmarks/evidence.py --render          # only the pages, from the files in docs/evidence/data
 
 Each part writes docs/evidence/data/PART.json: its tables, command, commit, date, machine and duration. A part whose
-file is of the present commit is not run again; an interrupted part goes on from the flights in out/evidence. A part
-that fails does not end the others: it is named at the end, with exit code 1. A page has marks,
-`<!-- begin PART.TABLE -->` and `<!-- end -->`, between which its table is written, or with PART alone what was run.
-Seeds begin at SEED: nothing was chosen on them.
+file is from the present commit is not run again; an interrupted part continues from the flights in out/evidence. A part
+that fails does not stop the others; it is named at the end, with exit code 1. A page has marks,
+`<!-- begin PART.TABLE -->` and `<!-- end -->`, between which a table is written, or for PART alone how it was run.
+Seeds begin at SEED; they were not used to choose any setting.
 """
 
 import os
@@ -63,10 +63,11 @@ UNNAMED_SEED = 7000
 WEATHER_KT = (0.0, 3.0, 15.0)
 WHOLE, SHORT = "full-test-flight", "two-pairs"
 AIRCRAFT_OF_OTHER_SIZE = ("light-1kg", "survey-6kg")
-# Coverage asked for, %: where the world is as assumed, in every other, and where errors are twice as large as stated.
+# Required range of coverage, %, by world: as assumed, and with errors twice as large as stated; then all other worlds.
 ASKED: Mapping[str, tuple[int, int]] = {"study": (93, 97), "twice": (88, 100)}
 ASKED_ELSEWHERE = (90, 98)
-WIDTH = 118  # text between marks on a line of a page parts that may change without changing a figure
+WIDTH = 118  # characters in a line of text between marks
+# Parts of the repository that may change without changing a figure.
 NO_FIGURES = ("docs", "paper", "tests", "debian", "README.md", "CHANGELOG.md", "CITATION.cff")
 MARK = re.compile(r"(<!-- begin ([\w.-]+) -->)(\n?).*?(<!-- end -->)", re.DOTALL)
 
@@ -74,7 +75,7 @@ Tables = dict[str, list[Record]]
 
 
 class Run(NamedTuple):
-    """How a part is run. n: flights a cell, or what the part counts; folder: where it keeps what may be continued."""
+    """How a part is run. n: flights per cell, or other count; folder: for files from which it can continue."""
 
     n: int
     jobs: int
@@ -83,17 +84,17 @@ class Run(NamedTuple):
 
     @property
     def weather_kt(self) -> tuple[float, ...]:
-        """W20 of every weather, or one of them."""
+        """W20 of every weather; in a quick run, of one."""
         return WEATHER_KT[:1] if self.quick else WEATHER_KT
 
     @property
     def whole(self) -> str:
-        """The plan of a whole flight, or a short one in its place."""
+        """The plan of a whole flight; in a quick run, a short plan."""
         return SHORT if self.quick else WHOLE
 
 
 class Part(NamedTuple):
-    """One study. n, quick: how many flights or cases, in full and in a quick run; what: the thing counted."""
+    """One study. n, quick: numbers of flights or cases in a full and in a quick run; what: the thing counted."""
 
     tables: Callable[[Run], Tables]
     n: int
@@ -102,7 +103,7 @@ class Part(NamedTuple):
 
 
 def judged(record: Record, low: int, high: int) -> Record:
-    """The record with what was asked of its coverage, and whether it is met: "open" within two counting errors."""
+    """Add to a record its required coverage and whether that is met: "open" within two counting errors."""
     covered, counting = record["coverage, %"], record["±"]
     excess = max(low - covered, covered - high)
     outside = "open" if excess < 2 * counting else "too seldom" if covered < low else "too often"
@@ -111,7 +112,7 @@ def judged(record: Record, low: int, high: int) -> Record:
 
 
 def accuracy(run: Run) -> Tables:
-    """The curve of whole and short flights from their logs, all methods, and aircraft of other sizes."""
+    """Study the curve of whole and short flights from their logs, all methods, and aircraft of other sizes."""
     cells = worlds.cell_records(_as_assumed(run, run.n))
     curves = without([judged(cell, *ASKED["study"]) for cell in cells], "world", "refused", "warnings", "alarms, %",
                      "verdicts", "evidence", "asked")  # fmt: skip
@@ -135,13 +136,13 @@ def accuracy(run: Run) -> Tables:
 
 
 def _as_assumed(run: Run, n: int) -> list[dict[str, Any]]:
-    """The lines of whole and short flights in the world that the analysis assumes: `n` of each in every weather."""
+    """Return the lines of `n` whole and `n` short flights in every weather, in the world that the analysis assumes."""
     flights = worlds.Study(["study"], run.weather_kt, tuple({run.whole, SHORT}), n, SEED)
     return worlds.flown(flights, run.folder / "worlds.jsonl", run.jobs)
 
 
 def _by_weather(methods: Sequence[Record]) -> list[Record]:
-    """One row a method: its coverage, and error and half width at the middle speed, in each weather."""
+    """Return a row per method: coverage, and error and half width at the middle speed, in each weather."""
     weathers = list(dict.fromkeys(record["W20, kt"] for record in methods))
     cells = {(record["method"], record["W20, kt"]): record for record in methods}
 
@@ -162,13 +163,13 @@ def _by_weather(methods: Sequence[Record]) -> list[Record]:
 
 
 def _short(record: Record, title: str) -> Record:
-    """The columns of a curve shown on a page."""
+    """Return the columns of a curve that a page shows."""
     renamed = {"error": record["95 % of errors below"], "half width": record["half width"], "mean": record["mean"]}
     return {title: record["of"]} | {name: record[name] for name in ("flights", "coverage, %", "±")} | renamed
 
 
 def unassumed(run: Run) -> Tables:
-    """Coverage in every world without a defect."""
+    """Study the coverage in every world without a defect."""
     names = worlds.chosen(defects=False)
     tables, judged_ones = {}, {}
     for name, plan, n in (("short", SHORT, 2 * run.n), ("whole", run.whole, run.n)):
@@ -185,7 +186,7 @@ def unassumed(run: Run) -> Tables:
 
 
 def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
-    """One row a world: short and whole flights side by side, each at its worst speed."""
+    """Return a row per world: short and whole flights side by side, each at its worst speed."""
     rows: dict[str, Record] = {}
     for name, records in tables.items():
         for record in records:
@@ -198,12 +199,12 @@ def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
 
 
 def _largest(values: Sequence[float | None]) -> float | None:
-    """At the worst speed at which the flights have a curve."""
+    """Return the value at the worst speed at which the flights have a curve."""
     return max((value for value in values if value is not None), default=None)
 
 
 def defects(run: Run) -> Tables:
-    """What the verdict says of each world with one defect."""
+    """Study the verdict in each world with one defect."""
     names = worlds.chosen(defects=True)
     flights = worlds.Study(names[:1] if run.quick else names, run.weather_kt[:2], (SHORT,), run.n, SEED)
     lines = worlds.flown(flights, run.folder / "worlds.jsonl", run.jobs)
@@ -211,7 +212,7 @@ def defects(run: Run) -> Tables:
 
 
 def without_a_name(run: Run) -> Tables:
-    """Verdicts on defects that no setting covers, and on the flights of `accuracy`, which have no defect."""
+    """Study verdicts on defects that no setting covers, and on the flights of `accuracy`, which have no defect."""
     file, label = run.folder / "unnamed.jsonl", worlds.version()
     names = unnamed.named()[:1] if run.quick else unnamed.named()
     wrong = unnamed.flown_lines(names, WEATHER_KT[:2], run.n, UNNAMED_SEED, file, run.jobs, label)
@@ -222,7 +223,7 @@ def without_a_name(run: Run) -> Tables:
 
 
 def judgments(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
-    """What is said of right curves, and of curves that are wrong at some speed by more than half their interval."""
+    """Count verdicts on correct curves, and on curves that are wrong at some speed by more than half their interval."""
     bounds = {"right": (0.0, 1.0), "wrong by 1.0 to 1.5 half widths": (1.0, 1.5), "by more": (1.5, np.inf)}
     worst = [(line, max(abs(e) / h for e, h in zip(line["error"], line["half"], strict=True) if e is not None))
              for line in lines if "error" in line]  # fmt: skip
@@ -238,13 +239,13 @@ def judgments(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
 
 
 def flown_by_others(run: Run) -> Tables:
-    """Logs of real flights, where their files are; the dissertation's own are not among them."""
+    """Analyze logs of real flights whose files are available; the dissertation's own are not among them."""
     records = _alone("real_flights", "records", *([["Daredevil, 5 July"]] if run.quick else []))
     return {"flights": records or [{"flight": "not run: the files are not here"}]}
 
 
 def autopilots(run: Run) -> Tables:
-    """Electrical power from logs of an autopilot, and pools of such flights."""
+    """Study electrical power from autopilots' logs, and pools of such flights."""
     options = {"data": "electrical" if run.quick else "electrical,blind,torn,rpm"}
     logs, pools = [], []
     for kt in run.weather_kt:
@@ -263,7 +264,7 @@ def autopilots(run: Run) -> Tables:
 
 
 def pooled(run: Run) -> Tables:
-    """Pools of flights of one installation, differences of configurations, and what a fleet shows."""
+    """Study pools of flights of one installation, differences between configurations, and fleets."""
     most = {"A": 2, "B": 1} if run.quick else {"A": 10, "B": 5}
     flights = campaigns.Study(["study"], [3.0], range(SEED // 100, SEED // 100 + run.n), most)
     lines = campaign_figures.by_campaign(campaigns.flown(flights, run.folder / "campaigns.jsonl", run.jobs))
@@ -275,7 +276,7 @@ def pooled(run: Run) -> Tables:
         "coverage_records": (*((3, 3, 1) if run.quick else (50, 10, 2 * run.n)), SEED),
         "size_records": ([100] if run.quick else [100, 1000, 10000], 10 if run.quick else 50, SEED),
     }
-    with ThreadPoolExecutor(run.jobs) as pool:  # each waits for its own process
+    with ThreadPoolExecutor(run.jobs) as pool:  # each thread waits for its own process
         changes, coverage, sizes = pool.map(lambda name: _alone("fleet", name, *fleets[name]), fleets)
     return {
         "singles": campaign_figures.singles_records(lines),
@@ -288,7 +289,7 @@ def pooled(run: Run) -> Tables:
 
 
 def planned(run: Run) -> Tables:
-    """Planned flights against the shipped one of the same length."""
+    """Compare planned flights with the shipped plan of the same length."""
     cells = [(0.0, 8.0)] if run.quick else [(0.0, 8.0), (3.0, 8.0), (3.0, 21.0)]
     flights = plans.Study("nexstar", "curve", cells, range(SEED, SEED + run.n))
     records = plans.records(plans.flown(flights, run.folder / "plans.jsonl", run.jobs))
@@ -296,8 +297,7 @@ def planned(run: Run) -> Tables:
 
 
 def missions(run: Run) -> Tables:
-    """Missions compared with their prediction by the curve of one flight; a third as many by the curve of five
-    flights."""
+    """Compare missions with predictions from one flight's curve, and a third as many from the curve of five flights."""
     aircraft, curves = (routes.AIRCRAFT[:1], {1: 1}) if run.quick else (routes.AIRCRAFT, {1: 1, 5: 3})
     records: list[Record] = []
     for curve, fewer in curves.items():
@@ -307,7 +307,7 @@ def missions(run: Run) -> Tables:
 
 
 def calibrations(run: Run) -> Tables:
-    """The probe's maps from wind tunnels, and a line's lag from bursts of pressure."""
+    """Study the probe's maps from wind tunnels, and a line's lag from bursts of pressure."""
     seeds = range(SEED, SEED + run.n)
     lags = [(25.0, 8), (25.0, 36)]
     return {
@@ -317,7 +317,7 @@ def calibrations(run: Run) -> Tables:
 
 
 def performance(run: Run) -> Tables:
-    """Time and memory of an analysis, of a long log, and of the simulator. n: rounds."""
+    """Measure time and memory of an analysis, of a long log, and of the simulator. n: rounds"""
     with tempfile.TemporaryDirectory() as modules:
         now = speed.records(None, [], 0.0, run.n, Path(modules))
         if not run.quick:
@@ -330,10 +330,10 @@ def performance(run: Run) -> Tables:
 
 
 def reliability(run: Run) -> Tables:
-    """The daemon in real time, in every fault of the schedule, over hours, and after a power cut. n: minutes."""
+    """Test the daemon in real time, in every scheduled fault, over hours, and after a power cut. n: minutes"""
     rates = [25.0] if run.quick else [25.0, 100.0]
     seconds = 5.0 if run.quick else 60.0 * run.n
-    with ProcessPoolExecutor(len(rates)) as pool:  # both at once: they mostly wait
+    with ProcessPoolExecutor(len(rates)) as pool:  # both run at once, because they mostly wait
         soaks = list(pool.map(_soaked, rates, [seconds] * len(rates))) if os.geteuid() == 0 else []
     faults = [] if run.quick else _alone("daemon", "fault_records")
     lost = {"faults": len(faults), "ticks missed": sum(fault["missed"] for fault in faults),
@@ -352,7 +352,7 @@ def _soaked(rate: float, seconds: float) -> Record:
 
 
 def source(run: Run) -> Tables:
-    """The dissertation's results from simulated flights; `make dissertation` draws their figures."""
+    """Repeat the dissertation's results with simulated flights; `make dissertation` draws their figures."""
     if run.quick:
         return {name: [] for name in ("cases", "curves", "estimates", "limits", "by_noise")}
     tables = dissertation.tables(*dissertation.analyzed(run.folder / version() / "dissertation", run.jobs))
@@ -367,7 +367,7 @@ def source(run: Run) -> Tables:
 
 
 def _by_method(curves: Sequence[Record], value: str) -> list[Record]:
-    """A row a flight, a column a method: a value, and the share of the speeds that are covered [%]."""
+    """Return a row per flight and a column per method: a value, and the share of covered speeds [%]."""
     rows: dict[tuple[str, str], Record] = {}
     for curve in curves:
         row = rows.setdefault(
@@ -378,7 +378,7 @@ def _by_method(curves: Sequence[Record], value: str) -> list[Record]:
 
 
 def _alone(module: str, function: str, *arguments: Any, **options: Any) -> Any:
-    """The result of a benchmark's function in its own process: it shares neither memory nor settings."""
+    """Return the result of a benchmark's function from its own process, which shares neither memory nor settings."""
     called = f"{module}.{function}(*json.loads(sys.argv[1]), **json.loads(sys.argv[2]))"
     code = f"import json, sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import {module}; result = {called}"
     ran = subprocess.run(
@@ -406,7 +406,7 @@ PARTS: Mapping[str, Part] = {
 
 
 def version() -> str:
-    """The last commit that changed what figures come from, marked where files differ from it."""
+    """Return the last commit that changed the source of figures, marked if files differ from it."""
     inside = ("--", ".", *(f":!{name}" for name in NO_FIGURES))
 
     def git(*words: str) -> str:
@@ -417,7 +417,7 @@ def version() -> str:
 
 
 def machine() -> str:
-    """Cores, Python and kind of processor."""
+    """Return the number of cores, the Python version and the kind of processor."""
     match = re.search(r"model name\s*:\s*(.+)", Path("/proc/cpuinfo").read_text()) if sys.platform == "linux" else None
     python = ".".join(platform.python_version_tuple()[:2])
     return f"{os.cpu_count()} cores, Python {python}, {match[1] if match else platform.machine()}"
@@ -462,7 +462,7 @@ def run_part(name: str, data: Path, jobs: int, *, quick: bool) -> None:
 
 
 def differing(before: object, after: object, where: str = "") -> list[str]:
-    """Where two contents of JSON differ, such as curves.3.error."""
+    """Yield the places where two JSON contents differ, such as curves.3.error."""
     if isinstance(before, dict) and isinstance(after, dict):
         names = [*before, *(name for name in after if name not in before)]
         pairs = [(str(name), before.get(name), after.get(name)) for name in names]
@@ -480,7 +480,7 @@ def run_parts(names: Sequence[str], data: Path, jobs: int, *, quick: bool) -> li
     for name in names:
         try:
             run_part(name, data, jobs, quick=quick)
-        except (Exception, SystemExit):  # a study ends the program by itself when it has nothing to count
+        except (Exception, SystemExit):  # a study calls exit when it has nothing to count
             traceback.print_exc()
             print(f"{name}: failed", file=sys.stderr, flush=True)
             failed.append(name)
@@ -488,12 +488,12 @@ def run_parts(names: Sequence[str], data: Path, jobs: int, *, quick: bool) -> li
 
 
 def _processor_s() -> float:
-    """Processor time of this process and its finished children."""
+    """Return the processor time of this process and its finished children."""
     return sum(os.times()[:4])
 
 
 def rendered(page: str, data: Path) -> str:
-    """The text of a page with its tables from the data files. Raises KeyError for a table that a file lacks."""
+    """Return the text of a page with tables from the data files. Raises KeyError if a file lacks a table."""
 
     def between(mark: re.Match[str]) -> str:
         name, _, table = mark[2].partition(".")
@@ -508,7 +508,7 @@ def rendered(page: str, data: Path) -> str:
 
 
 def _table(tables: Tables, name: str) -> str:
-    """A table; NAME-in-words is the README's sentence on it; NAME-not-met lists cells below the required coverage."""
+    """Return a table; for NAME-in-words the README's sentence on it, for NAME-not-met cells below required coverage."""
     if name.endswith("-in-words"):
         records = tables[name.removesuffix("-in-words")]
         return _flights_in_words(records) if "flight" in records[0] else _in_words(records)
@@ -532,7 +532,7 @@ def _table(tables: Tables, name: str) -> str:
 
 
 def _with_counting_error(record: Record) -> Record:
-    """The counting error behind what it belongs to, instead of in a column of its own."""
+    """Put each counting error behind its value instead of in its own column."""
     joined, before = dict(record), ""
     for name, value in record.items():
         if name == "±":
@@ -544,12 +544,12 @@ def _with_counting_error(record: Record) -> Record:
 
 
 def without(records: Sequence[Record], *names: str) -> list[Record]:
-    """The records without these columns, which are the same in all."""
+    """Return the records without these columns."""
     return [{name: value for name, value in record.items() if name not in names} for record in records]
 
 
 def _in_words(curves: Sequence[Record]) -> str:
-    """What the README says of whole simulated flights in light and in strong turbulence."""
+    """Return the README's sentence on whole simulated flights in light and in strong turbulence."""
     light, strong = (
         next(curve for curve in curves if (curve["plan"], curve["W20, kt"]) == (WHOLE, kt)) for kt in ("3", "15")
     )
@@ -564,7 +564,7 @@ def _in_words(curves: Sequence[Record]) -> str:
 
 
 def _flights_in_words(records: Sequence[Record]) -> str:
-    """What the README says of real flights."""
+    """Return the README's sentence on real flights."""
     errors = {record["flight"]: [abs(float(end)) for end in record["error, %"].split(" to ")]
               for record in records if "error, %" in record}  # fmt: skip
     titles = ("its decelerations alone", "Daredevil, 10 July", "Daredevil, 5 July", "Cyclone")
@@ -583,7 +583,7 @@ def _flights_in_words(records: Sequence[Record]) -> str:
 
 
 def _summary_sentence(content: Mapping[str, Any]) -> str:
-    """How the tables of a file came about."""
+    """Return a sentence on how the tables in a file were made."""
     took = f", {content['minutes']} minutes" if content["minutes"] is not None else ""
     what = (
         f"{content['count']} {content['of']}; commit {content['commit']}, {content['date']}{took}, {content['machine']}"
@@ -592,7 +592,7 @@ def _summary_sentence(content: Mapping[str, Any]) -> str:
 
 
 def render(pages: Path, figures: Path) -> None:
-    """Write tables and figures of the data files into the pages."""
+    """Write tables and figures from the data files into the pages."""
     data = pages / "data"
     for path in (*sorted(pages.glob("*.md")), *((ROOT / "README.md",) if pages == PAGES else ())):
         path.write_text(rendered(path.read_text("utf-8"), data), "utf-8")

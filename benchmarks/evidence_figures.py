@@ -1,4 +1,4 @@
-"""The figures of docs/evidence, as SVG, from the tables of `benchmarks/evidence.py`."""
+"""Draws the figures of docs/evidence as SVG from the tables of `benchmarks/evidence.py`."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -9,8 +9,8 @@ from records import Record
 WIDTH, LEFT, RIGHT = 640, 150, 20
 BLUE, ORANGE, RED = "#1f77b4", "#ff9d2e", "#d62728"
 OF_MET = {"yes": BLUE, "open": ORANGE}
-LEAST = 50  # % of the axis of coverage
-PERCENT = (0.5, 1, 2, 5, 10, 20)  # of the axis of errors
+LEAST = 50  # start of the coverage axis, %
+PERCENT = (0.5, 1, 2, 5, 10, 20)  # ticks of the error axis
 
 
 def _svg(height: int, parts: Iterator[str]) -> str:
@@ -21,7 +21,7 @@ def _svg(height: int, parts: Iterator[str]) -> str:
 
 
 def coverage_by_world(records: Sequence[Record], nominal: tuple[int, int]) -> str:
-    """Coverage of each world with twice its counting error, and the band that is asked."""
+    """Draw the coverage of each world with twice its counting error, and the required band."""
     rows = sorted(records, key=lambda record: record["coverage, %"])
     step, height = 18, 18 * len(rows) + 40
 
@@ -43,7 +43,7 @@ def coverage_by_world(records: Sequence[Record], nominal: tuple[int, int]) -> st
 
 
 def error_by_speed(records: Sequence[Record], plan: str) -> str:
-    """Figure of a plan's flights: 95 % of errors (points), half widths (lines), by speed and weather."""
+    """Draw a plan's flights by speed and weather: points below which 95 % of errors are, and half widths as lines."""
     rows, height = [record for record in records if record["plan"] == plan], 300
 
     def x(over_stall: float) -> float:

@@ -1,8 +1,8 @@
-"""The electrical curve of both flights of ArduPlane's own simulation against level flight in calm air.
+"""Compares the electrical curves of two flights in ArduPlane's own simulation with level flight in calm air.
 
     python benchmarks/firmware_flights.py FOLDER      # with the files arduplane-4.6-dev-sitl-*.BIN.gz
 
-The truth is that of the calm flight: power in windows in which its true height and airspeed stand still.
+The truth comes from the calm flight: its power in windows in which true height and airspeed are constant.
 """
 
 import gzip
@@ -26,14 +26,14 @@ from flightpower.flight.units import GRAVITY_MPS2 as g
 Array = NDArray[np.float64]
 
 WEIGHT_N, AREA_M2, SPAN_M = 2.0 * g, 0.45, 1.88
-SPEEDS_MPS = np.array([14.4, 16.5, 17.6, 19.6, 22.7, 25.7, 28.9])  # true airspeed
+SPEEDS_MPS = np.array([14.4, 16.5, 17.6, 19.6, 22.7, 25.7, 28.9])  # true airspeeds
 TRUTH_W = np.array([31.6, 47.0, 59.8, 89.9, 157.1, 255.7, 396.5])
-TRUE_RATIO = 2.0  # ARSPD_RATIO
+TRUE_RATIO = 2.0  # value of ARSPD_RATIO
 FLIGHTS = {"calm": "arduplane-4.6-dev-sitl-calm.BIN.gz", "4 m/s of wind": "arduplane-4.6-dev-sitl-4mps.BIN.gz"}
 
 
 class OfFlight(NamedTuple):
-    """error, half : of power, in percent of the truth, at SPEEDS_MPS          ratio : least and greatest to type in"""
+    """error, half : of power, in percent of the truth, at SPEEDS_MPS     ratio : limits of ARSPD_RATIO"""
 
     electrical: ElectricalEstimate
     error: Array

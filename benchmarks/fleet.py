@@ -1,4 +1,4 @@
-"""A fleet of synthetic flights: time and memory of adding and showing, delays and false alarms of changes.
+"""Tests a fleet of synthetic flights: time and memory to add and show them, detection delays, and false alarms.
 
     python benchmarks/fleet.py size --flights 10000 --airframes 50
     python benchmarks/fleet.py page --flights 10000
@@ -8,9 +8,9 @@
     python benchmarks/fleet.py cluster --flights 300 --logs 30
     python benchmarks/fleet.py listing --keys 100000
 
-Flights are drawn from the model of the pool, with rows like those of flights of 21 minutes in 3 kt that were simulated
-and analyzed, with which `generator` compares them (`tests/analysis/flights/measured_row.py`); `--noise 3` draws them
-with three times the errors. `cluster` analyzes logs of simulated flights from a store that speaks S3, with Dask.
+Flights are drawn from the model of the pool. Their rows resemble those of simulated and analyzed flights of 21 minutes
+in 3 kt (`tests/analysis/flights/measured_row.py`); `generator` compares the two. `--noise 3` draws flights with three
+times the errors. `cluster` analyzes logs of simulated flights with Dask, from a store that speaks S3.
 """
 
 import os
@@ -54,7 +54,7 @@ from flightpower.analysis.pages.fleet_page import render_fleet
 from flightpower.analysis.records.fleet import What
 from tests import browser, s3_server
 
-A_YEAR, BEFORE = 200, 100  # flights; and before the change
+A_YEAR, BEFORE = 200, 100  # flights in a year, and before a change
 AMONG = 0.04  # standard deviation of drag among airframes
 CASES = (
     ("none", 0.0, 0.0, False),
@@ -69,7 +69,7 @@ OPENED = """(() => {
   const [opened] = performance.getEntriesByType("navigation");
   const [painted] = performance.getEntriesByName("first-contentful-paint");
   return [painted.startTime, opened.domComplete, opened.loadEventEnd];
-})()"""  # ms since the navigation began
+})()"""  # ms since navigation began
 app = typer.Typer(add_completion=False)
 
 
@@ -79,12 +79,12 @@ def size(
     airframes_: Annotated[int, typer.Option("--airframes")] = 50,
     seed: int = 1000,
 ) -> None:
-    """Processor seconds to add flights, one more, to show all; the page's size."""
+    """Measure processor seconds to add flights, to add one more and to show all, and the page's size."""
     print(markdown(size_records(flights, airframes_, seed)))
 
 
 def size_records(flights: Sequence[int], airframes_: int, seed: int) -> list[Record]:
-    """Records for each number of flights, with the exponent by which the time to show them grows."""
+    """Return records for each number of flights, with the exponent by which the time to show them grows."""
     rng, records = np.random.default_rng(seed), list[Record]()
     like, before = RowModel(measured_row()), None
     for total in flights:
@@ -126,7 +126,7 @@ def page(
     rounds: int = 5,
     seed: int = 1000,
 ) -> None:
-    """Time until Chromium has drawn the page of a fleet; the median of some rounds. Asked are 2 s."""
+    """Measure the time until Chromium has drawn a fleet's page, as a median of rounds; 2 s are required."""
     like, rng = RowModel(measured_row()), np.random.default_rng(seed)
     fleet = []
     for i in range(airframes_):
@@ -156,17 +156,19 @@ def changes(
     seed: int = 1000,
     noise: list[float] = [1.0],  # noqa: B006
 ) -> None:
-    """Delay to the first alarm after a change, what it names, and false alarms in as many flights as one is allowed.
+    """Measure the delay to the first alarm after a change, the cause it names, and false alarms in a year.
 
-    Beside both stands what theory gives: the first flight after which the detector's statistic passes its limit in the
-    mean, and the rate of false alarms that the limit is made for.
+    Next to both are the values from theory: the first flight after which the detector's mean statistic exceeds its
+    limit, and the rate of false alarms for which the limit was set.
     """
     print(markdown(change_records(airframes_, seed, noise)))
 
 
 def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[Record]:
-    """For each change: airframes that show it, flights until then, and false alarms. Counting errors: of a count k of n
-    sqrt(k (n - k) / n); of the rate of alarms, the root of their number."""
+    """Return for each change: airframes that show it, flights until then, and the rate of false alarms.
+
+    The counting error of a count k of n is sqrt(k (n - k) / n); for the rate it follows from the root of the count.
+    """
     records = []
     for factor in noise:
         like = RowModel(measured_row(), factor)
@@ -198,12 +200,12 @@ def change_records(airframes_: int, seed: int, noise: Sequence[float]) -> list[R
 
 
 def expected_delay(of_flights: Series, grown: NDArray[np.float64], change: tuple[float, float]) -> int | None:
-    """Flights from a change on until the detector's statistic passes its limit in the mean; None where it never does.
+    """Return how many flights after a change the detector's mean statistic exceeds its limit; None if it never does.
 
-    grown : (n,) shares of the change in flights all like the mean of these. Errors shared by all flights move them
-    alike and cancel. Of the best step or drift the statistic is chi-square with as many degrees of freedom as the
-    change has parts, and the noncentrality of the change: its square over the covariance of one flight, times the sum
-    of squares of `grown` about its mean (Basseville and Nikiforov 1993, sec. 7.2.4).
+    grown : (n,) fraction of the change reached in each of n flights that are like the mean of `of_flights`. Errors
+    shared by all flights move all of them alike and cancel. For the best step or drift the statistic is chi-square,
+    with as many degrees of freedom as the change has parts. Its noncentrality is the change squared over the covariance
+    of one flight, times the sum of squares of `grown` about its mean (Basseville and Nikiforov 1993, sec. 7.2.4).
     """
     seen = of_flights.by_truth.mean(axis=0) @ change
     of_one = float(seen @ np.linalg.solve(of_flights.errors.own.mean(axis=0), seen))
@@ -219,13 +221,15 @@ def coverage(
     draws: Annotated[int, typer.Option(help="Fleets.")] = 20,
     seed: int = 1000,
 ) -> None:
-    """How often the intervals of `fleet show` contain the truth: of each airframe, the mean, and another airframe."""
+    """Measure how often intervals of `fleet show` contain the truth: each airframe, the mean, another airframe."""
     print(markdown(coverage_records(airframes_, flights, draws, seed)))
 
 
 def coverage_records(airframes_: int, flights: int, draws: int, seed: int) -> list[Record]:
-    """Shares of speeds, with counting errors: of airframes one an airframe, of the others one a fleet. Asked is 95 %
-    within 2 %, and the counting error is added."""
+    """Return shares of covered speeds with counting errors: one share per airframe, for the others one per fleet.
+
+    95 % within 2 % is required; the counting error is added to this tolerance.
+    """
     like, errors = RowModel(measured_row()), defaultdict[str, list[float]](list)
     widths, zero = defaultdict[str, list[float]](list), np.zeros((len(POLAR), len(POLAR)))
     for draw in range(draws):
@@ -267,7 +271,7 @@ def generator(
     fly: Annotated[bool, typer.Option(help="Fly what is missing; or take what is in the file.")] = True,
     keep: Annotated[bool, typer.Option(help="Take the mean of their rows for all flights drawn from now on.")] = False,
 ) -> None:
-    """Flights of three airframes, simulated and analyzed (21 minutes in 3 kt), against 30 airframes that are drawn."""
+    """Compare simulated and analyzed flights of three airframes (21 minutes in 3 kt) with 30 drawn airframes."""
     study = campaigns.Study(["study"], [3.0], range(first, first + 3), {"A": flights // 3})
     flown = defaultdict[int, list[dict[str, Any]]](list)
     for line in campaigns.flown(study, file, 1) if fly else simulated_flights.known_lines(file):
@@ -280,8 +284,10 @@ def generator(
 
 
 def generator_records(flown: Sequence[list[dict[str, Any]]], noise: Sequence[float]) -> list[Record]:
-    """Mean and spread of each figure, and the difference of the means over its standard error; met where it is of a
-    size that chance gives once in 100 such comparisons."""
+    """Return mean and spread of each figure, and the difference of the means over its standard error.
+
+    It is met below the size that chance gives once in 100 such sets of comparisons.
+    """
     real, row, records = figures_of(flown), measured_row(), []
     figures_by_factor = {
         factor: figures_of([flights_of("one", 1000 + i, 10, like=RowModel(row, factor)) for i in range(30)])
@@ -306,7 +312,7 @@ def _mean_and_spread(figure: NDArray[np.float64]) -> str:
 
 
 def figures_of(fleet: Iterable[list[dict[str, Any]]]) -> dict[str, NDArray[np.float64]]:
-    """Figures (flights,): drag and thrust by each flight of an airframe, and the scatter of its estimates."""
+    """Return figures (flights,): drag and thrust from each flight of an airframe, and the scatter of its estimates."""
     by_name = defaultdict[str, list[float]](list)
     for of_airframe in fleet:
         values, by_truth, errors = series(joint_pool(of_airframe))
@@ -330,7 +336,7 @@ def cluster(
     logs: Annotated[int, typer.Option(help="Simulated flights that are copied, with other weights.")] = 30,
     out: Annotated[Path, typer.Option(help="Folder to work in.")] = Path("out/fleet"),
 ) -> None:
-    """Logs in a store that speaks S3, analyzed by two workers, one of which is killed and started again."""
+    """Analyze logs in a store that speaks S3 by two workers, one of which is killed and started again."""
     out.mkdir(parents=True, exist_ok=True)
     logs_in_store = many_logs.copies(many_logs.simulated(out, logs), out / f"logs-{flights}", flights)
     local, remote, address = out / "local", out / "cluster", f"tcp://127.0.0.1:{many_logs.PORT}"
@@ -374,7 +380,7 @@ def cluster(
 
 @app.command()
 def listing(keys: int = 100_000) -> None:
-    """Time and memory of listing a bucket and naming the folders of its logs."""
+    """Measure time and memory to list a bucket and name the folders of its logs."""
     with s3_server.running() as store:
         store.objects |= {f"fleet/airframe-{i % 50:02d}/{i:06d}.mcap": b"1" for i in range(keys)}
         os.environ |= store.environment

@@ -1,4 +1,4 @@
-"""Simulated flights as the analysis receives them, without buses, counts or log: what benchmarks and tests share."""
+"""Simulates flights as the analysis receives them, without buses, counts or log, for benchmarks and tests."""
 
 import contextlib
 import dataclasses
@@ -43,18 +43,18 @@ Job = TypeVar("Job")
 Key = tuple[Any, ...]
 Line = dict[str, Any]
 
-# Of the water column, 1 sigma: its scale, as `calibrate transducers` takes by default, and 0.3 mm of each reading.
+# Errors of the water column, 1 sigma: its scale, as `calibrate transducers` assumes, and 0.3 mm of each reading.
 COLUMN = "transducer-column"
 COLUMN_SCALE, READING_PA = 0.005, 3.0
 PLATEAU_SAMPLES = 175
 TICK_S, FIFO_S, SAMPLES = 0.04, 0.005, 8
 GPS_S = 0.1
-HEIGHT_M = 40.0  # of the whole test flight
+HEIGHT_M = 40.0  # height of the whole test flight
 
 
 @lru_cache(maxsize=1)
 def tunnel_probe() -> ProbeCalibration:
-    """A probe calibrated in the simulated tunnel; the same for every flight."""
+    """Return a probe calibrated in the simulated tunnel; it is the same for every flight."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "tunnel.csv"
         write_calibration(path, simulated_measurements(seed=0), replace=False)
@@ -62,31 +62,31 @@ def tunnel_probe() -> ProbeCalibration:
 
 
 def draw_errors(budget: ErrorBudget, seed: int) -> DrawnErrors:
-    """One day's errors, without vibration: that needs the part's own low-pass filter, a matter for the whole chain."""
+    """Draw one day's errors without vibration, which needs the part's own low-pass filter and thus the whole chain."""
     return draw(dataclasses.replace(budget, noise=dataclasses.replace(budget.noise, vibration_mps2=0.0)), seed)
 
 
 def stall_mps(aircraft: Aircraft) -> float:
-    """Stalling speed at the height of the whole test flight [m/s]."""
+    """Return the stall speed at the height of the whole test flight [m/s]."""
     return Trimmer(plant_of(aircraft), HEIGHT_M).V_stall
 
 
 class Setup(NamedTuple):
-    """One flight of a study, to simulate and to analyze."""
+    """One flight of a study to simulate and analyze."""
 
     aircraft: str
-    world: str  # or an error budget
+    world: str  # name of a world or an error budget
     plan: str
     turbulence_kt: float
     seed: int
 
     @property
     def drawn_errors(self) -> DrawnErrors:
-        """The errors of its day."""
+        """Errors drawn for the flight's day."""
         return draw_errors(load_world(self.world).errors, self.seed)
 
 
-# For one flight, by title: errors and half the 95 % intervals, % of the truth (2, columns); NaN where it has no value.
+# One flight's errors and half the 95 % intervals, by title, % of the truth (2, columns); NaN without a value.
 Rows = list[tuple[str, np.ndarray]]
 
 
@@ -95,7 +95,7 @@ class Flown(NamedTuple):
 
     flight: Flight
     sensor_truth: FlightSensorTruth
-    table: pd.DataFrame  # as `analysis.sources.daemon.synchronize` leaves it
+    table: pd.DataFrame  # as from `analysis.sources.daemon.synchronize`
 
 
 def flown(
@@ -107,11 +107,11 @@ def flown(
     *,
     wind_too: bool = False,
 ) -> Flown:
-    """Fly a plan; turbulence of W20 in place of the plan's where it is not 0. The caller owns the table.
+    """Fly a plan. Turbulence of W20, unless 0, replaces the plan's. The caller may change the table.
 
-    wind_too : the mean wind at 20 ft is W20, too, calm included
+    wind_too : W20 also sets the mean wind at 20 ft, even if it is 0
 
-    The last flights are kept, because flying takes most of the time of many tests: truth must not be changed.
+    The last flights are cached, because flying takes most of the time of many tests, so the truth must not be changed.
     """
     plan = load_plan(plan_name)
     if turbulence_kt:
@@ -124,21 +124,21 @@ def flown(
 
 @lru_cache(maxsize=4)
 def _flown(arguments: bytes) -> Flown:
-    """The flight by its arguments, pickled: they have no hash."""
+    """Fly with pickled arguments; the cache needs them pickled because they have no hash."""
     aircraft, errors, plan, seed = pickle.loads(arguments)
     flight, table = fly_and_measure(aircraft, errors, plan, seed)
     return Flown(flight, FlightSensorTruth(flight, errors), table)
 
 
 def fly_and_measure(aircraft: Aircraft, errors: DrawnErrors, plan: Plan, seed: int) -> tuple[Flight, pd.DataFrame]:
-    """The flight, and the table of its sensors. Tests take both from their corpus (tests/corpus.py)."""
+    """Return the flight and the table of its sensors. Tests get both from their corpus (tests/corpus.py)."""
     flight = fly(aircraft, plan, seed=seed, deviations=errors.deviations)
     return flight, sensor_table(FlightSensorTruth(flight, errors), aircraft)
 
 
 def sensor_table(sensor_truth: FlightSensorTruth, aircraft: Aircraft) -> pd.DataFrame:
-    """The table that `analysis.sources.daemon.synchronize` would make of the flight's log, without quantization and
-    jitter."""
+    """Return the table that `analysis.sources.daemon.synchronize` would make from the flight's log, without
+    quantization and jitter."""
     t = np.arange(0, sensor_truth.duration_s, TICK_S)
     fine = (t[:, None] + (np.arange(SAMPLES) - (SAMPLES - 1) / 2) * FIFO_S).ravel()
     force, rate = (values.reshape(-1, SAMPLES, 3).mean(axis=1) for values in sensor_truth.imu(fine))
@@ -161,7 +161,7 @@ def sensor_table(sensor_truth: FlightSensorTruth, aircraft: Aircraft) -> pd.Data
 
 
 class AirOf(NamedTuple):
-    """Air data, stretches at rest, and the zeros from them."""
+    """Air data, stretches at rest, and zeros from these stretches."""
 
     table: pd.DataFrame
     still: list[slice]
@@ -169,7 +169,7 @@ class AirOf(NamedTuple):
 
 
 def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> AirOf:
-    """The chain's steps up to the air data, for a table as `synchronize` leaves it."""
+    """Run the chain's steps up to the air data on a table as from `synchronize`."""
     scale = speed_scale(aircraft)
     still = rest_segments(table, 1 / TICK_S, flying_Pa(scale))
     at_rest = zeros(table, still, flying_Pa=flying_Pa(scale))
@@ -179,20 +179,20 @@ def air_of(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeCalibration) -> 
 
 
 def column_pressures() -> np.ndarray:
-    """Pressures [Pa] of the plan `transducer-column`."""
+    """Return the pressures [Pa] in the plan `transducer-column`."""
     (segment,) = (segment for segment in load_plan(COLUMN).segments if isinstance(segment, ColumnSegment))
     return np.array(segment.pressure_Pa)
 
 
 def as_read(pressures_Pa: np.ndarray, seed: int) -> list[float]:
-    """Pressures as read from a water column, whose scale and readings have errors; of COLUMN_SCALE, READING_PA."""
+    """Return pressures as read from a water column with errors of scale (COLUMN_SCALE) and readings (READING_PA)."""
     rng = np.random.default_rng([seed, 20])
     scale = 1 + COLUMN_SCALE * rng.standard_normal()
     return (pressures_Pa * scale + READING_PA * rng.standard_normal(len(pressures_Pa))).tolist()
 
 
 def transducers_of(errors: DrawnErrors, seed: int) -> TransducerCalibration:
-    """The calibration of these transducers by a water column, from the means at its plateaus."""
+    """Calibrate these transducers by a water column, from the means at its plateaus."""
     e, true_Pa = errors.values, column_pressures()
     slopes = np.array([1 + e.alpha_scale, 1 + e.beta_scale, (1 + e.V_scale) ** 2])
     offsets = np.array([errors.zero[name] for name in CHANNELS])
@@ -209,7 +209,7 @@ def transducers_of(errors: DrawnErrors, seed: int) -> TransducerCalibration:
 
 
 def known_lines(path: Path) -> list[dict[str, Any]]:
-    """The lines of a file of flights. A last line that was cut off is left out."""
+    """Return the lines of a file of flights. A last line that was cut off is left out."""
     lines = []
     for text in path.read_text("utf-8").splitlines() if path.exists() else []:
         with contextlib.suppress(ValueError):
@@ -221,14 +221,14 @@ def fly_missing(
     file: Path, wanted: Mapping[Key, Job], one_flight: Callable[[Job], Line], key: Callable[[Line], Key], *, jobs: int,
     summary: Callable[[Line], str],
 ) -> dict[Key, Line]:  # fmt: skip
-    """All lines of a file by their keys. Missing flights are flown; each is written as a line as soon as it is done."""
+    """Return all lines of a file by key. Missing flights are flown, and each is written as a line when it is done."""
     file.parent.mkdir(parents=True, exist_ok=True)
     done = {key(line): line for line in known_lines(file)}
     missing = [job for identity, job in wanted.items() if identity not in done]
     began = time.monotonic()
     with ProcessPoolExecutor(jobs) as pool, file.open("a", encoding="utf-8") as stream:
         if stream.tell() and not file.read_text("utf-8").endswith("\n"):
-            stream.write("\n")  # after a truncated line
+            stream.write("\n")  # ends a truncated line
         running = [pool.submit(one_flight, job) for job in missing]
         for count, future in enumerate(as_completed(running), start=1):
             line = future.result()
@@ -241,10 +241,10 @@ def fly_missing(
 
 
 def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Name, values and format of each statistic of errors (flights, speeds) with the half widths of their intervals.
+    """Return name, values and format of each statistic of errors (flights, speeds) and half widths of their intervals.
 
     NaN marks a speed that a flight does not cover; a speed covered by no flight is NaN in every row. Without half
-    widths there are no rows on intervals.
+    widths, the rows on them are missing.
     """
     finite = np.isfinite(error).any(axis=0)
     rows = [

@@ -1,11 +1,11 @@
-"""Millions of inputs into every parser of bytes from outside, guided by the code that they reach (atheris, libFuzzer).
+"""Feeds millions of inputs to every parser of external bytes, guided by the code that they reach (atheris, libFuzzer).
 
     pip install 'flightpower[fuzz]'
     .venv/bin/python benchmarks/fuzz.py run --inputs 1000000        # each target in turn, shared out equally
     .venv/bin/python benchmarks/fuzz.py one ublox --inputs 50000    # one target
 
-An input that finds a defect is kept in tests/data/fuzz/TARGET, which a test replays. Inputs begin from shipped files
-and valid frames. A defect is any exception but those that a target permits, 10 s for one input, or 1 GB of memory.
+An input that finds a defect is kept in tests/data/fuzz/TARGET, which a test replays. Inputs start from shipped files
+and valid frames. A defect is any exception that its target does not permit, 10 s for one input, or 1 GB of memory.
 """
 
 import shutil
@@ -26,8 +26,8 @@ SEEDS: dict[str, list[str]] = {
     "plan": ["sim/plans/*.toml"],
     "probe": ["sim/data/*.json", "flight/data/*.json"],
 }
-LONGEST_BYTES = 60_000  # of a file
-LONGEST_STREAM_BYTES = 2_000  # of what a driver reads
+LONGEST_BYTES = 60_000  # longest input for a file
+LONGEST_STREAM_BYTES = 2_000  # longest input for a driver
 FILES = (
     "tray",
     "aircraft",
@@ -46,7 +46,7 @@ FILES = (
 )
 SLOWEST_S = 10
 MEMORY_MB = 1000
-# Share of the inputs, where not 1: whole files take a thousand times as long as a frame.
+# Share of the inputs, if not 1: whole files take a thousand times as long as a frame.
 SHARE = {
     "log": 0.1,
     "ulog": 0.02,
@@ -66,7 +66,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 def seeds(name: str, folder: Path) -> None:
     """Put the initial inputs of a target into a folder."""
-    from altered_logs import TARGETS, small_log  # what it imports is instrumented before
+    from altered_logs import TARGETS, small_log  # import it only now, after its own imports have been instrumented
 
     patterns = SEEDS.get(name, [])
     for number, path in enumerate(path for pattern in patterns for path in sorted(ROOT.glob(pattern))):
@@ -105,7 +105,7 @@ def record_a_log(path: Path) -> None:
 
 
 def frames(name: str) -> bytes:
-    """What a fake part sends in a second."""
+    """Return the frames that a fake part sends in a second."""
     from flightpower.hw_fakes.clock import SimulatedClock
     from flightpower.hw_fakes.tray import AUTOPILOT_PORT, ESC_PORT, GPS_PORT, FakeTray, TrayVariant
 

@@ -1,11 +1,11 @@
-"""MAVProxy as ground station of the daemon's telemetry: what it says when it joins six seconds late.
+"""Tests MAVProxy as ground station for the daemon's telemetry: what it prints when it joins six seconds late.
 
     python3 -m venv /tmp/mavproxy && /tmp/mavproxy/bin/pip install MAVProxy      # a venv of its own
     python benchmarks/ground_station.py --mavproxy /tmp/mavproxy/bin/mavproxy.py
 
-Fake parts and the daemon run in real time in this process, telemetry in its own, MAVProxy in a third. Ends with 1 if
+Fake parts and the daemon run in real time in this process, telemetry in its own, MAVProxy in a third. Exit code 1 if
 MAVProxy does not see the aircraft and the state of the recording within five seconds of joining, or does not show a
-long text whole.
+long text in full.
 """
 
 import re
@@ -24,13 +24,13 @@ sys.path.append(str(ROOT / "tests" / "hw_fakes"))
 
 LATE_S, LISTENED_S, KNOWN_WITHIN_S = 6.0, 12.0, 5.0
 SEEN = {"the aircraft": "online system 25", "the state": "recording .* Hz"}
-# The static line is off: a sentence of more than the 50 bytes of one message.
+# The report of a disconnected static line, which is longer than the 50 bytes of one message.
 LONG_TEXT = "barometers differ by .* is the static line off or blocked[?]"
 TELEMETRY = '\n[telemetry]\nto = "udp:127.0.0.1:{port}"\n'
 
 
 def record_flight(folder: Path, port: int, seconds: float) -> None:
-    """The daemon on fake parts, in real time."""
+    """Run the daemon on fake parts in real time."""
     from analytic_sensor_truth import AnalyticSensorTruth
 
     from flightpower.daq.clock import SystemClock
@@ -56,7 +56,7 @@ def record_flight(folder: Path, port: int, seconds: float) -> None:
 
 
 def received_lines(mavproxy: str, folder: Path, port: int) -> list[tuple[float, str]]:
-    """What MAVProxy prints, with the time since its start [s]."""
+    """Return the lines that MAVProxy prints, with the time since its start [s]."""
     command = [mavproxy, f"--master=udpin:127.0.0.1:{port}", "--non-interactive", f"--state-basedir={folder}"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder)
     assert process.stdout is not None

@@ -1,10 +1,11 @@
-"""Faults inside parts, injected into the fake tray in flight: what is recorded as ok and wrong, and when it is told.
+"""Injects faults inside parts into the fake tray in flight: counts wrong readings marked ok, and times the reports.
 
     .venv/bin/python benchmarks/injected_faults.py                # all of them, some 20 s
-    .venv/bin/python benchmarks/injected_faults.py imu_range      # those whose names begin so
+    .venv/bin/python benchmarks/injected_faults.py imu_range      # those whose names begin with this
 
-A reading is wrong if it is marked ok and off by more than its noise, in CHECKS. Leaves with 1 if one is wrong of a
-fault that readings show, or if a fault is not told within 5 s. Faults that no reading shows are listed with the reason.
+A reading is wrong if it is marked ok and off by more than its noise in CHECKS. Exit code 1 if a reading is wrong in a
+fault that readings show, or if a fault is not reported within 5 s. Faults that no reading shows are listed with the
+reason.
 """
 
 import struct
@@ -32,11 +33,11 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.append(str(ROOT / "tests" / "hw_fakes"))
 from analytic_sensor_truth import AnalyticSensorTruth, sine  # noqa: E402
 
-BEGIN_S, END_S = 9.0, 19.0  # of the fault, and of the flight
+BEGIN_S, END_S = 9.0, 19.0  # start of the fault, and end of the flight
 REPORTED_S = 5.0
 IMU, MAG, BARO, STATIC = (ADDRESSES[name] for name in ("imu", "magnetometer", "baro", "static"))
 AIRSPEED = ADDRESSES["airspeed"]
-MERIDIAN_M = 111_320.0  # a degree of latitude
+MERIDIAN_M = 111_320.0  # length of a degree of latitude
 
 
 def rows(*functions: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -53,7 +54,7 @@ PULSE = sine(1500.0, 100.0, 0.1)
 
 
 def truth() -> AnalyticSensorTruth:
-    """A flight in which everything moves; without noise, so that each deviation is the fault's."""
+    """Return a flight in which everything moves, without noise, so that every deviation comes from the fault."""
     return AnalyticSensorTruth(
         differential_Pa=DIFFERENCE,
         absolute_Pa=STATIC_PA,
@@ -69,7 +70,7 @@ def truth() -> AnalyticSensorTruth:
 
 
 class Check(NamedTuple):
-    """A field of a topic, its true value at a time, how old it is when it is recorded, and its noise."""
+    """A field of a topic, its true value over time, its age when it is recorded, and its noise."""
 
     topic: str
     value: Callable[[Any], float | None]
@@ -119,11 +120,11 @@ DEFAULT = TrayVariant()
 
 @dataclass
 class Fault:
-    """What a part does after BEGIN_S.
+    """A part's behavior after BEGIN_S.
 
-    once: changes the fake part. reply: what it answers on the bus, from (address, sent, reply). received: what comes on
-    a line, from (device, bytes). shown_after_s: until then no reading shows it, for the reason in `hidden`. told:
-    whether the crew has to hear of it; single damaged replies are only marked.
+    once: changes the fake part. reply: turns (address, sent, reply) into the faulty reply on the bus. received: turns
+    (device, bytes) into the faulty bytes on a line. shown_after_s: until then no reading shows the fault, for the
+    reason in `hidden`. reported: whether the crew must hear of it; single damaged replies are only marked.
     """
 
     name: str
@@ -140,7 +141,7 @@ class Fault:
 
 
 class Wires:
-    """The fake tray's buses, with the fault at work."""
+    """The fake tray's buses with the fault in effect."""
 
     def __init__(self, fake: FakeTray, fault: Fault, clock: SimulatedClock):
         self._fake, self._fault, self._clock = fake, fault, clock
@@ -194,11 +195,11 @@ class Wires:
         return Port()
 
 
-# --- effects inside parts
+# --- effects of faults inside parts
 
 
 def registers(**values: int) -> Callable[[FakeTray, int], None]:
-    """The IMU's registers change, as after a disturbance."""
+    """Change registers of the IMU, as a disturbance does."""
 
     def lose(fake: FakeTray, now_ns: int) -> None:
         for register, value in values.items():
@@ -209,7 +210,7 @@ def registers(**values: int) -> Callable[[FakeTray, int], None]:
 
 
 def frozen(address: int, sent: bytes, size: int | None = None) -> Any:
-    """The last reply again and again, of an FIFO the last sample."""
+    """Repeat the last reply, or for a FIFO the last sample."""
 
     def again(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
         if (to, request) != (address, sent):
@@ -223,7 +224,7 @@ def frozen(address: int, sent: bytes, size: int | None = None) -> Any:
 
 
 def frozen_pressure(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
-    """The barometer's last pressure; the temperature goes on."""
+    """Repeat the barometer's last pressure; its temperature keeps changing."""
     if to != STATIC or request != b"\0":
         return reply
     value = int.from_bytes(reply, "big")
@@ -235,7 +236,7 @@ def frozen_pressure(fault: Fault, to: int, request: bytes, reply: bytes) -> byte
 
 
 def shifted(share: float, *addresses: int) -> Any:
-    """Replies shifted by a bit, as the Raspberry Pi's controller does where a part stretches the clock."""
+    """Shift replies by a bit, as the Raspberry Pi's controller does when a part stretches the clock."""
 
     def shift(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
         if to not in addresses or DRAWN.random() >= share:
@@ -246,7 +247,7 @@ def shifted(share: float, *addresses: int) -> Any:
 
 
 def one_wrong_bit(share: float, *addresses: int) -> Any:
-    """One bit of a reply is wrong."""
+    """Flip one bit of a reply."""
 
     def flip(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
         if to not in addresses or DRAWN.random() >= share:
@@ -258,13 +259,13 @@ def one_wrong_bit(share: float, *addresses: int) -> Any:
 
 
 def second_part(fault: Fault, to: int, request: bytes, reply: bytes) -> bytes:
-    """Another transducer at the address: both pull the line down."""
+    """Put another transducer at the same address: both pull the line down."""
     other = (8192 << 16 | 900 << 5).to_bytes(4, "big")
     return bytes(a & b for a, b in zip(reply, other, strict=True)) if to == AIRSPEED else reply
 
 
 def solutions(change: Callable[[Fault, bytes], bytes]) -> Any:
-    """Each solution of the receiver is replaced."""
+    """Replace each solution of the receiver."""
 
     def replaced(fault: Fault, device: str, data: bytes) -> bytes:
         if device != GPS_PORT:
@@ -287,12 +288,12 @@ def patched(**values: tuple[int, str, int]) -> Callable[[Fault, bytes], bytes]:
 
 
 def frozen_solution(fault: Fault, frame: bytes) -> bytes:
-    """Another time of week and date, and all else as before."""
+    """Send a new time of week and date, with everything else as before."""
     return ubx(1, 7, frame[6:30] + fault.state.setdefault("frame", frame)[30:-2])
 
 
 def restarted(rate_ms: int) -> Callable[[FakeTray, int], None]:
-    """The receiver loses its supply; its saved configuration sends solutions by a filter that smooths velocity."""
+    """Interrupt the receiver's supply; with its saved configuration it then smooths velocity with a filter."""
 
     def restart(fake: FakeTray, now_ns: int) -> None:
         fake.gps.power_cycle(now_ns)
@@ -322,7 +323,7 @@ def does_5_Hz(fake: FakeTray, now_ns: int) -> None:
 
 
 def sender(system: int, component: int, *messages: Any) -> Any:
-    """Another sender on the autopilot's line."""
+    """Add another sender to the autopilot's line."""
     link = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
 
     def mixed(fault: Fault, device: str, data: bytes) -> bytes:
@@ -412,9 +413,9 @@ FAULTS = [
 
 
 class Outcome(NamedTuple):
-    """hidden, wrong: readings marked ok and off by more than their noise, before and after readings show the fault.
+    """hidden, wrong: readings marked ok that are off by more than their noise, before and after readings show the fault
 
-    worst: of these, as a multiple of the noise. event_s, state_s: when it was told, after its beginning.
+    worst: largest deviation in noise units. event_s, state_s: time from the start of the fault to event and state
     """
 
     ok: int
@@ -425,11 +426,11 @@ class Outcome(NamedTuple):
     event_s: float | None
     state_s: float | None
     event: str
-    last_second_ok: int  # readings
+    last_second_ok: int  # number of readings
 
 
 def run(fault: Fault) -> Outcome:
-    """Fly END_S with the fault."""
+    """Fly until END_S with the fault."""
     clock = SimulatedClock(start_ns=3_000_000_000, unix_at_start_ns=1_700_000_000 * 10**9)
     start_ns = clock.now_ns()
     fake = FakeTray(truth(), clock, 2, variant=fault.variant)
@@ -490,7 +491,7 @@ def outcomes(begin: str = "") -> Iterator[tuple[Fault, Outcome]]:
 
 
 def is_reported(fault: Fault, outcome: Outcome) -> bool:
-    """Whether events and state reported it within REPORTED_S."""
+    """Return whether events and state reported the fault within REPORTED_S."""
     return not fault.reported or all(s is not None and s <= REPORTED_S for s in (outcome.event_s, outcome.state_s))
 
 

@@ -1,11 +1,11 @@
-"""Instructions that a tick of the daemon takes on a Raspberry Pi: its Python under user-mode emulation of aarch64.
+"""Counts the instructions of a daemon tick on a Raspberry Pi: its Python runs under user-mode emulation of aarch64.
 
     .venv/bin/python benchmarks/instructions.py      # 3 min; root; makes out/aarch64 from packages of Debian and PyPI
 
 The fake tray's replies are recorded here and played back to the daemon in Debian's Python for aarch64, on a simulated
-clock. A plugin of QEMU counts instructions; two recordings of different length are compared, so that the start cancels.
-What the kernel does for a transfer is not counted. The times follow from the clocks of the processors and from
-instructions per cycle, which are assumptions for an interpreter: measure them with `perf stat` on the computer itself.
+clock. A QEMU plugin counts instructions; two recordings of different lengths are compared, so that the startup cancels.
+The kernel's work for a transfer is not counted. The times follow from the processors' clocks and from instructions per
+cycle, which are assumed for an interpreter: measure them with `perf stat` on the computer itself.
 """
 
 import itertools
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LENGTHS_S = (10.0, 30.0)
 COMMANDS = {"mmdebstrap": "mmdebstrap", "qemu-aarch64": "qemu-user", "gcc": "gcc"}
 WHEELS = ("msgspec", "zstandard", "lz4")
-PURE = ("mcap", "smbus2")  # the same on every computer
+PURE = ("mcap", "smbus2")  # packages of pure Python, the same on every computer
 PLUGIN = """
 #include <stdint.h>
 #include <stdio.h>
@@ -53,7 +53,7 @@ __attribute__((visibility("default"))) int qemu_plugin_install(plugin_id id, con
 
 
 class Computer(NamedTuple):
-    """A Raspberry Pi: its core, clock, and the instructions a cycle that an interpreter is assumed to reach on it."""
+    """A Raspberry Pi: its core, its clock, and the instructions per cycle that an interpreter is assumed to reach."""
 
     name: str
     core: str
@@ -70,7 +70,7 @@ COMPUTERS = (
 
 
 class Replies:
-    """Buses and ports: of the fake tray, whose replies and times are kept; or of a recording, where they come again."""
+    """Buses and ports that record the fake tray's replies and their times, or play back such a recording."""
 
     def __init__(self, clock: Any, replies: dict[Any, list[Any]], fake: Any = None):
         self._clock, self.replies, self._fake = clock, replies, fake
@@ -84,7 +84,7 @@ class Replies:
         return self._opened.setdefault(device, Opened(self, device, self._fake and self._fake.port(device, baud)))
 
     def reply(self, part: Any, key: tuple[Any, ...]) -> Any:
-        """Errors are kept as their number."""
+        """Return a reply, recorded or played back; an error is kept as its number."""
         if part is None:
             reply, spent_ns = next(self._again.setdefault(key, itertools.cycle(self.replies[key])))
             self._clock.advance_ns(spent_ns)
@@ -123,7 +123,7 @@ class Opened:
 
 
 def ticks_of(replies: Replies, clock: Any, seconds: float) -> int:
-    """Ticks of a recording of the example tray."""
+    """Return the number of ticks in a recording of the example tray."""
     from flightpower.daq.config import parse_tray
     from flightpower.daq.daemon import record
 
@@ -164,7 +164,7 @@ def run(*command: object) -> str:
 
 
 def made(folder: Path) -> Path:
-    """Debian's Python for aarch64, the daemon's libraries and the plugin, in a folder; made once."""
+    """Make a folder with Debian's Python for aarch64, the daemon's libraries and the plugin, unless it exists."""
     debian, library = folder / "debian", folder / "library"
     folder.mkdir(parents=True, exist_ok=True)
     if not (debian / "usr" / "bin" / "python3.11").exists():

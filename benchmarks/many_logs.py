@@ -1,10 +1,10 @@
-"""Many logs: two processors against one, killed and resumed, one flight more, a Dask cluster that loses a worker.
+"""Tests many logs: two processors against one, kill and resume, one more flight, a Dask cluster that loses a worker.
 
     python benchmarks/many_logs.py --flights 100 --logs 4 --out /var/tmp/campaign
 
-`--logs` short flights are simulated (seeds 1000 and on). Copies of them differ in the weight of the aircraft file, so
-that each is analyzed and none equals another. Every part checks that the results are equal to the byte. `--part` runs
-one part; `--log` uses copies of your own log, such as one of twenty minutes.
+`--logs` short flights are simulated (seeds from 1000). Their copies differ in the weight in the aircraft file, so that
+each is analyzed and no two are equal. Every part checks that the results are equal to the byte. `--part` runs one part;
+`--log` uses copies of your own log, such as one of twenty minutes.
 """
 
 import io
@@ -51,7 +51,7 @@ def command(*words: object) -> list[str]:
 
 
 def analyze(logs: Sequence[Path | str], out: Path, *options: object) -> float:
-    """Elapsed seconds of a campaign that has to succeed."""
+    """Run a campaign that must succeed, and return the elapsed seconds."""
     start = time.monotonic()
     subprocess.run(command(*ANALYZE, *logs, "-o", out, "-q", *options), check=True)
     return time.monotonic() - start
@@ -81,7 +81,7 @@ def copies(logs: list[Path], folder: Path, count: int) -> list[Path]:
 
 
 def copy(log: Path, to: Path, number: int) -> None:
-    """Copies a log with another weight in the aircraft file: no two copies have equal estimates."""
+    """Copy a log with another weight in the aircraft file, so that no two copies have equal estimates."""
     data, offset = log.read_bytes(), len(MAGIC)
     with to.open("wb") as target:
         writer = LogWriter(target)
@@ -101,7 +101,7 @@ def copy(log: Path, to: Path, number: int) -> None:
 
 
 def heavier(aircraft: bytes, number: int) -> bytes:
-    """An aircraft file with 0.1 % of weight more for each number."""
+    """Return an aircraft file whose weight is 0.1 % larger for each number."""
 
     def more(match: re.Match[str]) -> str:
         return f'{match[1]}"{float(match[2]) * (1 + 0.001 * number):.5f} {match[3]}"'
@@ -110,7 +110,7 @@ def heavier(aircraft: bytes, number: int) -> bytes:
 
 
 def contents(out: Path) -> dict[str, bytes]:
-    """Every file of a campaign but the lock and the records, which name the logs."""
+    """Return every file of a campaign except the lock and the records, which name the logs."""
     paths = (path for path in out.rglob("*") if path.is_file() and path.name not in ("inputs.json", ".lock"))
     return {path.relative_to(out).as_posix(): path.read_bytes() for path in paths}
 
@@ -131,7 +131,7 @@ def wait_for(condition: Callable[[], bool], process: subprocess.Popen[bytes]) ->
 
 
 def processors(logs: list[Path], folder: Path) -> None:
-    """Elapsed time with one job and with two, and what processor times give on a machine without other work."""
+    """Measure the elapsed time with one job and two, and estimate it from processor times for an idle machine."""
     elapsed, ideal = {}, {}
     for jobs in (1, 2):
         out = folder / f"jobs-{jobs}"
@@ -140,7 +140,7 @@ def processors(logs: list[Path], folder: Path) -> None:
         result = subprocess.run(command(*ANALYZE, *logs, "-o", out, "--jobs", jobs), check=True, capture_output=True)
         elapsed[jobs] = time.monotonic() - start
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        alone = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime  # of the first process, without jobs
+        alone = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime  # first process, without jobs
         analyses = float(re.search(rb"analyzed in ([\d.]+) s", result.stderr)[1])  # type: ignore[index]
         ideal[jobs] = alone + analyses / jobs
         console.print(
@@ -154,7 +154,7 @@ def processors(logs: list[Path], folder: Path) -> None:
 
 
 def killed(logs: list[Path], folder: Path, reference: Path) -> None:
-    """SIGKILL when a half is done, then the same command."""
+    """Send SIGKILL when half is done, then run the same command again."""
     out = folder / "killed"
     shutil.rmtree(out, ignore_errors=True)
     with subprocess.Popen(command(*ANALYZE, *logs, "-o", out, "-q")) as process:
@@ -171,7 +171,7 @@ def killed(logs: list[Path], folder: Path, reference: Path) -> None:
 
 
 def one_more(logs: list[Path], folder: Path, more: Path, reference: Path) -> None:
-    """The time of a campaign with all logs but one done, and the time of that log alone."""
+    """Measure a campaign in which only one log is left to do, and that log alone."""
     out = folder / "one-more"
     shutil.rmtree(out, ignore_errors=True)
     shutil.copytree(reference, out)
@@ -186,7 +186,7 @@ def one_more(logs: list[Path], folder: Path, more: Path, reference: Path) -> Non
 
 
 def cluster(logs: list[Path], folder: Path, reference: Path) -> None:
-    """A scheduler and two workers; one worker is killed when a quarter is done."""
+    """Run a scheduler and two workers, and kill one worker when a quarter is done."""
     out = folder / "cluster"
     shutil.rmtree(out, ignore_errors=True)
     address = f"tcp://127.0.0.1:{PORT}"
@@ -215,7 +215,7 @@ def cluster(logs: list[Path], folder: Path, reference: Path) -> None:
 
 
 def memory(log: Path, folder: Path) -> None:
-    """The most memory of one analysis, as `analyze` says it."""
+    """Measure the peak memory of one analysis, as `analyze` reports it."""
     out = folder / "memory"
     shutil.rmtree(out, ignore_errors=True)
     words = command(*ANALYZE, *copies([log], folder / "two", 2), "-o", out, "--jobs", 1)
@@ -226,7 +226,7 @@ def memory(log: Path, folder: Path) -> None:
 
 @dataclass(frozen=True)
 class Scattered:
-    """Stands in for an analysis: results of another flight with estimates scattered by half their covariance."""
+    """Replaces an analysis: gives another flight's results, with estimates scattered by half their covariance."""
 
     flights: list[Path]
 
@@ -260,7 +260,7 @@ class Silent:
 
 
 def hundred(folder: Path, reference: Path, count: int = 100) -> None:
-    """The cost of a pool of a hundred flights, and of its page, in addition to the analyses."""
+    """Measure the cost of a pool of a hundred flights and of its page, in addition to the analyses."""
     out, logs = folder / "hundred", folder / "hundred-logs"
     for old in (out, logs):
         shutil.rmtree(old, ignore_errors=True)

@@ -1,7 +1,7 @@
-"""Every method over many simulated flights: error, width and coverage of its interval, and causes of disagreements.
+"""Tests every method on many simulated flights: error, width and coverage of intervals, causes of disagreements.
 
-Simulates flights and sensors (no buses, no counts), analyzes, and compares with the simulator's true curve within each
-method's range of speeds. `python benchmarks/study.py methods` prints what it gives.
+It simulates flights and sensors (without buses and counts), analyzes, and compares with the simulator's true curve
+within each method's range of speeds. `python benchmarks/study.py methods` prints the results.
 """
 
 import dataclasses
@@ -32,7 +32,7 @@ OVER_STALL = (1.2, 1.4, 1.7, 2.0, 2.3)
 
 
 class Flown(NamedTuple):
-    """One simulated flight: air data, where it stood, the true curve at its density.
+    """One simulated flight: air data, stretches at rest, and the true curve at its density.
 
     segments : kind, start_s, end_s of each segment of the plan
     """
@@ -55,7 +55,7 @@ class Analyzed(NamedTuple):
 
 
 def draw_errors(budget: ErrorBudget, seed: int, **wrong: float) -> DrawnErrors:
-    """Random errors of one day, those in `wrong` set: names of `Systematic`, or `accel_x_bias`, `pitch_tilt`."""
+    """Draw one day's errors and set those in `wrong`: names of `Systematic`, or `accel_x_bias`, `pitch_tilt`."""
     errors = flights.draw_errors(budget, seed)
     if "accel_x_bias" in wrong:
         errors = dataclasses.replace(errors, accel_bias=np.array([wrong.pop("accel_x_bias"), 0.0, 0.0]))
@@ -94,7 +94,7 @@ def analyzed(aircraft: Aircraft, flown: Flown) -> Analyzed:
 def compared(
     polar: Polar, flown_CL: tuple[float, float], V: np.ndarray, truth: np.ndarray, condition: Condition
 ) -> np.ndarray:
-    """Error and half the 95 % interval in percent (2, speeds); NaN outside the method's range of speeds."""
+    """Return error and half the 95 % interval in percent (2, speeds); NaN outside the method's range of speeds."""
     power, error = power_required(V, polar, condition)
     CL = lift_coefficient(V, condition)
     seen = (CL >= 0.98 * flown_CL[0]) & (CL <= 1.02 * flown_CL[1])
@@ -102,8 +102,7 @@ def compared(
 
 
 def one_flight(setup: Setup, **wrong: float) -> Rows:
-    """The curve of each method; causes of disagreements appear as titles without figures. wrong: as in
-    `draw_errors`."""
+    """Return each method's curve; causes of disagreement are titles without figures. wrong: as in `draw_errors`"""
     aircraft = load_aircraft(setup.aircraft)
     errors = draw_errors(load_world(setup.world).errors, setup.seed, **wrong)
     flown = fly(aircraft, flights.tunnel_probe(), errors, setup.plan, setup.turbulence_kt, setup.seed)

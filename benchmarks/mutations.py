@@ -1,4 +1,4 @@
-"""Mutations of the code: one operator, bound or number is changed, and the tests should notice.
+"""Mutates the code: one operator, bound or number is changed, and the tests should notice.
 
     python benchmarks/mutations.py --seed 8001 --count 40
 
@@ -48,7 +48,7 @@ FUNCTIONS = {"sin": "cos", "cos": "sin", "maximum": "minimum", "minimum": "maxim
 
 
 class Mutation(NamedTuple):
-    """A change of one expression. file: relative to the root; text: of the mutated file."""
+    """A change of one expression. file: path relative to the root; text: text of the mutated file"""
 
     file: Path
     line: int
@@ -62,7 +62,7 @@ class Mutation(NamedTuple):
 
 
 def sites(tree: ast.Module) -> list[ast.expr]:
-    """The expressions that can be mutated, always in the same order. Annotations and joined texts do not count."""
+    """Return the expressions that can be mutated, always in the same order. Annotations and f-strings do not count."""
     annotations = {
         id(inner)
         for node in ast.walk(tree)
@@ -97,7 +97,7 @@ def is_text(node: ast.expr) -> bool:
 
 
 def change(node: ast.expr, rng: random.Random) -> None:
-    """Mutates the expression in place."""
+    """Mutate the expression in place."""
     match node:
         case ast.BinOp():
             node.op = OPERATORS[type(node.op)]()
@@ -112,7 +112,7 @@ def change(node: ast.expr, rng: random.Random) -> None:
 
 
 def mutation(file: Path, index: int, rng: random.Random) -> Mutation | None:
-    """Mutates the expression with this index in a file. None where the text cannot be changed at one place."""
+    """Mutate the expression with this index in a file. None if the text cannot be changed at exactly one place."""
     source = (ROOT / file).read_text("utf-8")
     tree = ast.parse(source)
     node = sites(tree)[index]
@@ -131,7 +131,7 @@ def mutation(file: Path, index: int, rng: random.Random) -> Mutation | None:
 
 
 def random_mutations(seed: int) -> Iterator[Mutation]:
-    """The draw without replacement over all places of mutations."""
+    """Yield random mutations, drawn without replacement from all places."""
     rng = random.Random(seed)
     files = sorted(p.relative_to(ROOT) for place in PLACES for p in (ROOT / place).rglob("*.py"))
     pool = [(f, i) for f in files for i in range(len(sites(ast.parse((ROOT / f).read_text("utf-8")))))]
@@ -144,12 +144,12 @@ def random_mutations(seed: int) -> Iterator[Mutation]:
 
 @cache
 def import_graph() -> dict[Path, set[Path]]:
-    """Which file imports which, made once for all mutations."""
+    """Return which file imports which; this is found once for all mutations."""
     return near.imports(ROOT)
 
 
 def tests_by_distance(file: Path) -> list[Path]:
-    """All test files: first the nearest by imports, in the order of `make near`, then files without an import path."""
+    """Return all test files: first the nearest by imports, as in `make near`, then files without an import path."""
     nearest = near.nearest(file, import_graph(), [file], sys.maxsize)
     return nearest + sorted({p.relative_to(ROOT) for p in (ROOT / "tests").rglob("test_*.py")} - {*nearest})
 
@@ -160,7 +160,7 @@ def environment_of(copy: Path) -> dict[str, str]:
 
 
 def run(copy: Path, arguments: list[str], timeout_s: float) -> subprocess.CompletedProcess[str] | None:
-    """Runs Python in the copy. None after the timeout."""
+    """Run Python in the copy. Returns None after the timeout."""
     environment = environment_of(copy) | {"PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, *arguments]
     try:
@@ -170,17 +170,17 @@ def run(copy: Path, arguments: list[str], timeout_s: float) -> subprocess.Comple
 
 
 def compile_copy(copy: Path) -> None:
-    """Compile modules and tests once; a mutated file differs from what was compiled in size and time."""
+    """Compile modules and tests once; a mutated file's size and time differ, so that Python recompiles it."""
     command = [sys.executable, "-m", "pytest", "-q", "--collect-only", "-p", "no:cacheprovider"]
     subprocess.run(command, cwd=copy, env=environment_of(copy), capture_output=True)
 
 
 def failure(copy: Path, tests: list[str], timeout_s: float) -> str | None:
-    """The first test that fails, "timeout", or None if all pass."""
+    """Return the first test that fails, "timeout", or None if all pass."""
     done = run(copy, ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests], timeout_s)
     if done is None:
         return "timeout"
-    if done.returncode in (0, 5):  # 5: no test in these files
+    if done.returncode in (0, 5):  # 5 means no test in these files
         return None
     failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
     return failed[0].split(" - ")[0].split(maxsplit=1)[1] if failed else f"exit code {done.returncode}"
@@ -197,7 +197,7 @@ def can_be_imported(made: Mutation, copy: Path) -> bool:
 
 
 def killer(made: Mutation, copy: Path, tests: list[Path], timeout_s: float) -> str | None:
-    """Runs the tests against a mutation, eight files at a time. The first test that fails; None: it survives.
+    """Run the tests against a mutation, eight files at a time. Returns the first test that fails; None if it survives.
 
     A test that fails even without the mutation proves nothing: its file is left out.
     """
@@ -227,7 +227,7 @@ def main(
     timeout_s: Annotated[float, typer.Option(help="for a run of eight test files")] = 600.0,
     dry_run: Annotated[bool, typer.Option("--list", help="only print the draw")] = False,
 ) -> None:
-    """Draws mutations, runs the tests against each, prints a line each and the sum."""
+    """Draw mutations, run the tests against each, and print a line for each and the total."""
     draw = random_mutations(seed)
     if dry_run:
         print("\n".join(map(str, islice(draw, count))))

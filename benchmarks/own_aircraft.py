@@ -1,8 +1,9 @@
-"""Errors and intervals of the curve by an aircraft file of four keys, and by one with all of them.
+"""Compares errors and intervals of the curve with an aircraft file of four keys and with one that has all keys.
 
-Simulated flights (without buses) of Nexstars that differ in what the short file lacks: upwash at the probe, places of
-probe and IMU, each drawn evenly. The same log is analyzed with the aircraft file that it carries, and with one of name,
-span, wing area and weight. `python benchmarks/study.py own-aircraft` repeats it.
+The simulated flights (without buses) are of Nexstars that differ in values that the short file lacks: upwash at the
+probe and positions of probe and IMU, each drawn uniformly. The same log is analyzed with the aircraft file that it
+carries, and with one that has only name, span, wing area and weight. `python benchmarks/study.py own-aircraft` repeats
+it.
 """
 
 import tempfile
@@ -26,7 +27,7 @@ UPWASH_DEG, PROBE_M, IMU_M = (0.0, 2.0), (0.1, 0.6), (-0.1, 0.1)
 
 
 def drawn_aircraft(seed: int) -> str:
-    """The text of the Nexstar's file with another installation of probe and IMU."""
+    """Return the text of the Nexstar's file with another installation of probe and IMU."""
     rng = np.random.default_rng(seed)
     upwash, ahead = rng.uniform(*UPWASH_DEG), rng.uniform(*PROBE_M)
     imu = ", ".join(f'"{place:.3f} m"' for place in rng.uniform(*IMU_M, 3))
@@ -42,7 +43,7 @@ def drawn_aircraft(seed: int) -> str:
 
 
 def one_flight(setup: Setup) -> Rows:
-    """Results with all keys and with four, and how much wider intervals with four are [%]."""
+    """Return results with all keys and with four, and how much wider the intervals with four keys are [%]."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "nexstar.toml").write_text(drawn_aircraft(setup.seed), "utf-8")

@@ -1,4 +1,4 @@
-"""What is published, tried as a user gets it: the wheel built twice, and run without a checkout on several Pythons.
+"""Tests packages as a user gets them: builds the wheel twice, and runs it without a checkout on several Pythons.
 
     make packages                                                     # python3.11 to python3.14, each must be here
     .venv/bin/python benchmarks/packages.py --python /opt/python3.14  # this Python only
@@ -34,13 +34,11 @@ import typer
 ROOT = Path(__file__).resolve().parent.parent
 PYTHONS = ("python3.11", "python3.12", "python3.13", "python3.14")
 TOOLS = ("build", "check-wheel-contents", "cyclonedx-bom", "pip-licenses", "pyroma", "twine", "uv")
-HASHED = ("fleet", "sim", "plot", "status")  # the extras for users
-LEAST_RATING = (
-    8  # of pyroma's 10: two are for addresses of a home page and of authors, which pyproject.toml has not yet
-)
-NEIGHBORS = ("analysis", "daq")  # names of our parts on the index, by others; its `flight` cannot be installed
-# Each module of the packages named is as it was installed. (The index's `daq` cannot be imported without Dask. Its
-# command is called as ours, and belongs to what was installed last: README says to type `flightpower daq` there.)
+HASHED = ("fleet", "sim", "plot", "status")  # the extras that are meant for users
+LEAST_RATING = 8  # of pyroma's 10; two are for addresses of home page and authors, which pyproject.toml lacks
+NEIGHBORS = ("analysis", "daq")  # others' packages on the index, named like our parts; `flight` cannot be installed
+# Checks that each module of the named packages is as it was installed. (The index's `daq` cannot be imported without
+# Dask. Its command has our command's name, and the last one installed wins: README then says `flightpower daq`.)
 INTACT = """
 import base64, hashlib, sys
 from importlib.metadata import files
@@ -69,14 +67,14 @@ class Row(NamedTuple):
 
 
 class Bench:
-    """Runs commands in a folder and keeps a row for each; output of all goes to a log beside it."""
+    """Runs commands in a folder and keeps a row for each; the output of all goes to a log next to it."""
 
     def __init__(self, folder: Path):
         self.folder = folder
         self.rows: list[Row] = []
 
     def run(self, what: str, *command: object, cwd: Path | None = None, **environment: str) -> str:
-        """What the command prints. A row is added: its time, or its error."""
+        """Return the command's output, and add a row with its time or its error."""
         begin_s = time.monotonic()
         done = subprocess.run(
             [str(word) for word in command], cwd=cwd or self.folder, capture_output=True, text=True,
@@ -93,7 +91,7 @@ class Bench:
 
 
 def clean_environment() -> dict[str, str]:
-    """The environment of a user, who has no checkout on the path."""
+    """Return the environment of a user, who has no checkout on the path."""
     return {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
 
 
@@ -127,7 +125,7 @@ def main(
 
 
 def built(bench: Bench) -> tuple[Path, Path]:
-    """The wheel and the sdist, checked; the wheel is built a second time, from the sdist, and compared."""
+    """Build and check wheel and sdist; build the wheel a second time, from the sdist, and compare."""
     tools = bench.folder / "tools" / "bin"
     bench.run("tools", sys.executable, "-m", "venv", tools.parent)
     bench.run("tools installed", tools / "pip", "install", "--quiet", *TOOLS)
@@ -150,7 +148,7 @@ def built(bench: Bench) -> tuple[Path, Path]:
 
 
 def unpacked(sdist: Path, folder: Path) -> Path:
-    """The folder of the project in an sdist unpacked into `folder`."""
+    """Unpack an sdist into `folder`, and return the project's folder in it."""
     folder.mkdir(parents=True, exist_ok=True)
     subprocess.run(["tar", "-xf", sdist, "-C", folder], check=True)
     (source,) = folder.iterdir()
@@ -158,7 +156,7 @@ def unpacked(sdist: Path, folder: Path) -> Path:
 
 
 def environment(bench: Bench, python: Path, wheel: Path, extras: str, folder: Path) -> Path:
-    """The command folder of a new environment with the wheel and packages of the same names."""
+    """Make a new environment with the wheel and packages of the same names, and return its command folder."""
     what = f"{folder.parent.name} [{extras}]"
     bench.run(f"{what} environment", python, "-m", "venv", folder)
     pip = (folder / "bin" / "pip", "install", "--quiet")
@@ -168,7 +166,7 @@ def environment(bench: Bench, python: Path, wheel: Path, extras: str, folder: Pa
 
 
 def tried(bench: Bench, python: Path, wheel: Path, px4_log: Path | None) -> None:
-    """What a user does, from the wheel, with one Python."""
+    """Do what a user does, from the wheel, with one Python."""
     outcome = subprocess.run([python, "-c", "import sys; print(*sys.version_info[:2], sep='.')"], capture_output=True)
     version = outcome.stdout.decode().strip()
     place = bench.folder / version
@@ -215,7 +213,7 @@ def tried(bench: Bench, python: Path, wheel: Path, px4_log: Path | None) -> None
 
 
 def supply(bench: Bench, python: Path) -> None:
-    """What hashes.txt and the wheel install: a bill of materials and the licenses, into dist."""
+    """Write a bill of materials and the licenses of what hashes.txt and the wheel install into dist."""
     tools, dist = bench.folder / "tools" / "bin", bench.folder / "dist"
     bill = ("--output-reproducible", "--output-format", "JSON", "--output-file", dist / "bom.json")
     bench.run("bill of materials", tools / "cyclonedx-py", "environment", *bill, python)
@@ -229,9 +227,9 @@ def supply(bench: Bench, python: Path) -> None:
 
 
 def hashed(bench: Bench, wheel: Path) -> Path:
-    """The versions of constraints.txt with the hash of every file of theirs, into dist.
+    """Write the versions in constraints.txt with the hash of every file into dist.
 
-    Returns the Python of an environment with these and the wheel, and nothing else.
+    Returns the Python of an environment with only these packages and the wheel.
     """
     tools, folder, lock = bench.folder / "tools" / "bin", bench.folder / "hashed", bench.folder / "dist" / "hashes.txt"
     extras = [word for extra in HASHED for word in ("--extra", extra)]
@@ -247,7 +245,7 @@ def hashed(bench: Bench, wheel: Path) -> Path:
 
 
 def page(bench: Bench, version: str, commands: Path, work: Path) -> None:
-    """The page of the demonstration's flight is served, and ends by itself when it is asked to."""
+    """Check that the page of the demonstration's flight is served, and that the server ends on request."""
     command = [commands / "flightpower", "open", "demo/log.mcap", "--no-browser"]
     served = subprocess.Popen(
         command, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=clean_environment(),
@@ -271,7 +269,7 @@ def page(bench: Bench, version: str, commands: Path, work: Path) -> None:
 
 
 def test_sdist(bench: Bench, sdist: Path) -> None:
-    """`make test` in the unpacked sdist, which is no checkout."""
+    """Run `make test` in the unpacked sdist, which is not a checkout."""
     source = unpacked(sdist, bench.folder / "tested")
     output = bench.run("tests of the sdist", "make", "test", cwd=source)
     bench.add("tests of the sdist counted", " passed" in output, "".join(re.findall(r"\d+ passed.*", output)[-1:]))

@@ -1,4 +1,4 @@
-"""Pictures of pages for the documentation, by Chromium: the report, the page of `flightpower open`, a card, a route.
+"""Takes pictures of pages for the documentation in Chromium: report, page of `flightpower open`, card, route.
 
 .venv/bin/python benchmarks/page_pictures.py out/demo docs/figures
 """
@@ -19,9 +19,9 @@ from flightpower.sim.output_folder import LOG
 from tests.browser import Browser, started
 
 PROGRAM = (sys.executable, "-m", "flightpower")
-QUALITY = 45  # of WebP: none is larger than 80 kB
+QUALITY = 45  # quality of WebP, at which no picture is larger than 80 kB
 BELOW_THE_FOLDER = 110  # pixels: the local page begins with the folder of this computer
-CURVE_DONE = "last !== null && !document.body.classList.contains('busy')"  # of the local page
+CURVE_DONE = "last !== null && !document.body.classList.contains('busy')"  # text on the local page
 DRAWN = "new Promise(done => setTimeout(done, 2500))"
 LEGS = "9 km 045, 8 km 135 +50 m, 12 km 250"
 
@@ -40,7 +40,7 @@ def main(
         wind = ("--heading", "250", "--wind-kt", "8", "--wind-from", "280")
         subprocess.run([*PROGRAM, "plan", "nexstar", *wind, "-o", str(folder / "plan")], check=True)
         take(browser, folder / "plan" / "card.html", (0, 794, 800), output / "card.webp")
-        flown = Path(shutil.copy2(log, folder))  # a folder of a pilot, without the truth
+        flown = Path(shutil.copy2(log, folder))  # a pilot's folder, without the truth
         served = subprocess.Popen(
             [*PROGRAM, "open", "--no-browser", str(flown)],
             stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
@@ -56,7 +56,7 @@ def main(
 def take(
     browser: Browser, page: Path | str, window: tuple[int, int, int], output: Path, is_ready: str = "true"
 ) -> None:
-    """The first screen of a page, when it is drawn. window: pixels left out above; width and height of the picture."""
+    """Take the first screen of a page once it is drawn. window: pixels left out at the top; width and height"""
     above, width, height = window
     browser.show(page, width, height=above + height)
     browser.wait_for(is_ready)

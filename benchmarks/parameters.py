@@ -1,4 +1,4 @@
-"""Values for an autopilot, of aircraft drawn at random, against the simulator's truth.
+"""Compares values for an autopilot with the simulator's truth, for randomly drawn aircraft.
 
 A seed draws an aircraft (`benchmarks/planned_aircraft.py`) and the errors of its sensors, propeller and weight. It
 flies the whole test flight, and its log is analyzed. Truth is trimmed flight of the same simulated aircraft: cruise is
@@ -26,7 +26,7 @@ from flightpower.flight.complete_aircraft import CompleteAircraft
 from flightpower.flight.errors import InputError
 from flightpower.sim.plant import Deviations
 
-SPEEDS = 31  # at which the battery's true power is computed
+SPEEDS = 31  # number of speeds at which the true battery power is computed
 
 
 class Value(NamedTuple):
@@ -41,7 +41,7 @@ class Value(NamedTuple):
         return self.estimate.lo is not None and self.estimate.hi is not None
 
     def error_and_half_width(self) -> np.ndarray:
-        """The error of the interval's middle and the half width [% of the truth], (2, 1)."""
+        """Error of the interval's middle, and half width [% of the truth], (2, 1)."""
         low, high = np.array([self.estimate.lo, self.estimate.hi], dtype=float) / self.truth
         return 100 * np.array([[(low + high) / 2 - 1], [(high - low) / 2]])
 
@@ -49,7 +49,7 @@ class Value(NamedTuple):
 def values_of(
     results: Results, craft: CompleteAircraft, deviations: Deviations, required: np.ndarray
 ) -> Iterator[Value]:
-    """required: true speed [m/s] and power required [W], (n, 2)"""
+    """Return the values with their truth. required: true speed [m/s] and power required [W], (n, 2)"""
     rho, weight_N = results.test.air_density_kgpm3, results.test.weight_N
     to_equivalent = (rho / SEA_LEVEL_DENSITY) ** 0.5
     own = {
@@ -74,7 +74,7 @@ def values_of(
 
 
 def one_flight(setup: Setup) -> Rows:
-    """The errors and half widths [% of the truth] of one aircraft's values; a title without numbers where it has none.
+    """Return errors and half widths [% of the truth] of one aircraft's values; a missing value is a title only.
 
     If the half width exceeds the error, the truth is inside; the error is that of the middle of the interval.
     """

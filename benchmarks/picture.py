@@ -1,4 +1,4 @@
-"""The README's picture: the curve of the demonstration with the truth of the simulator drawn over it, by Chromium.
+"""Takes the README's picture in Chromium: the demonstration's curve with the simulator's truth drawn over it.
 
 .venv/bin/python benchmarks/picture.py out/demo docs/power-required.png
 """
@@ -30,7 +30,7 @@ def main(
 
 
 def chart_of(results: Results, truth: pd.DataFrame) -> Any:
-    """The report's figure with the true curve over the speeds that it shows."""
+    """Return the report's figure with the true curve over the speeds shown."""
     content = power_required(results)
     figure = go.Figure(content.data, content.layout)
     band, *curves = figure.data

@@ -1,4 +1,4 @@
-"""Plans of aircraft drawn at random, flown by the simulator: is what is planned flown, where, and as promised?
+"""Flies plans of randomly drawn aircraft in the simulator: compares path and result with what was planned.
 
     python benchmarks/planned_aircraft.py --flights 3                    # seeds below 1000 are for development
     python benchmarks/planned_aircraft.py --seed 1000 --flights 30 --jobs 2
@@ -6,8 +6,8 @@
 A seed draws weight (0.7 to 12 kg), wing loading, aspect ratio, one of the shipped propellers of about this size, and
 the wind (0 to 15 kt). The aircraft is scaled from the Nexstar (`sim fly --like nexstar`); the planner reads a file with
 its wing, weight, propeller, motor and battery. The simulator flies `plan.toml` in the wind and turbulence of the plan,
-and the flight is analyzed. Before its first flight the drag of an aircraft is assumed; `drag_known` is what the plan
-would have promised with the drag that the flight has found.
+and the flight is analyzed. Before its first flight an aircraft's drag is assumed; `drag_known` is what the plan would
+have promised with the drag found in the flight.
 """
 
 import os
@@ -47,7 +47,7 @@ LIGHTEST_KG, HEAVIEST_KG, WINDIEST_KT = 0.7, 12.0, 15.0
 
 
 def aircraft_of(rng: np.random.Generator, name: str) -> CompleteAircraft:
-    """Wing loading and propeller grow with the cube root of the weight, as of similar aircraft."""
+    """Draw an aircraft. Wing loading and propeller grow with the cube root of weight, as for similar aircraft."""
     model = load_complete_aircraft(MODEL)
     mass_kg = float(np.exp(rng.uniform(np.log(LIGHTEST_KG), np.log(HEAVIEST_KG))))
     size = (mass_kg / model.mass_kg) ** (1 / 3)

@@ -1,10 +1,10 @@
-"""Planned flights against the shipped one of the same length, flown in the simulator and analyzed.
+"""Compares planned flights with the shipped plan of the same length, flown in the simulator and analyzed.
 
     python benchmarks/plans.py --flights 60 --seed 1000 -o out/plans.jsonl
     python benchmarks/plans.py --cells 15:21 --flights 4 --seed 0
 
-A cell is a turbulence W20 [kt] and a length [min]. Each flight is one line of the output file, flights that are already
-there are not flown again, so a run that was stopped continues.
+A cell is a turbulence W20 [kt] and a length [min]. Each flight is one line of the output file. Flights that are already
+in the file are not flown again, so that an interrupted run continues.
 """
 
 import json
@@ -40,7 +40,7 @@ SHIPPED = "full-test-flight"
 BY_HAND = Pilot(autopilot=False, load=1.0)
 HEIGHT_M, LEG_M = 40.0, 1300.0  # as in the shipped plan
 KEY = ("aircraft", "question", "kt", "minutes", "plan", "pilot", "seed")
-EARLIER_SEED = 999  # of the first flight, after which further ones are planned
+EARLIER_SEED = 999  # seed of the first flight, after which further flights are planned
 
 
 def make_plans(
@@ -53,10 +53,10 @@ def make_plans(
     known_drag: bool,
     pilot: Pilot = BY_HAND,
 ) -> dict[str, Any]:
-    """Writes the planned and the shipped plan of a cell. Paths and predicted half widths [%] at estimators.speeds.
+    """Write a cell's planned and shipped plan. Returns paths and predicted half widths [%] at estimators.speeds.
 
-    known_drag: planned after a first flight, full-test-flight in calm air, as with `flightpower plan --after`; of that
-    flight's results the drag alone is used.
+    known_drag: plan after a first flight, full-test-flight in calm air, as with `flightpower plan --after`; only the
+    drag in that flight's results is used.
     """
     name = f"{aircraft_name}-{question}-{kt:g}-{minutes:g}" + ("-after" if known_drag else "")
     cache = folder / f"{name}.json"
@@ -85,7 +85,7 @@ def make_plans(
 
 
 def shortened(expected: ExpectedAircraft, minutes: float) -> list[Maneuver]:
-    """The shipped plan, full-test-flight, with fewer runs and steady points to fit a shorter time."""
+    """Return the shipped plan, full-test-flight, with fewer runs and steady points to fit a shorter time."""
     stall, fastest = expected.stall_mps, expected.fastest_mps
     turn = Turn(1.7 * stall, -np.pi)
     points = [(90.0, 1.2), (90.0, 1.15), (60.0, 1.25), None, (60.0, 1.4), None, (60.0, 1.7)]
@@ -116,8 +116,10 @@ def shortened(expected: ExpectedAircraft, minutes: float) -> list[Maneuver]:
 
 
 def analyzed(aircraft: Aircraft, plan: str, kt: float, seed: int) -> tuple[Polar, flights.Flown, pd.DataFrame]:
-    """The drag polar of a simulated flight, the flight, and its table of air data. Raises InputError where `analyze`
-    does not trust the curve, since its estimation has not converged."""
+    """Return the drag polar of a simulated flight, the flight, and its table of air data.
+
+    Raises InputError if the estimation has not converged, so that `analyze` does not trust the curve.
+    """
     probe = flights.tunnel_probe()
     flown = flights.flown(aircraft, flights.draw_errors(load_budget("study"), seed), plan, seed, kt)
     propeller = load_propeller(aircraft.propulsion.propeller or "")
@@ -138,7 +140,7 @@ class Job(NamedTuple):
 
 
 def one_flight(job: Job) -> dict[str, Any]:
-    """The row with errors and half widths [% of the truth] at estimators.speeds, or why the flight ended too soon."""
+    """Return errors and half widths [% of the truth] at estimators.speeds, or why the flight ended too soon."""
     aircraft = load_aircraft(job.row["aircraft"])
     try:
         polar, flown, air = analyzed(aircraft, job.plan, job.row["kt"], job.row["seed"])
@@ -172,7 +174,7 @@ def main(
     processes: Annotated[int, typer.Option("--jobs", help="Processes.")] = 2,
     output: Annotated[Path, typer.Option("-o", "--output", help="Lines of JSON, one a flight.")] = Path("plans.jsonl"),
 ) -> None:
-    """Flies cell after cell, seed after seed, and prints the table of what there is."""
+    """Fly cell by cell and seed by seed, and print the table of all flights so far."""
     wanted = [(float(kt), float(minutes)) for kt, minutes in (cell.split(":") for cell in cells.split(","))]
     seeds = range(first_seed, first_seed + count)
     print(
@@ -193,7 +195,7 @@ class Study(NamedTuple):
 
 
 def flown(study: Study, output: Path, jobs: int) -> list[dict[str, Any]]:
-    """The lines of the requested flights and any others in the file; missing flights are flown."""
+    """Return the lines of the requested flights and any others in the file; missing flights are flown."""
     output.parent.mkdir(parents=True, exist_ok=True)
     made = {cell: make_plans(study.aircraft, *cell, study.question, output.parent, known_drag=study.known_drag)
             for cell in study.cells}  # fmt: skip
@@ -217,7 +219,7 @@ WANDER = '\n[wander]\nbank = "{bank} deg"\nheight = "{height} m"\nspeed = "{spee
 
 
 def _flown_by_average_pilot(path: Path) -> str:
-    """The plan with a pilot who wanders in bank, height and speed."""
+    """Return the plan, flown by a pilot who wanders in bank, height and speed."""
     new = path.with_name(path.stem + "-average.toml")
     text = path.read_text("utf-8")
     new.write_text(text.replace("\n[[segment]]", WANDER.format(bank=10, height=8, speed=1) + "\n[[segment]]", 1))
@@ -225,7 +227,7 @@ def _flown_by_average_pilot(path: Path) -> str:
 
 
 def records(rows: Iterable[dict[str, Any]]) -> list[Record]:
-    """One row a cell and plan: half widths at estimators.speeds, the worst, and its ratios."""
+    """Return a row per cell and plan: half widths at estimators.speeds, the worst of them, and its ratios."""
     groups: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for row in rows:
         key = tuple(row[name] for name in ("aircraft", "question", "kt", "minutes", "pilot", "plan"))

@@ -1,9 +1,9 @@
-"""Flights that were flown: the curve of `analyze` against steady flight in the same log, from each file as it is.
+"""Compares the curve from `analyze` with steady flight in the same log, for real flights and with unaltered files.
 
 python benchmarks/real_flights.py [FOLDER]: a Markdown table of errors, half widths, coverage, time and memory.
 FOLDER holds the files of real-flights.md; default: ../shared/data/real-flights. Tables are read with the map that
-`flightpower new columns` drafts. Mass, and thrust or current, are shared by curve and reference: what is compared is
-how drag follows from motion.
+`flightpower new columns` drafts. Curve and reference share mass, and thrust or current, so the comparison tests how
+drag is found from motion.
 """
 
 import gzip
@@ -52,7 +52,7 @@ WHOLE_FLIGHT, DECELERATIONS, WITH_VELOCITY, UNSURE_THRUST = (
     "Citation II, whole flight", "its decelerations alone", "with velocity by its positions",
     "with velocity, thrust known to 5 percent",
 )  # fmt: skip
-WEIGHT_N, WING_AREA_M2 = 62501.0, 30.0  # mean of the steady points
+WEIGHT_N, WING_AREA_M2 = 62501.0, 30.0  # means of the steady points
 SPEEDS_MPS = np.arange(65.0, 136.0, 10.0)
 
 AIRCRAFT = f"""name = "citation"
@@ -70,7 +70,7 @@ air_data_lag = "0.1 s"
 thrust_scale = "1 %"
 thrust_slope = 0.0001
 """
-# The course's thrust program has a slope of its own that is wrong by 6 to 11 percent.
+# The thrust program from the course has a slope that is wrong by 6 to 11 percent.
 AIRCRAFT_OF_UNSURE_THRUST = AIRCRAFT.replace('"1 %"', '"5 %"').replace("0.0001", "0.05")
 
 
@@ -82,8 +82,8 @@ class Electrical(NamedTuple):
     mass_kg: float
     wing_area_m2: float
     span_m: float
-    without: bytes = b""  # lines of a text log with this in them are left out
-    motors: int = 1  # of which one is measured
+    without: bytes = b""  # lines of a text log that contain this are left out
+    motors: int = 1  # only one of which is measured
 
 
 ELECTRICAL = (
@@ -93,7 +93,7 @@ ELECTRICAL = (
     Electrical("Daredevil, 5 July", "daredevil-2020-07-05.data.gz", 0.75, 0.23, 1.0),
     Electrical("Cyclone", "cyclone-test.mat", 1.0, 0.18, 0.9, motors=2),
 )
-# By measured airspeed [m/s], mean battery power [W] in level windows of 8 s of the flight of 10 July.
+# Mean battery power [W] in level windows of 8 s of the flight of 10 July, by measured airspeed [m/s].
 LEVEL_WINDOWS = {12.4: 17.9, 12.7: 19.7, 13.1: 20.4, 13.4: 21.5}
 
 
@@ -102,7 +102,7 @@ def draft_map(csv: Path, scratch: Path) -> None:
 
 
 def citation_log(csv: Path, scratch: Path, *, with_velocity: bool = False) -> Log:
-    """The whole flight of the Citation, by the drafted map of its columns; with velocity by its positions."""
+    """Make a log of the Citation's whole flight by the drafted map. with_velocity: add velocity from positions"""
     if not with_velocity:
         return log_of_table(csv, scratch / "columns.toml")
     channels = mapped_channels(csv, read_columns(csv), load_map(scratch / "columns.toml"))
@@ -123,7 +123,7 @@ def electrical_recording(flight: Electrical, folder: Path, scratch: Path) -> Fli
 
 
 def level_windows(table: FlightTable, estimate: ElectricalEstimate) -> Iterator[tuple[float, float]]:
-    """True airspeed [m/s] and mean battery power [W] of steady windows of 8 s, for flights without published ones."""
+    """Return true airspeed [m/s] and mean battery power [W] in steady 8 s windows, for lack of published data."""
     rows = table.table
     V = np.sqrt(2 * np.maximum(rows["pressure_Pa"], 0.0) / rows["rho"]).to_numpy() / (1 + estimate.airspeed.scale)
     energy = estimate.conditions.mass_kg * (g * rows["height_m"].to_numpy() + V**2 / 2)
@@ -172,7 +172,7 @@ def _megabytes() -> float:
 
 
 def steady_power_W(csv: Path, rho: float) -> Array:
-    """Power required at SPEEDS_MPS by the flight's steady level rows: a two-term polar of drag by the energy rate."""
+    """Return power required at SPEEDS_MPS: a two-term polar fitted to drag, from energy rate, in steady level rows."""
     d = pd.read_csv(csv)
     names = ["true_airspeed_mps", "altitude_m", "upward_specific_force_less_1g_mps2"]
     smooth = d[names].rolling(21, center=True, min_periods=1).mean()
@@ -192,7 +192,7 @@ def steady_power_W(csv: Path, rho: float) -> Array:
 
 
 def row(title: str, results: Results, reference_W: Array, cost: Record) -> Record:
-    """One line of the table, for the speeds that the curve covers."""
+    """Return one line of the table, for the speeds that the curve covers."""
     curve = results.power_required
     V = [point.speed_mps for point in curve]
     flown = (SPEEDS_MPS >= V[0]) & (SPEEDS_MPS <= V[-1])
@@ -214,7 +214,7 @@ def row(title: str, results: Results, reference_W: Array, cost: Record) -> Recor
 
 
 def citation_row(title: str, folder: Path, scratch: Path) -> Record:
-    """A row of the whole flight, which leaves a file of its decelerations, of these alone, or by position."""
+    """Return a row for the flight: whole (which writes a file of decelerations), by these alone, or by position."""
     csv, runs_file = folder / CITATION, scratch / "runs.toml"
     log = citation_log(csv, scratch, with_velocity=title in {WITH_VELOCITY, UNSURE_THRUST})
     started = time.process_time()
@@ -237,7 +237,7 @@ TITLES = (*(electrical.title for electrical in ELECTRICAL), WHOLE_FLIGHT, DECELE
 
 
 def records(titles: Sequence[str] = TITLES, folder: Path = FOLDER) -> list[Record]:
-    """One row a flight, each in its own process, so that memory is its own. Without the files no row."""
+    """Return a row per flight, each from its own process for its own peak memory; no row without the flight's files."""
     if not folder.exists():
         return []
     single_process = ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1)

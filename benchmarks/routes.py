@@ -1,16 +1,16 @@
-"""Missions flown by the simulator in wind, compared with the prediction of `flightpower route`.
+"""Compares missions flown by the simulator in wind with the prediction of `flightpower route`.
 
     python benchmarks/routes.py --flights 5                      # seeds below 1000 are for development
     python benchmarks/routes.py --seed 1000 --flights 200 --jobs 2
     python benchmarks/routes.py --seed 1000 --flights 200 --jobs 2 --curve 5
-    python benchmarks/routes.py --seed 1000 --flights 20 --curve 5 --wind-sd 0    # what curve and turbulence leave
+    python benchmarks/routes.py --seed 1000 --flights 20 --curve 5 --wind-sd 0    # errors of curve and turbulence only
 
-A seed draws an installation: one flight of it is analyzed, or several, each on another day, are pooled; the model of
-performance, the weight and the air go into the prediction. It also draws a mission of a few legs with climbs, and the
-wind; the prediction is given a wind that is wrong by its standard deviation. The simulator's autopilot flies the
-mission in the true wind, in Dryden turbulence as strong, with an airspeed that reads wrong. The truth is the battery's
-mean power, for the time that courses and distances take in the true wind: the simulator levels off and rolls out for
-some seconds more, or less.
+A seed draws an installation, of which one flight is analyzed, or several flights on different days are pooled. The
+performance model, the weight and the air go into the prediction. The seed also draws a mission of a few legs with
+climbs, and the wind; the prediction gets a wind with an error drawn from its standard deviation. The simulator's
+autopilot flies the mission in the true wind and matching Dryden turbulence, with an airspeed error. The truth is the
+battery's mean power times the time that courses and distances take in the true wind, because the simulator needs some
+seconds more or less to level off and roll out.
 """
 
 import os
@@ -61,14 +61,14 @@ from flightpower.sim.world import load_world
 
 WIND_SD_MPS = 1.0
 STRONGEST_MPS = 8.0
-SETTLING_S = 20.0  # in the first course and speed, before the mission begins
+SETTLING_S = 20.0  # time at the first course and speed before the mission begins
 BANK_RAD = 0.6
-DAYS = 100  # seeds of an installation
+DAYS = 100  # number of seeds for an installation
 AIRCRAFT = ("nexstar", "light-1kg", "survey-6kg")
 
 
 class Flown(NamedTuple):
-    """Energy [Wh] and time [s] flown, the share of draws below that energy, and the prediction's median and limits."""
+    """Energy [Wh] and time [s] flown, share of draws below that energy, and the prediction's median and limits."""
 
     energy_Wh: float
     time_s: float
@@ -80,7 +80,7 @@ class Flown(NamedTuple):
 
 
 def mission_of(rng: np.random.Generator, leg_m: float) -> Mission:
-    """Three to five legs on courses that turn by 40 to 140 deg, half of them with a climb or descent."""
+    """Draw three to five legs on courses that turn by 40 to 140 deg, half of them with a climb or descent."""
     place, course, steps = HOME._replace(height_m=80.0), rng.uniform(0, 2 * np.pi), []
     for number in range(int(rng.integers(3, 6))):
         distance_m = leg_m * rng.uniform(0.6, 1.4)
@@ -92,7 +92,7 @@ def mission_of(rng: np.random.Generator, leg_m: float) -> Mission:
 
 
 def plan_of(route: Route, wind: Wind, air: SimulatedAir, airspeed: float) -> tuple[Plan, float]:
-    """The mission on headings that hold its courses, after SETTLING_S, and its time [s]. airspeed: flown over asked"""
+    """Return a plan that holds the courses, after SETTLING_S, and its time [s]. airspeed: flown over wanted"""
     legs, V = route.legs, route.V * airspeed
     across = wind.east_mps * np.cos(legs.course_rad) - wind.north_mps * np.sin(legs.course_rad)
     heading = legs.course_rad - np.arcsin(across / V)
@@ -121,7 +121,7 @@ def plan_of(route: Route, wind: Wind, air: SimulatedAir, airspeed: float) -> tup
 
 
 def curve_of(setup: Setup, count: int, craft: Aircraft) -> tuple[PerformanceModel, Condition]:
-    """Curve of one or `count` flights of the seed's installation, each with its own errors and gusts."""
+    """Return the curve of `count` flights of the seed's installation, each with its own errors and gusts."""
     if count == 1:
         model, condition, *_ = answers.estimated(setup)
         return model, condition
@@ -216,8 +216,10 @@ def main(
 def records(
     aircraft: Sequence[str], world: str, seeds: range, curve: int, jobs: int, wind_sd_mps: float = WIND_SD_MPS
 ) -> list[Record]:
-    """A record an aircraft, and one of all. Each aircraft has its own seeds; with a common seed two aircraft would
-    have the same wind and errors."""
+    """Return a record per aircraft, and one for all.
+
+    Each aircraft has its own seeds; with a common seed, two aircraft would have the same wind and errors.
+    """
     flights: dict[str, list[Flown]] = {}
     with ProcessPoolExecutor(jobs) as pool:
         for i, name in enumerate(aircraft):
@@ -231,7 +233,7 @@ def records(
 
 
 def _record(aircraft: str, curve: int, lines: Sequence[Flown]) -> Record:
-    """Errors, intervals and returns over missions."""
+    """Return errors, intervals and safe returns over missions."""
     below = np.array([flown.share_below for flown in lines])
     error = np.array([flown.median_Wh / flown.energy_Wh - 1 for flown in lines])
     ends = np.array([(flown.low_Wh, flown.high_Wh) for flown in lines])

@@ -1,9 +1,9 @@
-"""Runs that the aircraft calls good, against what the analysis finds in the same flight; and what a tick costs.
+"""Compares runs that the daemon calls good in flight with those that the analysis finds; measures a tick's cost.
 
     python benchmarks/run_monitor.py --flights 4 --seed 1000
 
-Simulated flights of `full-test-flight`, in calm air, 3 kt and 15 kt. A stretch is what the analysis lists as a run or
-rejects.
+The simulated flights are `full-test-flight` in calm air, 3 kt and 15 kt. A stretch is an interval that the analysis
+lists as a run or rejects.
 """
 
 import time
@@ -27,7 +27,7 @@ from flightpower.sim.sensors import load_budget
 
 
 def samples_of(table: pd.DataFrame) -> Iterator[tuple[int, list[Sample]]]:
-    """The samples of each tick: its time [ns] and the messages that the daemon would have read."""
+    """Return each tick's time [ns] and the messages that the daemon would have read."""
     for t_s, row in zip(table.index, table.to_dict("records"), strict=True):
         now_ns = round(t_s * 1e9)
         yield (
@@ -40,7 +40,7 @@ def samples_of(table: pd.DataFrame) -> Iterator[tuple[int, list[Sample]]]:
 
 
 class Monitored(NamedTuple):
-    """The monitor's reports on one flight, and its processor time for a tick and for each mean [s]."""
+    """The monitor's reports on one flight, and its processor times [s] per tick and per mean."""
 
     verdicts: list[Verdict]
     texts: list[str]
@@ -50,7 +50,7 @@ class Monitored(NamedTuple):
 
 
 def monitored(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeMaps) -> Monitored:
-    """Feeds a flight tick by tick."""
+    """Feed a flight to the monitor tick by tick."""
     monitor, means = RunMonitor(aircraft, probe), TickMeans()
     verdicts: list[Verdict] = []
     texts, adding, judging = [], [], []
@@ -73,12 +73,12 @@ def monitored(table: pd.DataFrame, aircraft: Aircraft, probe: ProbeMaps) -> Moni
 
 
 def overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
-    """The overlap of two intervals, as a fraction of the shorter one."""
+    """Return the overlap of two intervals, as a fraction of the shorter one."""
     return (min(a[1], b[1]) - max(a[0], b[0])) / max(1e-9, min(a[1] - a[0], b[1] - b[0]))
 
 
 def last_word(kind: str, start_s: float, end_s: float, verdicts: list[Verdict]) -> Verdict | None:
-    """The last verdict on a stretch; None if there was none."""
+    """Return the last verdict on a stretch; None if there was none."""
     near = [v for v in verdicts if v.kind == kind and overlap((v.start_s, v.end_s), (start_s, end_s)) > 0.5]
     return near[-1] if near else None
 
@@ -91,7 +91,7 @@ def main(
     winds: Annotated[str, typer.Option(help="W20 [kt], separated by commas.")] = "0,3,15",
     show: Annotated[bool, typer.Option("--show", help="Print what the pilot reads, and each disagreement.")] = False,
 ) -> None:
-    """Flies, monitors, analyzes and compares."""
+    """Fly, monitor, analyze and compare."""
     aircraft, calibration = load_aircraft(aircraft_name), flights.tunnel_probe()
     probe = msgspec.json.decode(msgspec.json.encode(calibration), type=ProbeMaps)
     adding, judging, ticks = [], [], 0

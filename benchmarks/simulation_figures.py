@@ -1,4 +1,4 @@
-"""The figures of simulation.md: flies the shipped plans, draws with plotly; headless Chromium takes the pictures.
+"""Makes the figures of simulation.md: flies shipped plans and draws with plotly; headless Chromium takes pictures.
 
 .venv/bin/python benchmarks/simulation_figures.py
 """
@@ -32,7 +32,7 @@ def truth_of(plan: str, aircraft: str = "nexstar") -> pd.DataFrame:
 
 
 def runs(plan: str, aircraft: str = "nexstar", kind: str = "run") -> list[pd.DataFrame]:
-    """The plan's runs in the order flown, each with its own time from zero."""
+    """Return the plan's runs in the order flown, each with its own time from zero."""
     runs = []
     for _, rows in truth_of(plan, aircraft).groupby("segment"):
         if rows["kind"].iloc[0] == kind:
@@ -57,14 +57,14 @@ def panels(titles: list[str], columns: int = 1) -> Any:
 def line(
     figure: Any, run: pd.DataFrame, y: Any, color: str, place: tuple[int, int], *, name: str | None = None
 ) -> None:
-    """A line in the panel (row, column); in the legend with a name."""
+    """Draw a line in the panel (row, column); with a name it is in the legend."""
     row, column = place
     style = {"color": color, "width": 2}
     figure.add_scatter(x=run["t_s"], y=y, name=name, line=style, showlegend=name is not None, row=row, col=column)
 
 
 def deceleration() -> Any:
-    """A gentle deceleration of the source's aircraft, next to its acceleration."""
+    """Draw a gentle deceleration of the source's aircraft, next to its acceleration."""
     figure = panels(
         ["acceleration: speed [m/s]", "deceleration: speed [m/s]", "pitch [deg]", "pitch [deg]"]
         + ["pitch rate [deg/s]"] * 2,
@@ -79,7 +79,7 @@ def deceleration() -> Any:
 
 
 def throttle_step() -> Any:
-    """The first seconds of the same acceleration, with the throttle as a step and as a ramp."""
+    """Draw the first seconds of the same acceleration, with a throttle step and a throttle ramp."""
     figure = panels(["throttle", "pitch rate [deg/s]", "pitch [deg]"])
     for run, name, color in zip(runs("throttle-step"), ("step", "ramp of 2 s"), COLORS, strict=False):
         first = run[run["t_s"] < 4]
@@ -90,7 +90,7 @@ def throttle_step() -> Any:
 
 
 def cases() -> Any:
-    """Cases 1 and 2: height and speed of accelerations and decelerations."""
+    """Draw cases 1 and 2: height and speed in accelerations and decelerations."""
     figure = panels(
         ["acceleration: height gained [m]", "deceleration: height gained [m]", "speed [m/s]", "speed [m/s]"], 2
     )
@@ -109,11 +109,11 @@ def cases() -> Any:
 
 
 def signal_to_noise() -> dict[str, list[float]]:
-    """Case 3: variance of q over that of its noise (4.6, 4.7), for noise times 0.5, 1 and 1.5."""
+    """Draw case 3: variance of q over variance of its noise (4.6, 4.7), for noise times 0.5, 1 and 1.5."""
     sigma = load_budget("bench").noise.gyro_radps
     first, _, third = runs("case-3")
     elevator = runs("case-3", kind="3-2-1-1")[0]
-    elevator = elevator[elevator["t_s"] < 7 * 0.3 + 4.0]  # without the recovery
+    elevator = elevator[elevator["t_s"] < 7 * 0.3 + 4.0]  # leaves out the recovery
     maneuvers = {
         "throttle ramp, height held": first,
         "throttle step, height wanders": third,
@@ -150,7 +150,7 @@ FIGURES = {"deceleration": deceleration, "throttle-step": throttle_step, "cases-
 
 
 def picture(figure: Any, path: Path) -> None:
-    """A figure as PNG. Raises InputError when there is no Chromium."""
+    """Save a figure as PNG. Raises InputError if there is no Chromium."""
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:
         raise InputError("the figures need Chromium to take their picture; on Debian: apt-get install chromium")
@@ -169,7 +169,7 @@ def picture(figure: Any, path: Path) -> None:
 
 
 def main() -> None:
-    """Draw all, or those named on the command line."""
+    """Draw all figures, or those named on the command line."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name in sys.argv[1:] or FIGURES:
         path = FOLDER / f"{name}.png"

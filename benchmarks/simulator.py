@@ -1,12 +1,12 @@
-"""How fast the simulator flies: many times the clock, in processor time: `python benchmarks/bench.py simulator`.
+"""Measures the simulator's speed, as flown time over processor time: `python benchmarks/bench.py simulator`.
 
-Aircraft, pilot and every sensor at 50 Hz; `--with log` adds the whole test flight into a log, both ways. The figure is
-the best of three, as for anything that shares a machine.
+It simulates aircraft, pilot and every sensor at 50 Hz. `--with log` adds the whole test flight into a log, both ways.
+The figure is the best of three, because other programs share the machine.
 """
 
 import os
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")  # one core: also of the matrices
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # matrix operations also use only one core
 
 import subprocess
 import sys
@@ -55,7 +55,7 @@ def once() -> tuple[float, float, float]:
 
 
 def logged(*options: str) -> tuple[float, float]:
-    """Wall-clock and processor time [s] of `sim fly` with the whole test flight."""
+    """Return elapsed and processor time [s] of `sim fly` with the whole test flight."""
     before = getrusage(RUSAGE_CHILDREN)
     begun = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
@@ -78,7 +78,7 @@ def logged(*options: str) -> tuple[float, float]:
 
 
 def records(*, log: bool = False) -> list[Record]:
-    """Processor and elapsed time of the flight, with the log as well if asked for."""
+    """Return processor and elapsed time of the flight, also with a log if `log` is true."""
     fly(load_aircraft("nexstar"), load_plan("case-1"))  # imports, files
     runs = [once() for _ in range(3)]
     duration_s = runs[0][0]

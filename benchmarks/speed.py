@@ -1,11 +1,11 @@
 """Processor time and memory of an analysis, from a new process to the report: `python benchmarks/bench.py analysis`.
 
-A whole test flight of 21 minutes. `--with before=HEAD~5` gives the ratio to an earlier version, by turns in one run;
-`--with hours=2` flies more runs of the plan, until it lasts so long; `--with log=FILE` takes this log.
-Processor seconds of one process with one thread; the least of the rounds, since other load only adds. The last row is
-the command by the clock, with as many processes as it takes by itself. A run before the rounds is not measured: it
-leaves the compiled modules that later ones find. Modules move, so each version is measured by the
-steps that its own copy of this file names.
+It uses a whole test flight of 21 minutes. `--with before=HEAD~5` gives the ratio to an earlier version, by turns in one
+run; `--with hours=2` flies more runs of the plan until the flight is that long; `--with log=FILE` uses this log. Times
+are processor seconds of one process with one thread, the least of the rounds, since other load only adds time. The last
+row is the command's elapsed time with its default number of processes. A first run is not measured, because it compiles
+the modules for later runs. Modules move between versions, so each version is measured by the steps that its own copy of
+this file names.
 """
 
 import ast
@@ -23,8 +23,8 @@ from records import Record, rounded
 
 ROOT = Path(__file__).parents[1]
 SEED = 1001
-MINUTES, RUN_PAIRS, PAIR_S = 21, 5, 81.0  # of full-test-flight; a pair is an acceleration, a deceleration and a turn
-# In a process of its own: time and memory at the end of each step.
+MINUTES, RUN_PAIRS, PAIR_S = 21, 5, 81.0  # of full-test-flight; a pair has an acceleration, a deceleration and a turn
+# Runs in its own process, and prints time and memory at the end of each step.
 MEASURED = """
 import json, resource, sys, time
 from pathlib import Path
@@ -58,9 +58,9 @@ print(json.dumps({"steps": steps, "MB": peak, "duration_s": float(analysis.table
 
 
 def measured_steps(code: Path) -> str:
-    """The program MEASURED of the version whose files are in `code`, which knows where its modules are.
+    """Return the program MEASURED of the version in `code`, which knows where that version's modules are.
 
-    Raises SystemExit where that version has none.
+    Raises SystemExit if that version has none.
     """
     file = code / "benchmarks" / "speed.py"
     tree = ast.parse(file.read_text("utf-8") if file.exists() else "")
@@ -72,7 +72,7 @@ def measured_steps(code: Path) -> str:
 
 
 def measured(code: Path, log: Path, report: Path, modules: Path) -> dict:
-    """Seconds of each step and peak memory [MB] of the version whose code is there. modules: its compiled ones."""
+    """Return seconds for each step and peak memory [MB] of the version in `code`. modules: its compiled modules"""
     program = [sys.executable, "-c", measured_steps(code), str(log), str(report)]
     environment = environment_of(code, modules)
     ran = subprocess.run(program, cwd=code, env=environment, capture_output=True, text=True, check=True)
@@ -80,7 +80,7 @@ def measured(code: Path, log: Path, report: Path, modules: Path) -> dict:
 
 
 def clocked_s(code: Path, log: Path, report: Path, modules: Path) -> float:
-    """Seconds by the clock of the command `analyze`."""
+    """Return the elapsed seconds of the command `analyze`."""
     command = [sys.executable, "-m", "flightpower", "analyze", str(log), "-o", str(report)]
     begin = time.monotonic()
     subprocess.run(command, cwd=code, env=environment_of(code, modules), capture_output=True, check=True)
@@ -93,7 +93,7 @@ def environment_of(code: Path, modules: Path) -> dict[str, str]:
 
 
 def flown(folder: Path, hours: float) -> Path:
-    """The log of a simulated flight."""
+    """Return the log of a simulated flight."""
     plan = (resources.files("flightpower.sim") / "plans" / "full-test-flight.toml").read_text("utf-8")
     more = round(max(0.0, hours * 3600 - MINUTES * 60) / PAIR_S)
     plan = plan.replace(f"times = {RUN_PAIRS}", f"times = {RUN_PAIRS + more}")
@@ -105,7 +105,7 @@ def flown(folder: Path, hours: float) -> Path:
 
 
 def checked_out(revision: str, folder: Path) -> Path:
-    """The files of a revision in a folder."""
+    """Put the files of a revision into a folder, and return their folder."""
     packed = subprocess.run(["git", "archive", revision], cwd=ROOT, check=True, capture_output=True).stdout
     folder.mkdir(parents=True)
     subprocess.run(["tar", "-x", "-C", folder], input=packed, check=True)
@@ -115,9 +115,9 @@ def checked_out(revision: str, folder: Path) -> Path:
 def records(
     log: Path | None, before: Sequence[str], hours: float, rounds: int, modules: Path | None = None
 ) -> list[Record]:
-    """Seconds of each step by version, and peak memory, of the round with the least time.
+    """Return seconds for each step by version, and peak memory, from the round with the least time.
 
-    modules: a folder for compiled modules; where an earlier call filled it, no run is left out before the rounds.
+    modules: a folder for compiled modules; if an earlier call has filled it, there is no unmeasured first run.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

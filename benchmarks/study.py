@@ -1,12 +1,12 @@
-"""Errors, intervals and coverage of one thing over many simulated flights, by the table of cases below.
+"""Finds errors, intervals and coverage over many simulated flights, for one of the cases in the table below.
 
     python benchmarks/study.py estimators --turbulence-kt 3 --flights 200
     python benchmarks/study.py estimators --aircraft light-1kg --plan accel-decel --seed 1000 --flights 16 --jobs 1
     python benchmarks/study.py methods --errors bench --with alpha_offset_rad=0.02
     python benchmarks/study.py autopilot-logs --turbulence-kt 0 --turbulence-kt 8 --with data=electrical,rpm
 
-Each flight is one seed; those below 1000 are for development, figures of the documentation come from others. `--with`
-gives an option of the case: the arguments of its `one_flight` are documented there.
+Each flight has its own seed; seeds below 1000 are for development, figures in the documentation come from others.
+`--with` gives an option of the case; the docstring of its `one_flight` describes these.
 """
 
 import os
@@ -43,7 +43,7 @@ def at_speeds(aircraft: Aircraft) -> list[str]:
 
 
 class Case(NamedTuple):
-    """What is computed for each flight, at which speeds, and the default plan."""
+    """The function that is computed for each flight, its speeds, and the default plan."""
 
     one_flight: Callable[..., Rows]
     plan: str
@@ -66,7 +66,7 @@ CASES = {
 
 
 class Figures(NamedTuple):
-    """Figures of many flights: errors at several speeds, one number a flight, and counts of findings."""
+    """Figures of many flights: errors at several speeds, values with one number per flight, and counts of findings."""
 
     curves: list[Record]
     numbers: list[Record]
@@ -74,7 +74,7 @@ class Figures(NamedTuple):
 
 
 def figures(name: str, todo: Sequence[Setup], options: Mapping[str, Any], jobs: int) -> Figures:
-    """Result of a case for the flights in one weather."""
+    """Compute a case for the flights in one weather."""
     case = CASES[name]
     columns = case.columns(load_aircraft(todo[0].aircraft))
     gathered: dict[str, list[np.ndarray]] = defaultdict(list)
@@ -94,9 +94,9 @@ def figures(name: str, todo: Sequence[Setup], options: Mapping[str, Any], jobs: 
 
 
 def curve(title: str, values: list[np.ndarray]) -> Record:
-    """Errors at several speeds, % of the truth, with the counting error of their coverage.
+    """Return errors at several speeds, % of the truth, with the counting error of their coverage.
 
-    The columns of a flight share its errors, so flights are what is counted.
+    All columns of a flight share its errors, so flights are counted, not columns.
     """
     error, half = np.array(values).transpose(1, 0, 2)
     rows = {name: rounded(row, 1 if "coverage" not in name else 0) for name, row, _ in error_rows(error, half)}
@@ -117,13 +117,13 @@ def curve(title: str, values: list[np.ndarray]) -> Record:
 
 
 def mean_square(error: np.ndarray) -> np.ndarray:
-    """Mean square of each column; NaN if no flight has a value."""
+    """Return the mean square of each column; NaN if no flight has a value."""
     finite = np.isfinite(error)
     return np.nansum(error**2, axis=0) / np.where(finite.any(axis=0), finite.sum(axis=0), np.nan)
 
 
 def single(title: str, values: list[np.ndarray]) -> Record:
-    """A quantity with one value for a whole flight, such as a sensor error."""
+    """Return a record for a quantity with one value per flight, such as a sensor error."""
     error, half = np.array(values)[:, :, 0].T
     return {
         "of": title,

@@ -1,4 +1,4 @@
-"""Effect of a thrust stand on the interval of power required: the same simulated flights with and without it.
+"""Measures how a thrust stand affects the interval of power required, on the same flights with and without it.
 
 Before each flight the simulated propeller stands still on a load cell: ten readings at five motor speeds, up and down,
 1 % of noise each, and a scale wrong by 1 % (1 sigma). `calibrate thrust` compares them with the table that the analysis
@@ -35,14 +35,14 @@ from flightpower.sim.plant import plant_of
 from flightpower.sim.sensors.budget import DrawnErrors, ErrorBudget
 from flightpower.sim.world import load_world
 
-SHARES = (0.45, 0.6, 0.7, 0.8, 0.9)  # of the highest motor speed
+SHARES = (0.45, 0.6, 0.7, 0.8, 0.9)  # fractions of the highest motor speed
 READING_ERROR, SCALE_ERROR = 0.01, 0.01
 EVERY_LIFT = (0.01, 100.0)
-BOW_AT_REST = 2.5  # change at J = 0 from the straight line through flight, by one unit of bow
+BOW_AT_REST = 2.5  # change of thrust at J = 0, from the line through flight, per unit of bow
 
 
 def stand_of(aircraft: Aircraft, errors: DrawnErrors, seed: int) -> ThrustStand:
-    """The result of `calibrate thrust` with the propeller that is flown. Raises InputError where it writes none."""
+    """Return the result of `calibrate thrust` with the propeller that is flown. Raises InputError if it gives none."""
     plant, rng = plant_of(aircraft, deviations=errors.deviations), np.random.default_rng([seed, 22])
     top = aircraft.propulsion.max_rpm / 60
     n = top * np.array([*SHARES, *reversed(SHARES)])
@@ -59,10 +59,10 @@ def stand_of(aircraft: Aircraft, errors: DrawnErrors, seed: int) -> ThrustStand:
 def one_flight(
     setup: Setup, *, states_errors: bool = False, steady: bool = False, curvature: float | None = None
 ) -> Rows:
-    """Rows by data used, without and with the stand; thrust at rest in percent of the table's.
+    """Return rows by data used, without and with the stand, and thrust at rest in percent of the table's.
 
-    states_errors: the aircraft file has the world's errors of thrust. steady: by the steady points of the plan alone.
-    curvature: [uncertainty] thrust_curvature. Empty where the flight ended too soon.
+    with_curvature: the aircraft file states the world's errors of thrust. steady: use only the plan's steady points.
+    curvature: [uncertainty] thrust_curvature. Empty if the flight ended too soon.
     """
     aircraft, probe, errors = load_aircraft(setup.aircraft), flights.tunnel_probe(), setup.drawn_errors
     if states_errors:
@@ -95,7 +95,7 @@ def one_flight(
 def _estimates(
     trajectory: Trajectory, maneuvers: list[Maneuver], aircraft: Aircraft, propeller: Propeller, condition: Condition
 ) -> Iterator[tuple[str, Polar, tuple[float, float]]]:
-    """Data used, polar, and lift coefficients that it is valid for: of the runs, else of steady points."""
+    """Return the data used, the polar, and its valid lift coefficients, from runs or else from steady points."""
     if not any(run.kind in LEVEL_RUNS for run in maneuvers):
         others = every_method(trajectory, maneuvers, aircraft, propeller, condition)
         estimate, flown_CL, _ = fallback(others.by_method, trajectory, aircraft, "flight")
@@ -109,7 +109,7 @@ def _estimates(
 
 
 def stating_thrust(aircraft: Aircraft, budget: ErrorBudget) -> Aircraft:
-    """The aircraft file with the standard deviations that the budget draws errors of thrust with."""
+    """Return an aircraft that states the standard deviations with which the budget draws errors of thrust."""
     s, root = budget.systematic, math.sqrt(3)
     return replace(
         aircraft,

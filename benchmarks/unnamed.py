@@ -1,10 +1,10 @@
-"""Flights with one ordinary defect that no setting of the analysis covers, and the verdict on each.
+"""Flies with one ordinary defect that no setting of the analysis covers, and gives the verdict on each flight.
 
     python benchmarks/unnamed.py --defects slipped-tray,weight-heavy --seed 0 --flights 1
     python benchmarks/unnamed.py --defects none --seed 7000 --flights 30
 
-A defect is injected between the simulated flight and the log: it changes the aircraft that flies, what a sensor gives,
-or what the analysis is told. The analysis has no setting for this defect. Flights are kept, one a line, in `--file`.
+A defect is injected between the simulated flight and the log: it changes the aircraft that flies, a sensor's output, or
+the data given to the analysis. The analysis has no setting for this defect. Flights are kept in `--file`, one per line.
 """
 
 import os
@@ -51,11 +51,11 @@ from flightpower.sim.world import load_world
 from flightpower.simulate import _tray_variant, _write_without_hardware
 
 AIRCRAFT, PLAN, WORLD = "nexstar", "two-pairs", "study"
-FINE_S = 0.005  # grid on which a sensor's own lag is computed
+FINE_S = 0.005  # grid on which a sensor's lag is computed
 
 
 class Sensors:
-    """The sensors of a flight, to be overridden by those of a defect."""
+    """Sensors of a flight; a defect overrides some of them."""
 
     def __init__(self, truth: FlightSensorTruth):
         self.truth, self.duration_s = truth, truth.duration_s
@@ -68,13 +68,13 @@ class Sensors:
         return self.duration_s / 2
 
     def lagged(self, signal: Callable[[Array], Array], t_s: Array, time_constant_s: float) -> Array:
-        """A quantity behind a first-order lag."""
+        """Return a quantity after a first-order lag."""
         grid = np.arange(0.0, self.duration_s + FINE_S, FINE_S)
         return np.interp(t_s, grid, first_order_lag(signal(grid), FINE_S, time_constant_s))
 
 
 def turned(vectors: Array, axis: int, angle_rad: Array) -> Array:
-    """Components of (n, 3) in axes that are turned by angles (n,) about one of them."""
+    """Return components (n, 3) in axes that are turned by angles (n,) about one of the axes."""
     i, j = [k for k in range(3) if k != axis] if axis != 1 else [2, 0]
     out, c, s = vectors.copy(), np.cos(angle_rad), np.sin(angle_rad)
     out[:, i], out[:, j] = c * vectors[:, i] + s * vectors[:, j], c * vectors[:, j] - s * vectors[:, i]
@@ -108,7 +108,7 @@ class SlippedTray(Sensors):
 
 
 class LooseTray(Sensors):
-    """The tray tilts with the specific force along the body: rubber that is too soft."""
+    """The tray tilts with the specific force along the body, because its rubber mounts are too soft."""
 
     def imu(self, t_s: Array) -> tuple[Array, Array]:
         force, rate = self.truth.imu(t_s)
@@ -117,7 +117,7 @@ class LooseTray(Sensors):
 
 
 class DriftingAccelerometer(Sensors):
-    """Its zero drifts by 0.4 m/s^2 over the flight."""
+    """The accelerometer's zero drifts by 0.4 m/s^2 over the flight."""
 
     def imu(self, t_s: Array) -> tuple[Array, Array]:
         force, rate = self.truth.imu(t_s)
@@ -139,7 +139,7 @@ class Pressures(Sensors):
         return value
 
     def behind(self, which: str, t_s: Array, time_constant_s: float) -> Array:
-        """The change of a pressure by a lag of the line; the transducer's noise is added after it."""
+        """Return the change of a pressure due to a lag of the line; the transducer's noise comes after the lag."""
         quiet = lambda t: self.truth._pneumatic(which, t)  # noqa: E731
         return self.lagged(quiet, t_s, time_constant_s) - quiet(t_s)
 
@@ -148,7 +148,7 @@ class Pressures(Sensors):
 
 
 class BentProbe(Pressures):
-    """The probe is bent down by two degrees in mid-flight: the angle of attack reads more."""
+    """The probe is bent down by two degrees in mid-flight, so that angle of attack reads too high."""
 
     def changed(self, which: str, value: Array, t_s: Array) -> Array:
         if which != "alpha":
@@ -176,14 +176,14 @@ class WaterInTheLine(Pressures):
 
 
 class CurvedTransducer(Pressures):
-    """The airspeed's transducer reads 6 % low at 300 Pa, and right at zero."""
+    """The airspeed transducer reads 6 % low at 300 Pa, and correctly at zero."""
 
     def changed(self, which: str, value: Array, t_s: Array) -> Array:
         return value * (1 - 0.06 * value / 300) if which == "airspeed" else value
 
 
 class StickyTransducer(Pressures):
-    """The airspeed's transducer follows a change of more than 12 Pa only."""
+    """The airspeed transducer only follows changes of more than 12 Pa."""
 
     def differential_pressure_Pa(self, which: str, t_s: Array) -> Array:
         if which != "airspeed":
@@ -198,7 +198,7 @@ class StickyTransducer(Pressures):
 
 
 class GpsJumps(Sensors):
-    """Its velocity jumps by 2 m/s to one side for 6 s in every 25."""
+    """The GPS velocity jumps by 2 m/s to one side for 6 s in every 25."""
 
     def gps(self, t_s: Array) -> GpsSolution:
         gps = self.truth.gps(t_s)
@@ -207,7 +207,7 @@ class GpsJumps(Sensors):
 
 
 class WanderingGpsClock(Sensors):
-    """Its solutions are up to a second late, and less in between."""
+    """GPS solutions are up to a second late, by a varying amount."""
 
     def gps(self, t_s: Array) -> GpsSolution:
         late = 0.5 - 0.5 * np.cos(2 * np.pi * np.asarray(t_s) / 60)
@@ -215,7 +215,7 @@ class WanderingGpsClock(Sensors):
 
 
 class SlowStatic(Sensors):
-    """Water in the static line: its pressure is some seconds late."""
+    """Water in the static line delays its pressure by some seconds."""
 
     def absolute_pressure_Pa(self, which: str, t_s: Array) -> Array:
         value, quiet = self.truth.absolute_pressure_Pa(which, t_s), lambda t: self.truth._pneumatic(which, t)
@@ -223,7 +223,7 @@ class SlowStatic(Sensors):
 
 
 class WarmStart(Sensors):
-    """The tray had been in the sun: its thermometer is 12 K too warm at power-on."""
+    """The tray was in the sun, so its thermometer reads 12 K high at power-on."""
 
     def transducer_temperature_K(self, which: str, t_s: Array) -> Array:
         return self.truth.transducer_temperature_K(which, t_s) + 12.0
@@ -235,7 +235,7 @@ class LateGyro(Sensors):
 
 
 class UnevenAccelerometer(Sensors):
-    """Its reading along the body is 6 % too large where it is positive."""
+    """Positive accelerometer readings along the body are 6 % too large."""
 
     def imu(self, t_s: Array) -> tuple[Array, Array]:
         force, rate = self.truth.imu(t_s)
@@ -245,7 +245,7 @@ class UnevenAccelerometer(Sensors):
 
 
 class ClippedTransducer(Pressures):
-    """The airspeed's transducer ends at 220 Pa, and says nothing."""
+    """The airspeed transducer saturates at 220 Pa without reporting it."""
 
     def changed(self, which: str, value: Array, t_s: Array) -> Array:
         return np.minimum(value, 220.0) if which == "airspeed" else value
@@ -273,7 +273,7 @@ class DriftingStatic(Sensors):
 
 
 class HeldMotorSpeed(Sensors):
-    """The link of the motor speed repeats its last value for 1.5 s in every 5."""
+    """The motor-speed link repeats its last value for 1.5 s in every 5."""
 
     def motor_speed_revps(self, t_s: Array) -> Array:
         t = np.asarray(t_s)
@@ -281,7 +281,7 @@ class HeldMotorSpeed(Sensors):
 
 
 class DoublePulses(Sensors):
-    """Noise adds pulses: 4 % more motor speed above 90 rev/s."""
+    """Noise adds pulses, so that motor speed reads 4 % high above 90 rev/s."""
 
     def motor_speed_revps(self, t_s: Array) -> Array:
         n = self.truth.motor_speed_revps(t_s)
@@ -289,7 +289,7 @@ class DoublePulses(Sensors):
 
 
 def of_pitch(table: Propeller, factor: float) -> Propeller:
-    """The table of a propeller of another pitch: cT and cP over the advance ratio times that."""
+    """Return a table for another pitch: J is scaled by `factor`, cT and cP by its powers 1/2 and 3/2."""
     rows = tuple(
         Row(row.rpm, tuple(factor * J for J in row.J), tuple(factor**0.5 * c for c in row.cT),
             tuple(factor**1.5 * c for c in row.cP)) for row in table.rows
@@ -298,7 +298,7 @@ def of_pitch(table: Propeller, factor: float) -> Propeller:
 
 
 def whole_pulses(log: Log) -> None:
-    """The counter gives the whole pulses of seven pole pairs that a tick of 0.04 s completes."""
+    """Make the counter report only whole pulses, from seven pole pairs, that are completed in a tick of 0.04 s."""
     pulse, counted = 25 / 7, log.entries["/rpm"].columns["motor_speed_revps"].values
     for i, n in enumerate(counted):
         counted[i] = np.floor(n / pulse) * pulse
@@ -306,7 +306,7 @@ def whole_pulses(log: Log) -> None:
 
 @dataclass(frozen=True)
 class Defect:
-    """title : one sentence     deviations : of the aircraft that flies     sensors : in place of the flight's own
+    """title : one sentence     deviations : of the aircraft that flies     sensors : replace the flight's own
     installed : values of `sim.defects.Defects`
     propeller : that is flown, from the table that the analysis has     folds : its blades, beyond zero thrust
     recorded : changes the log in memory"""
@@ -356,7 +356,7 @@ DEFECTS: Mapping[str, Defect] = {
         installed=dict.fromkeys(("imu_roll_rad", "imu_pitch_rad", "imu_yaw_rad"), np.radians(3.0)),
     ),
     "bending-boom": Defect("the boom bends by 1 deg under 1 g", installed={"boom_bending_rad": np.radians(1.0)}),
-    # Not looked at before the study.
+    # These defects were not looked at before the study.
     "late-gyro": Defect("gyros 0.1 s late, accelerometers not", sensors=LateGyro),
     "uneven-accelerometer": Defect("6 % more of a positive force along the body", sensors=UnevenAccelerometer),
     "clipped-transducer": Defect("airspeed pressure ends at 220 Pa", sensors=ClippedTransducer),
@@ -380,7 +380,7 @@ class Job(NamedTuple):
 
 
 def flown(job: Job, folder: Path) -> Path:
-    """Flies and records into a folder; the log."""
+    """Fly and record into a folder. Returns the log."""
     defect, world = DEFECTS[job.defect], load_world(WORLD)
     world = replace(world, errors=replace(world.errors, defects=Defects(**(defect.installed or {}))))
     (folder / "plan.toml").write_text(plan_text(PLAN, job.weather_kt), "utf-8")
@@ -405,7 +405,7 @@ def flown(job: Job, folder: Path) -> Path:
 
 
 def as_recorded(defect: str, path: Path) -> Log:
-    """The log of a flight, with what the recorder does wrong."""
+    """Return the log of a flight with the recorder's defect."""
     log, wrong = read_log(path), DEFECTS[defect].recorded
     if wrong is not None:
         wrong(log)
@@ -413,7 +413,7 @@ def as_recorded(defect: str, path: Path) -> Log:
 
 
 def one_flight(job: Job) -> dict[str, Any]:
-    """Error and half the 95 % interval at each speed, % of the truth; verdict and evidence."""
+    """Return error and half the 95 % interval at each speed, % of the truth, verdict and evidence."""
     line: dict[str, Any] = {
         "defect": job.defect,
         "weather_kt": job.weather_kt,
@@ -438,12 +438,12 @@ def one_flight(job: Job) -> dict[str, Any]:
 
 
 def worst(line: Mapping[str, Any]) -> float:
-    """The largest error in half widths."""
+    """Return the largest error, in half widths of the interval."""
     return max(abs(e) / h for e, h in zip(line["error"], line["half"], strict=True) if e is not None)
 
 
 def summary(line: Mapping[str, Any]) -> str:
-    """One flight in one line."""
+    """Return a line on one flight."""
     head = f"{line['defect']}, {line['weather_kt']:g} kt, seed {line['seed']}"
     if "error" not in line:
         return f"{head}: refused, {line['refused']}"
@@ -457,7 +457,7 @@ def summary(line: Mapping[str, Any]) -> str:
 
 
 def records(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
-    """One row a defect: errors of the curves in half widths, and the verdict on each."""
+    """Return a row per defect: errors of the curves in half widths, and the verdicts on them."""
     records: list[Record] = []
     for name in dict.fromkeys(line["defect"] for line in lines):
         some = [line for line in lines if line["defect"] == name]
@@ -471,7 +471,7 @@ def records(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
 
 
 def judged(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
-    """Verdicts on curves by how wrong they are."""
+    """Return the verdicts on curves, grouped by how wrong the curves are."""
     records: list[Record] = []
     bounds = ((0.0, 1.0, "right"), (1.0, 1.5, "wrong by 1.0 to 1.5 half widths"), (1.5, 3.0, "by 1.5 to 3"),
               (3.0, np.inf, "by more"))  # fmt: skip
@@ -482,7 +482,7 @@ def judged(lines: Sequence[Mapping[str, Any]]) -> list[Record]:
 
 
 def verdicts(lines: Sequence[Mapping[str, Any]]) -> Record:
-    """Counts of the verdicts, and the share that is not trusted [%] with its counting error."""
+    """Return counts of the verdicts, and the share that is not trusted [%] with its counting error."""
     of_level = {level.value: sum(line["trust"] == level for line in lines) for level in Trust}
     if not lines:
         return of_level | {"not trusted, %": None, "±": None}
@@ -506,15 +506,14 @@ def key(line: Mapping[str, Any]) -> tuple[Any, ...]:
 
 def flown_lines(names: Sequence[str], weather_kt: Sequence[float], flights: int, seed: int, file: Path, jobs: int,
          label: str = "") -> list[dict[str, Any]]:  # fmt: skip
-    """The lines of all flights; flights missing from the file are flown. label: flights with another label are flown
-    again"""
+    """Return the lines of all flights; flights that the file lacks, or has with another label, are flown."""
     todo = {job[:4]: job for job in jobs_of(names, weather_kt, flights, seed, label)}
     done = fly_missing(file, todo, one_flight, key, jobs=jobs, summary=summary)
     return [done[identity] for identity in todo]
 
 
 def named() -> list[str]:
-    """All defects."""
+    """Return all defects by name."""
     return [name for name in DEFECTS if name != "none"]
 
 

@@ -1,18 +1,17 @@
-"""Coverage of the power curve's interval in worlds that the analysis does not assume (`sim worlds`).
+"""Measures coverage of the power curve's interval in worlds that the analysis does not assume (`sim worlds`).
 
     python benchmarks/worlds.py --jobs 4
     python benchmarks/worlds.py --worlds weight --weather 0 --plans two-pairs --flights 4 --seed 0
     python benchmarks/worlds.py --worlds study --weather 15 --plans full-test-flight --calibrated
     python benchmarks/worlds.py --defects --weather 0 --plans two-pairs --flights 2 --seed 0
 
-With --calibrated, `calibrate transducers` comes first: the transducers of each flight are held at the pressures of the
-plan `transducer-column`, by a water column whose scale and readings have errors, and the flight is analyzed with the
-result.
+With --calibrated, `calibrate transducers` comes first: a water column whose scale and readings have errors holds each
+flight's transducers at the pressures of the plan `transducer-column`, and the flight is analyzed with the result.
 
 Every cell of world, weather and plan is flown with a number of seeds, recorded by `sim fly --no-hardware`, analyzed,
 and compared with the true curve of the aircraft flown. Each flight is a line of the file of flights as soon as it is
 done. A flight that has a line by this version of the code is not flown again, so that an interrupted study continues.
-Seeds below 1000 are for development; figures of the documentation come from others.
+Seeds below 1000 are for development; figures in the documentation come from others.
 """
 
 import contextlib
@@ -52,7 +51,7 @@ ROOT = Path(__file__).parents[1]
 WEATHER_KT, PLANS = (0.0, 3.0, 15.0), ("full-test-flight", "two-pairs")
 STUDY, STUDY_FLIGHTS, FLIGHTS = "study", 60, 24
 WITHOUT_ERRORS = "none"
-# Error and half the 95 % interval of one flight at each of OVER_STALL, % of the true power; NaN where it did not fly.
+# One flight's error and half the 95 % interval at each of OVER_STALL, % of the true power; NaN at speeds not flown.
 Points = tuple[ArrayLike, ArrayLike]
 
 
@@ -70,12 +69,12 @@ class Job(NamedTuple):
     cell: Cell
     seed: int
     version: str
-    probe: str  # text of the probe calibration
-    calibrated: bool  # transducers, before the flight
+    probe: str  # the probe calibration as text
+    calibrated: bool  # whether the transducers are calibrated before the flight
 
 
 def version() -> str:
-    """Hash of what a result depends on: code and data of simulator, daemon and analysis, and how errors are counted."""
+    """Return a hash of what a result depends on: code and data of simulator, daemon and analysis, and statistics."""
     digest = hashlib.sha256()
     for folder in ("analysis", "flight", "sim", "hw_fakes", "daq"):
         for path in sorted((ROOT / folder).rglob("*")):
@@ -87,12 +86,12 @@ def version() -> str:
 
 
 def world_version(version: str, world: str) -> str:
-    """The version with that world's file: another world may change without a new flight of this one."""
+    """Return the version with that world's file, so that other worlds may change without new flights in this one."""
     return hashlib.sha256(f"{version} {load_world(world)}".encode()).hexdigest()[:12]
 
 
 def one_flight(job: Job) -> dict[str, Any]:
-    """The line of one flight: error and half the 95 % interval at each speed, % of the truth; warnings and alarms."""
+    """Return one flight's line: error and half the 95 % interval at each speed, % of the truth; warnings and alarms."""
     cell, seed, version, probe, calibrated = job
     line: dict[str, Any] = {**cell._asdict(), "seed": seed, "version": version, "calibrated": calibrated}
     with tempfile.TemporaryDirectory() as name, contextlib.redirect_stderr(io.StringIO()):
@@ -119,7 +118,7 @@ def one_flight(job: Job) -> dict[str, Any]:
 
 
 def transducers(folder: Path, world: str, seed: int) -> TransducerCalibration:
-    """The calibration of the transducers of one flight. Raises InputError if its data do not support it."""
+    """Calibrate the transducers of one flight. Raises InputError if the data do not support a calibration."""
     output = folder / "column"
     fly(output, plan=COLUMN, world=world, seed=seed, probe=folder / "probe.json", no_hardware=True)
     levels = plateaus(readings(read_log(output / "log.mcap")), COLUMN)
@@ -130,7 +129,7 @@ def transducers(folder: Path, world: str, seed: int) -> TransducerCalibration:
 
 
 def alarm(analysis: Analysis) -> bool:
-    """Whether the cross-check contradicts the curve."""
+    """Return whether the cross-check contradicts the curve."""
     test, drag = analysis.results.test, analysis.drag
     condition = Condition(test.weight_N, test.air_density_kgpm3, analysis.results.aircraft.wing_area_m2)
     check = drag.cross_check
@@ -143,7 +142,7 @@ def key(line: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def cells(names: Sequence[str], weather_kt: Sequence[float], plans: Sequence[str]) -> Iterator[Cell]:
-    """All cells; calm air is left out for a world that differs only in its gusts."""
+    """Return all cells; calm air is left out for worlds that differ only in their gusts."""
     for world, weather, plan in itertools.product(names, weather_kt, plans):
         by_gusts = any(name.startswith("gust") for name in load_world(world).air)
         if weather or not by_gusts:
@@ -158,7 +157,7 @@ def by_cell(lines: list[dict[str, Any]]) -> dict[Cell, list[dict[str, Any]]]:
 
 
 def cell_records(lines: list[dict[str, Any]]) -> list[Record]:
-    """One row a cell: errors, coverage, warnings, alarms and verdicts."""
+    """Return a row per cell: errors, coverage, warnings, alarms and verdicts."""
     records = []
     for cell, members in by_cell(lines).items():
         done = [line for line in members if "error" in line]
@@ -177,7 +176,7 @@ def cell_records(lines: list[dict[str, Any]]) -> list[Record]:
 
 
 def world_records(flights: Mapping[str, Mapping[float, Sequence[Points]]]) -> list[Record]:
-    """One row a world, all weathers together. flights: of each world, by W20 [kt]."""
+    """Return a row per world, all weathers together. flights: of each world, by W20 [kt]"""
     weathers = sorted({weather for by_weather in flights.values() for weather in by_weather})
     names = " / ".join(f"{weather:g}" for weather in weathers)
     records = []
@@ -191,9 +190,11 @@ def world_records(flights: Mapping[str, Mapping[float, Sequence[Points]]]) -> li
 
 
 def verdict_records(lines: list[dict[str, Any]]) -> list[Record]:
-    """One row a world, its weathers beside each other: coverage, the largest of the errors that 95 % are below at a
-    speed, half widths from the narrowest speed to the widest, and how many flights are trusted, doubtful, or not to be
-    trusted."""
+    """Return a row per world, with its weathers side by side.
+
+    It has coverage, the largest over speeds of the 95th percentile of errors, the narrowest and widest half widths, and
+    how many flights are trusted, doubtful, or not to be trusted.
+    """
     weathers = sorted({line["weather_kt"] for line in lines})
     weather_text = " / ".join(f"{weather:g}" for weather in weathers)
     records = []
@@ -215,7 +216,7 @@ def verdict_records(lines: list[dict[str, Any]]) -> list[Record]:
 
 
 def points_by_world(lines: list[dict[str, Any]], plan: str) -> dict[str, dict[float, list[Points]]]:
-    """Errors and half widths of the flights of a plan, by world and W20 [kt]."""
+    """Return errors and half widths of a plan's flights, by world and W20 [kt]."""
     by_world: dict[str, dict[float, list[Points]]] = {}
     for line in lines:
         if line["plan"] == plan and "error" in line:
@@ -239,7 +240,7 @@ def _figures(points: Sequence[Points]) -> Record:
 
 
 def coverage(error: NDArray[np.float64], half: NDArray[np.float64]) -> float:
-    """Share [%] of the flights' known errors that their intervals cover."""
+    """Return the share [%] of the flights' known errors that their intervals cover."""
     finite = np.isfinite(error)
     return float(100 * np.mean(np.abs(error[finite]) < half[finite]))
 
@@ -252,19 +253,21 @@ def _covered(flights: Sequence[Points]) -> int | None:
 
 
 class Study(NamedTuple):
-    """What is flown: every world in every weather with every plan."""
+    """The flights to fly: every world in every weather with every plan."""
 
     worlds: Sequence[str]
     weather_kt: Sequence[float] = WEATHER_KT
     plans: Sequence[str] = PLANS
-    flights: int | None = None  # a cell; None: FLIGHTS, and STUDY_FLIGHTS of STUDY
+    flights: int | None = None  # per cell; None means FLIGHTS, or STUDY_FLIGHTS in the world STUDY
     first_seed: int = 1000
     calibrated: bool = False
 
 
 def flown(study: Study, file: Path, jobs: int) -> list[dict[str, Any]]:
-    """The lines of all flights of a study; those that the file lacks are flown, seed by seed over all cells: an
-    interrupted study has a few flights of everything."""
+    """Return the lines of all flights of a study; flights that the file lacks are flown.
+
+    They are flown seed by seed over all cells, so that an interrupted study has a few flights of every cell.
+    """
     code, probe = version(), msgspec.json.encode(tunnel_probe()).decode()
     of_cell = {cell: study.flights or (STUDY_FLIGHTS if cell.world == STUDY else FLIGHTS)
                for cell in cells(study.worlds, study.weather_kt, study.plans)}  # fmt: skip
@@ -277,7 +280,7 @@ def flown(study: Study, file: Path, jobs: int) -> list[dict[str, Any]]:
 
 
 def chosen(*, defects: bool) -> list[str]:
-    """The worlds of one defect each, or all others but `none`."""
+    """Return the worlds with one defect each, or all others except `none`."""
     of_defects = worlds_with_defects()
     return [name for name in worlds() if name != WITHOUT_ERRORS and (name in of_defects) == defects]
 
@@ -313,7 +316,7 @@ def main(
 
 
 def summary(line: dict[str, Any]) -> str:
-    """One flight in one line."""
+    """Return a line on one flight."""
     head = f"{line['world']}, {line['weather_kt']:g} kt, {line['plan']}, seed {line['seed']}"
     if "error" not in line:
         return f"{head}: refused, {line['refused']}"

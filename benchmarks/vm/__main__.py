@@ -1,15 +1,15 @@
-"""The daemon as a service of a small Debian computer in QEMU, without hardware acceleration.
+"""Tests the daemon as a service of a small Debian computer in QEMU, without hardware acceleration.
 
     make vm                                                      # root; image made in out/vm from nothing
     .venv/bin/python benchmarks/vm --only pulls --pulls 3        # on the image of the last run
 
-Installed as a user would, by systemd/README.md without a network. Its I2C parts are a character device in the machine
-(CUSE), its serial parts are at the other end of two USB adapters and a serial line. Then its power is pulled while it
-boots and while it records (QEMU is killed; the card's image is kept), its USB receiver unplugged, its clock stepped
-from 1970, and a newer version installed while it records. The Debian package is installed on another card, upgraded
-while it records, and removed. After each, the logs on the card are read. At last the daemon records eight hours of
-simulated time on this computer. Exit code 1 if one is unreadable, changed or gone, if more than a second before a power
-cut is lost, or if a step of the installation fails.
+It is installed as a user would, by systemd/README.md without a network. Its I2C parts are a character device in the
+machine (CUSE); its serial parts are at the other end of two USB adapters and a serial line. Then the power is pulled
+while the machine boots and while it records (QEMU is killed; the card's image is kept), the USB receiver is unplugged,
+the clock is stepped from 1970, and a newer version is installed while the daemon records. The Debian package is
+installed on another card, upgraded while it records, and removed. After each trial, the logs on the card are read.
+Finally the daemon records eight hours of simulated time on this computer. Exit code 1 if a log is unreadable, changed
+or gone, if more than a second before a power cut is lost, or if a step of the installation fails.
 """
 
 import os
@@ -38,7 +38,7 @@ def main(
     seed: int = 1003,
     only: str = "",
 ) -> None:
-    """--only NAME: one of TRIALS, on the card that the last run left; package: on a card without this software."""
+    """Run all trials; --only NAME: one, on the last run's card, or for `package` on one without this software."""
     begin_s = time.monotonic()
     missing = [package for command, package in image.COMMANDS.items() if shutil.which(command) is None]
     if missing:

@@ -1,4 +1,4 @@
-"""The logs on the image of a card, as they are for who reads the card next."""
+"""Reads the logs on a card's image, as the next reader of the card finds them."""
 
 import hashlib
 from collections.abc import Iterator
@@ -16,12 +16,12 @@ class CardLog(NamedTuple):
 
 
 EMPTY = hashlib.sha256(b"").hexdigest()
-_known: dict[str, CardLog] = {}  # by contents: most logs are read after each trial
+_known: dict[str, CardLog] = {}  # logs by their contents, because most are read again after each trial
 
 
 @contextmanager
 def mounted(folder: Path, disk: Path) -> Iterator[Path]:
-    """The root of a copy of the disk, whose file system has replayed its journal. The disk is not changed."""
+    """Mount a copy of the disk, which replays its journal, and yield the root. The disk itself is not changed."""
     copy, root = folder / "copy.img", folder / "mounted"
     run("cp", "--sparse=always", "--reflink=auto", disk, copy)
     root.mkdir(exist_ok=True)
@@ -34,7 +34,7 @@ def mounted(folder: Path, disk: Path) -> Iterator[Path]:
 
 
 def logs_on(folder: Path, disk: Path) -> dict[str, CardLog]:
-    """The logs on the disk by their number (log-0001)."""
+    """Return the logs on the disk by their number (log-0001)."""
     with mounted(folder, disk) as root:
         return {path.name[:8]: _read(path) for path in sorted((root / "var/lib/flightpower").glob("log-*.mcap"))}
 
@@ -47,9 +47,9 @@ def _read(path: Path) -> CardLog:
 
 
 def trouble(before: dict[str, CardLog], after: dict[str, CardLog]) -> list[str]:
-    """What is wrong with the logs: gone, overwritten, shorter, not readable.
+    """Return what is wrong with the logs: gone, overwritten, shorter, unreadable.
 
-    Only the last file may be empty: power was cut after it was created and before its first bytes. The next start
+    Only the last file may be empty: the power was cut after it was created and before its first bytes. The next start
     removes it.
     """
     last = max(after, default="")

@@ -1,4 +1,4 @@
-"""The disk image of a small Debian computer with the tray's fake parts, made in a folder from nothing."""
+"""Makes the disk image of a small Debian computer with the tray's fake parts, from scratch in a folder."""
 
 import json
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 GUEST = Path(__file__).resolve().parent / "guest"
-SUITES = {(3, 11): "bookworm", (3, 13): "trixie"}  # Debian's release with that Python: wheels must fit it
+SUITES = {(3, 11): "bookworm", (3, 13): "trixie"}  # Debian release with the same Python, which wheels must match
 COMMANDS = {
     "mmdebstrap": "mmdebstrap",
     "qemu-system-x86_64": "qemu-system-x86",
@@ -24,7 +24,7 @@ PACKAGES = (
     "systemd,systemd-sysv,udev,dbus,kmod,sudo,linux-image-amd64,initramfs-tools,python3,python3-venv,i2c-tools,procps,"
     "e2fsprogs,iproute2,curl,rsync,openssh-server,openssh-client"
 )
-# What Raspberry Pi OS has: a user who may use sudo and is in the groups of the devices; SSH.
+# As in Raspberry Pi OS: a user who may use sudo and is in the devices' groups, and SSH.
 USER = """
 set -eu
 ! id pi 2>/dev/null || exit 0
@@ -43,7 +43,7 @@ UPGRADE = "1.0.1"
 
 
 def run(*command: object, **options: object) -> str:
-    """What the command prints; ends the program with its error if it fails."""
+    """Return the command's output; if it fails, end the program with its error."""
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, **options)  # type: ignore[call-overload]
     if done.returncode:
         sys.exit(f"{' '.join(map(str, command))[:200]}: {done.stderr.strip()[-500:]}")
@@ -51,7 +51,7 @@ def run(*command: object, **options: object) -> str:
 
 
 def build(folder: Path) -> None:
-    """base.img, vmlinuz and initrd in `folder`. Debian and wheels of other projects are made once and kept."""
+    """Make base.img, vmlinuz and initrd in `folder`. Debian and other projects' wheels are made once and kept."""
     folder.mkdir(parents=True, exist_ok=True)
     debian = _debian(folder)
     _wheels(folder)
@@ -74,7 +74,7 @@ def build(folder: Path) -> None:
 
 
 def _debian(folder: Path) -> Path:
-    """The root of a Debian system. It is made again only when what it is made of has changed."""
+    """Return the root of a Debian system, which is only made again if its recipe has changed."""
     suite = SUITES.get(sys.version_info[:2])
     if suite is None:
         sys.exit(f"make vm needs Python 3.11 or 3.13, those of Debian 12 and 13, and not {sys.version.split()[0]}")
@@ -95,7 +95,7 @@ def _debian(folder: Path) -> Path:
 
 
 def _checkout(target: Path) -> None:
-    """The files of the repository as they are now, without its history."""
+    """Copy the repository's files as they are now, without its history."""
     for name in run("git", "ls-files", "-z", cwd=ROOT).split("\0"):
         if name and (ROOT / name).exists():
             (target / name).parent.mkdir(parents=True, exist_ok=True)
@@ -103,7 +103,7 @@ def _checkout(target: Path) -> None:
 
 
 def _wheels(folder: Path) -> None:
-    """wheels: this project, what it needs and the status page's server; wheels-upgrade: a newer version of it alone."""
+    """Make wheels of this project, its dependencies and the status page's server; in wheels-upgrade a newer version."""
     pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--wheel-dir")
     source, requirements = folder / "source", ("--constraint", ROOT / "constraints.txt", ".[status]")
     _checkout(source)
@@ -117,7 +117,7 @@ def _wheels(folder: Path) -> None:
 
 
 def _packages(folder: Path) -> None:
-    """debs: the Debian package; debs/upgrade: the same with a later version."""
+    """Make the Debian package in debs, and the same with a later version in debs/upgrade."""
     debs, opened = folder / "debs", folder / "opened"
     for used in (debs, opened):
         shutil.rmtree(used, ignore_errors=True)
@@ -131,7 +131,7 @@ def _packages(folder: Path) -> None:
 
 
 def _fakes(folder: Path, debian: Path) -> None:
-    """/opt/fakes in the image: the fake parts and the libraries that only they need."""
+    """Put the fake parts and the libraries that only they need into /opt/fakes of the image."""
     library = folder / "fakes"
     if not all((library / name).exists() for name in FAKES_NEED):
         run(
@@ -151,4 +151,4 @@ def _fakes(folder: Path, debian: Path) -> None:
     (target / "scipy").mkdir()
     (target / "scipy" / "__init__.py").touch()
     shutil.copy(GUEST / "first_order.py", target / "scipy" / "signal.py")
-    run("chroot", debian, "sh", "-c", "cd /opt/fakes && python3 -B -c 'import fake_tray'")  # a library is missing
+    run("chroot", debian, "sh", "-c", "cd /opt/fakes && python3 -B -c 'import fake_tray'")  # is a library missing?

@@ -1,4 +1,4 @@
-"""The virtual machine: QEMU without hardware acceleration, its console, its serial lines, its power."""
+"""Controls the virtual machine: QEMU without hardware acceleration, its console, serial lines and power."""
 
 import json
 import re
@@ -15,8 +15,8 @@ from flightpower.hw_fakes.tray import PORTS
 
 SHIFT = 1  # an instruction takes 2^SHIFT ns of the machine's time, however busy the host is
 HEARTBEAT_S = 0.05  # guest/fake_tray.py
-MEMORY_MB = 512  # of a Pi Zero 2 W
-USB = {"gps": 38400, "rpm": 115200}  # serial number of the adapter, and baud
+MEMORY_MB = 512  # memory of a Pi Zero 2 W
+USB = {"gps": 38400, "rpm": 115200}  # serial number and baud rate of each adapter
 SERIAL = {"autopilot": 57600}  # /dev/ttyS2
 DEVICES = {"gps": PORTS["gps"], "rpm": PORTS["esc_counter"], "autopilot": PORTS["autopilot"]}
 PROMPT = r"pi@raspberrypi:~\$ "
@@ -24,7 +24,7 @@ POLL_S = 0.005
 
 
 class Heartbeat(NamedTuple):
-    """guest_s: monotonic time of the virtual machine. logs: number of logs. size: of the newest [bytes]."""
+    """guest_s: monotonic time of the virtual machine. logs: number of logs. size: size of the newest log [bytes]"""
 
     guest_s: float
     logs: int
@@ -34,8 +34,8 @@ class Heartbeat(NamedTuple):
 class Machine:
     """A running virtual machine with the parts at the other end of its serial lines. Use it as a context manager.
 
-    folder: has vmlinuz and initrd; the console's text is kept there. disk: the card. write-back: a write that the
-    machine was told to be done is in the host's memory and survives the end of QEMU, as in a card without a cache.
+    folder: has vmlinuz and initrd; the console's text is kept there. disk: the card. It is in write-back mode: a write
+    that the machine believes done is in the host's memory and survives the end of QEMU, as on a card without a cache.
     """
 
     def __init__(self, folder: Path, disk: Path):
@@ -88,7 +88,7 @@ class Machine:
         return self._process.poll() is None
 
     def pull_power(self) -> float:
-        """End the machine at once. Returns its own monotonic time then [s], at most one heartbeat too late."""
+        """End the machine at once. Returns its monotonic time at that moment [s], at most one heartbeat too late."""
         if self.running:
             self._process.kill()
         self._process.wait()
@@ -101,23 +101,23 @@ class Machine:
         self._process.wait(120)
 
     def log_in(self, timeout_s: float = 600.0) -> None:
-        """Wait for the console's shell."""
+        """Wait for the console's shell, and set it up."""
         self._wait(PROMPT, timeout_s)
         self._console.sendall(b"stty -echo cols 500; PS1=; PS2=; export SYSTEMD_PAGER=cat SYSTEMD_COLORS=0 TERM=dumb\n")
         for _ in range(2):
             self.run("true")
 
     def run(self, command: str, timeout_s: float = 600.0) -> tuple[int, str]:
-        """Exit code and output of a command of the user pi."""
+        """Run a command as user pi. Returns its exit code and output."""
         self._commands += 1
         mark = f"end-of-command-{self._commands}:"
-        # One compound command, because sudo would read lines that wait in this terminal.
+        # Send one compound command, because sudo would read further lines that wait in this terminal.
         self._console.sendall(f"{{ {command}\n}} </dev/null; code=$?; echo; echo '{mark}'$code\n".encode())
         match = self._wait(rf"(?s)(.*?)\r?\n{mark}(\d+)\r?\n", timeout_s)
         return int(match[2]), match[1].replace("\r", "").strip("\n")
 
     def wait_for_recording(self, logs: int, timeout_s: float = 600.0) -> None:
-        """Until there are more than `logs` logs, and data in the newest."""
+        """Wait until there are more than `logs` logs, and data in the newest one."""
         end_s = time.monotonic() + timeout_s
         while self.heartbeat.logs <= logs or self.heartbeat.size < 20_000:
             if time.monotonic() > end_s or not self.running:
@@ -126,7 +126,7 @@ class Machine:
             time.sleep(0.1)
 
     def wait(self, seconds: float) -> None:
-        """Waits until so much of the machine's time has passed."""
+        """Wait until this much of the machine's time has passed."""
         end_s, give_up_s = self.heartbeat.guest_s + seconds, time.monotonic() + 300.0 + 60.0 * seconds
         while self.heartbeat.guest_s < end_s:
             if time.monotonic() > give_up_s or not self.running:
@@ -203,12 +203,12 @@ class Machine:
                     return
                 try:
                     line.send(part.read_available())
-                except BlockingIOError:  # nobody reads
+                except BlockingIOError:  # nobody reads the line
                     pass
                 except OSError:
                     return
 
 
 def _adapter(name: str) -> dict[str, Any]:
-    """A USB serial adapter (FTDI) as QEMU's device; its serial number is its name."""
+    """Return QEMU's options for a USB serial adapter (FTDI), whose serial number is its name."""
     return {"driver": "usb-serial", "chardev": name, "id": f"usb-{name}", "serial": name, "always-plugged": True}

@@ -16,7 +16,7 @@ class RealClock:
 
 
 def parts_at_rest() -> FakeTray:
-    """All parts of the tray, in real time."""
+    """Return all parts of the tray, in real time."""
     truth = AnalyticSensorTruth(
         velocity_mps=constant([0.0, 0.0, 0.0]), motor_revps=constant(0.0), attitude_rad=constant([0.0, 0.0, 0.0])
     )

@@ -1,4 +1,4 @@
-"""What is done to the machine, and what must hold after it. Each trial returns rows of the printed table."""
+"""The trials of the machine, and what must hold after each. A trial returns rows of the printed table."""
 
 import random
 import re
@@ -19,15 +19,16 @@ from flightpower.flight.messages import Status
 
 LARGEST_LOSS_S = 1.0
 LARGEST_EXPOSURE = 0.7
-COMPLETED_WITHIN_S = 60.0  # of a recording that begins: the logs of earlier ones
-RECORDED_S = (4.0, 20.0)  # how long a recording lasts before its power is pulled: drawn from this range
+COMPLETED_WITHIN_S = 60.0  # earlier logs must be completed this long after a recording begins
+RECORDED_S = (4.0, 20.0)  # range from which the duration of a recording before a power pull is drawn
 DAQ = "/opt/flightpower/bin/daq"
 TRAY = "/etc/flightpower/tray.toml"
 LOGS = "/var/lib/flightpower"
 DEBS = "/home/pi/debs"
 STOP, START = "sudo systemctl stop flightpower-daq", "sudo systemctl start flightpower-daq"
-# The edit of the tray file: the adapters by their permanent names, the autopilot on a serial line. Few ticks, and
-# single readings of the IMU: an emulated processor is some twenty times slower, and its FIFO overflows in a reading.
+# The tray file is edited to name the adapters by their permanent names, and to put the autopilot on a serial line. The
+# tick rate is low and the IMU is read sample by sample: an emulated processor is some twenty times slower, so that the
+# FIFO would overflow during a reading.
 RATE_HZ = 6
 EDIT_TRAY = (
     f'sudo sed -i \'s|^rate_Hz = 25 |rate_Hz = {RATE_HZ} |; s|^sampling = "fifo" |sampling = "single" |; '
@@ -46,7 +47,7 @@ Step = Callable[..., str]
 
 
 def steps_of(machine: Machine, rows: list[Row]) -> Step:
-    """A function that runs a command of the user, and adds its row: wanted is a pattern of what it prints."""
+    """Return a function that runs a user's command and adds its row; `wanted` is a pattern for its output."""
 
     def step(what: str, command: str, wanted: str = "") -> str:
         begin_s = time.monotonic()
@@ -61,7 +62,7 @@ def steps_of(machine: Machine, rows: list[Row]) -> Step:
 
 
 def install(machine: Machine) -> list[Row]:
-    """systemd/README.md from step 4, as it is written, by a user with sudo and no network."""
+    """Follow systemd/README.md from step 4 literally, as a user with sudo and no network."""
     machine.log_in()
     rows: list[Row] = []
     step = steps_of(machine, rows)
@@ -95,7 +96,7 @@ def exposure(machine: Machine, when: str) -> list[Row]:
 
 
 def figures(machine: Machine) -> list[Row]:
-    """Figures of a boot and of the service in it; none can fail."""
+    """Measure a boot and the service in it; none of the figures can fail."""
     machine.log_in()
     machine.wait(20.0)
     commands = {
@@ -113,14 +114,14 @@ def figures(machine: Machine) -> list[Row]:
 
 
 def power_pulls(folder: Path, disk: Path, *, count: int, rng: random.Random) -> list[Row]:
-    """Boot, pull the power while that or the recording goes on, by turns, read the card; on the card as it was left."""
+    """Boot, pull the power during recording and boot by turns, and read the card, which the next boot uses as it is."""
     earlier_logs, rows = logs_on(folder, disk), []
-    boots_s: list[float] = []  # of this computer's time, until data were on the card
+    boots_s: list[float] = []  # this computer's time from start until data were on the card
     first_messages_s: list[float] = []
     for number in range(1, count + 1):
         booting = number % 2 == 0
         with Machine(folder, disk) as machine:
-            share = rng.uniform(0.0, 1.0)  # of the time until data are on the card
+            share = rng.uniform(0.0, 1.0)  # fraction of the time until data are on the card
             if booting:
                 time.sleep(share * boots_s[-1])
             else:
@@ -161,14 +162,14 @@ def power_pulls(folder: Path, disk: Path, *, count: int, rng: random.Random) -> 
 
 
 def eight_hours() -> list[Row]:
-    """A recording of eight hours in simulated time, on this computer."""
+    """Record eight hours of simulated time on this computer."""
     command = [sys.executable, str(Path(__file__).resolve().parents[1] / "daemon.py"), "day", "--hours", "8"]
     done = subprocess.run(command, capture_output=True, text=True)
     return [Row("eight hours", "; ".join((done.stdout or done.stderr).splitlines()[-4:]), done.returncode == 0)]
 
 
 def unplugged(folder: Path, disk: Path) -> list[Row]:
-    """The receiver's USB adapter is unplugged for six seconds in a recording."""
+    """Unplug the receiver's USB adapter for six seconds during a recording."""
     earlier_logs = logs_on(folder, disk)
     with Machine(folder, disk) as machine:
         machine.log_in()
@@ -199,7 +200,7 @@ def unplugged(folder: Path, disk: Path) -> list[Row]:
 
 
 def clock_stepped(folder: Path, disk: Path) -> list[Row]:
-    """A recording begins in 1970; the clock is set to today, back by an hour, and to 2000."""
+    """Start a recording in 1970, then set the clock to today, back by an hour, and to 2000."""
     earlier_logs = logs_on(folder, disk)
     with Machine(folder, disk) as machine:
         machine.log_in()
@@ -230,7 +231,7 @@ def clock_stepped(folder: Path, disk: Path) -> list[Row]:
 
 
 def upgraded(folder: Path, disk: Path) -> list[Row]:
-    """A newer version is installed while the service records."""
+    """Install a newer version while the service records."""
     earlier_logs, rows = logs_on(folder, disk), []
     with Machine(folder, disk) as machine:
         machine.log_in()
@@ -245,7 +246,7 @@ def upgraded(folder: Path, disk: Path) -> list[Row]:
 
 
 def upgrade_while_recording(machine: Machine, step: Step, logs: int, command: str, version: str) -> None:
-    """Upgrades between two recordings; afterwards `version` prints `UPGRADE`."""
+    """Upgrade between two recordings; afterwards `version` must print `UPGRADE`."""
     machine.wait_for_recording(logs)
     step("upgrade", command)
     machine.wait_for_recording(logs + 1)
@@ -254,7 +255,7 @@ def upgrade_while_recording(machine: Machine, step: Step, logs: int, command: st
 
 
 def package(folder: Path, disk: Path) -> list[Row]:
-    """The Debian package on a computer that has nothing of this: first log, next start, upgrade, removal."""
+    """Test the Debian package on a computer without this software: first log, next start, upgrade, removal."""
     rows: list[Row] = []
     with Machine(folder, disk) as machine:
         machine.log_in()
@@ -291,7 +292,7 @@ def package(folder: Path, disk: Path) -> list[Row]:
 
 
 def _pause(folder: Path, disk: Path) -> Row:
-    """Between the last two logs."""
+    """Return a row with the pause between the last two logs."""
     with mounted(folder, disk) as root:
         last, first = (read_log(path) for path in sorted((root / LOGS[1:]).glob("log-*.mcap"))[-2:])
     pause_s = _monotonic_s(first)[0] - _monotonic_s(last)[-1]
@@ -299,7 +300,7 @@ def _pause(folder: Path, disk: Path) -> Row:
 
 
 def _judge(what: str, folder: Path, disk: Path, earlier_logs: dict) -> list[Row]:
-    """Every log readable, none changed, the new ones complete and without a hole in the numbers of ticks."""
+    """Check that all logs are readable and intact, new ones complete, and at most 1 % of the newest's ticks missed."""
     logs = logs_on(folder, disk)
     wrong = trouble(earlier_logs, logs)
     new = {name: log.state for name, log in logs.items() if name not in earlier_logs}

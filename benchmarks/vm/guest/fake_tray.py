@@ -1,7 +1,7 @@
-"""In the virtual machine: the fake I2C parts as the character device /dev/i2c-1, and a heartbeat on a serial line.
+"""Runs in the virtual machine: serves fake I2C parts as /dev/i2c-1, and sends a heartbeat on a serial line.
 
 The device is made with CUSE and has the number of a real one (89:1), so that the sandbox's list of devices applies.
-Each line of the heartbeat: monotonic time [s], number of logs, size of the newest [bytes].
+Each line of the heartbeat has the monotonic time [s], the number of logs, and the size of the newest log [bytes].
 """
 
 import itertools
@@ -21,9 +21,9 @@ from flightpower.hw_fakes.tray import I2C_BUS
 
 HEARTBEAT_LINE = "/dev/ttyS1"
 HEARTBEAT_S = 0.05
-LOOK_EVERY = 20  # heartbeats
+LOOK_EVERY = 20  # number of heartbeats between looks at the logs
 LOGS = Path("/var/lib/flightpower")
-MAJOR, MINOR = 89, 1  # of /dev/i2c-1
+MAJOR, MINOR = 89, 1  # device number of /dev/i2c-1
 # linux/fuse.h
 CUSE_INIT = 4096
 CUSE_INIT_OUT = struct.Struct("=IIIIIIII40x")
@@ -32,7 +32,7 @@ LARGEST = 1 << 16
 
 
 class CuseI2C(FuseI2C):
-    """`FuseI2C` as a character device. All requests except the first are the same."""
+    """`FuseI2C` as a character device. All requests except the first are the same as for FUSE."""
 
     def __init__(self, bus: I2CBus, bit_rate_Hz: float = 400e3):
         import ctypes
@@ -53,11 +53,11 @@ class CuseI2C(FuseI2C):
 
 
 def newest_log() -> tuple[int, int]:
-    """The number of logs, and the size of the one with the highest number [bytes]."""
+    """Return the number of logs, and the size [bytes] of the log with the highest number."""
     logs = sorted(LOGS.glob("log-*.mcap")) if LOGS.is_dir() else []
     try:
         return len(logs), logs[-1].stat().st_size if logs else 0
-    except FileNotFoundError:  # renamed meanwhile
+    except FileNotFoundError:  # the log has been renamed meanwhile
         return len(logs), 0
 
 

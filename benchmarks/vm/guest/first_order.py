@@ -5,7 +5,7 @@ import numpy as np
 
 
 def lfilter(b: list[float], a: list[float], x: np.ndarray, axis: int, zi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`scipy.signal.lfilter` for one delay along the first axis: y[n] = b[0] x[n] - a[1] y[n-1]."""
+    """Do what `scipy.signal.lfilter` does, for one delay along the first axis: y[n] = b[0] x[n] - a[1] y[n-1]."""
     assert axis == 0 and len(b) == 1 and len(a) == 2 and a[0] == 1.0
     y, rest = np.empty_like(x), zi[0]
     for n, value in enumerate(x):
