@@ -1,6 +1,6 @@
-"""Errors and intervals of battery power, highest level speed and rate of climb over simulated flights.
+"""Finds errors and intervals of battery power, highest level speed and rate of climb over simulated flights.
 
-Simulates flight and sensors (without buses and counts), analyzes, and compares with trimmed flight of the same
+It simulates flight and sensors (without buses and counts), analyzes, and compares with trimmed flight of the same
 simulated aircraft. The errors of propeller table, weight and battery meter are drawn from the budget. `python
 benchmarks/study.py answers` repeats it.
 """

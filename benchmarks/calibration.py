@@ -1,4 +1,4 @@
-"""Accuracy of the calibrations on simulated measurements.
+"""Measures the accuracy of calibrations on simulated measurements.
 
 python benchmarks/calibration.py probe --tunnels 200
 python benchmarks/calibration.py tubing --rate-Hz 25 --steps 36 --logs 60

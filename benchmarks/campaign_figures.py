@@ -20,7 +20,7 @@ from flightpower.analysis.flights.pooled import flights_to_see
 from flightpower.flight.aircraft import load_aircraft
 
 Array = NDArray[np.float64]
-Flights = dict[int, dict[str, Any]]  # lines by the number of the flight in its campaign
+Flights = dict[int, dict[str, Any]]  # lines by the flight's number in its campaign
 Cell = tuple[str, float, str]  # world, weather, configuration
 
 NUMBERS, EACH = (1, 2, 5, 10, 20), (1, 2, 5, 10)
@@ -56,7 +56,7 @@ def print_figures(lines: list[dict[str, Any]], draws: int = 0) -> None:
 
 
 def groups(flights: Flights, size: int) -> Iterator[list[dict[str, Any]]]:
-    """Return disjoint groups of `size` flights."""
+    """Yield disjoint groups of `size` flights."""
     numbers = sorted(flights)
     for first in range(0, len(numbers) - size + 1, size):
         yield [flights[number] for number in numbers[first : first + size]]

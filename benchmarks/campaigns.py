@@ -190,7 +190,7 @@ class Study(NamedTuple):
 
 
 def jobs_of(study: Study) -> Iterator[Job]:
-    """Return all flights, starting with five of each campaign, so that an interrupted run has some of everything."""
+    """Yield all flights, starting with five of each campaign, so that an interrupted run has some of everything."""
     versions = {name: version(name) for name in study.worlds}
     for block in range(0, max(study.most.values()), 5):
         for campaign in study.campaigns:

@@ -153,7 +153,7 @@ class Parts:
         return timed
 
     def wrap(self, owner: Any, method: str, part: str) -> None:
-        """Count every call of a method as `part`, until the wrappers are left."""
+        """Count every call of a method as `part` until `wrappers` is closed."""
         self.wrappers.enter_context(patch.object(owner, method, self.timed(getattr(owner, method), part)))
 
     def _charge(self) -> None:

@@ -76,7 +76,7 @@ def _points(
 
 
 def piw_viw(flights: Flights) -> Any:
-    """Fig. 7.1."""
+    """Draw Fig. 7.1."""
     figure = _panels(list(AIRCRAFT), 3, 400, "VIW, m/s", ["PIW, W"])
     for i, aircraft in enumerate(AIRCRAFT.values(), start=1):
         flight = flights[FlightName(aircraft, "steady-points")]
@@ -101,7 +101,7 @@ def _first(flight: FlightFigures, kind: str) -> RunFit:
 
 
 def fits(flights: Flights) -> Any:
-    """Figs. 7.2 to 7.5: each run alone by the two-state model."""
+    """Draw Figs. 7.2 to 7.5: each run fitted alone by the two-state model."""
     flight = flights[FlightName("nexstar", "two-pairs")]
     runs = [_first(flight, kind) for kind in ("deceleration", "acceleration")]
     titles = [
@@ -120,7 +120,7 @@ def fits(flights: Flights) -> Any:
 
 
 def curves(flights: Flights) -> Any:
-    """Figs. 7.6, 7.11 and 7.16."""
+    """Draw Figs. 7.6, 7.11 and 7.16."""
     figure = _panels(list(AIRCRAFT), 3, 440, SPEED, [POWER])
     for i, aircraft in enumerate(AIRCRAFT.values(), start=1):
         flight, steady = (flights[FlightName(aircraft, plan)] for plan in ("two-pairs", "steady-points"))
@@ -143,7 +143,7 @@ def _high_passed(x: np.ndarray) -> np.ndarray:
 
 
 def power_on_noise(flights: Flights) -> Any:
-    """Fig. 7.7."""
+    """Draw Fig. 7.7."""
     file_of_title = {"Astraeus HS": "astraeus-hs", "Nexstar": "nexstar"}
     figure = _panels(
         [f"{name}, {run}" for _ in range(2) for name in file_of_title for run in ("at rest", "acceleration")], 4, 500,
@@ -161,7 +161,7 @@ def power_on_noise(flights: Flights) -> Any:
 
 
 def signal_to_noise(flights: Flights, limits: dict[str, list[tuple[float, float]]]) -> Any:
-    """Fig. 7.8 with Fig. 4.12: SNR of pitch rate of each run, and where C_Lq becomes significant.
+    """Draw Fig. 7.8 with Fig. 4.12: SNR of pitch rate in each run, and where C_Lq becomes significant.
 
     limits : by maneuver (factor on the noise, SNR)
     """
@@ -194,7 +194,7 @@ def signal_to_noise(flights: Flights, limits: dict[str, list[tuple[float, float]
 
 
 def estimates(flights: Flights) -> Any:
-    """Fig. 7.9: estimates of each run with 95 % intervals, for white (thick) and for colored residuals (thin)."""
+    """Draw Fig. 7.9: estimates of each run with 95 % intervals, for white (thick) and colored residuals (thin)."""
     figure = _panels(list(COEFFICIENTS), 3, 560, "", vertical_spacing=0.14)
     for i, aircraft in enumerate(AIRCRAFT.values()):
         flight, truth = flights[FlightName(aircraft, "two-pairs")], true_estimates(aircraft)
@@ -222,7 +222,7 @@ def estimates(flights: Flights) -> Any:
 
 
 def with_and_without_CLq(flights: Flights) -> Any:
-    """Fig. 7.10."""
+    """Draw Fig. 7.10."""
     flight = flights[FlightName("nexstar", "two-pairs")]
     figure = _panels([title for title, _ in OUTPUTS.values()], 2, 480, TIME, vertical_spacing=0.14)
     for kind, color in (("acceleration", RED), ("deceleration", PURPLE)):
@@ -234,7 +234,7 @@ def with_and_without_CLq(flights: Flights) -> Any:
 
 
 def noise(flights: Flights) -> Any:
-    """Fig. 7.12: the same flight with more and less noise."""
+    """Draw Fig. 7.12: the same flight with more and less noise."""
     figure = _panels(["one acceleration, two states", "one deceleration, two states", "all runs, two states"], 3, 440,
                      SPEED, ["error of power required, W"])  # fmt: skip
     for factor, color in zip(NOISE_FACTORS, (BLUE, GREEN, RED, PURPLE), strict=True):
@@ -249,7 +249,7 @@ def noise(flights: Flights) -> Any:
 
 
 def throttle(flights: Flights) -> Any:
-    """Figs. 7.13, 7.14 and 7.15: pitch after a step and a ramp of the throttle, and the curves of both runs."""
+    """Draw Figs. 7.13 to 7.15: pitch after a step and after a ramp of the throttle, and the curves of both runs."""
     flight = flights[FlightName("nexstar", "throttle-step")]
     accelerations = [(fit, flight.runs[fit.run]) for fit in flight.fits if fit.run.startswith("acceleration")]
     figure = _panels(["throttle", "pitch rate as measured, deg/s", "power required, W"], 3, 420, TIME)
@@ -267,7 +267,7 @@ def throttle(flights: Flights) -> Any:
 
 
 def cases(flights: Flights) -> Any:
-    """Figs. 4.4 and 4.7 to 4.11: cases 1 to 3 on both Astraeus."""
+    """Draw Figs. 4.4 and 4.7 to 4.11: cases 1 to 3 with both Astraeus aircraft."""
     titles = [
         f"{name}, {estimator}"
         for estimator in ("dynamic method", "two states")

@@ -78,7 +78,7 @@ class FlightFigures(NamedTuple):
     """What the figures show of one flight.
 
     curves : by name of method, "dynamic" included     piw_viw : PIW [W] and VIW [m/s] of steady points, and the fit
-    truth : of the simulator     runs : name, kind, start, end     table : measured, at 25 Hz, of the runs and at rest
+    truth : the simulator's curve     runs : name, kind, start, end     table : measured at 25 Hz in runs and at rest
     """
 
     name: FlightName

@@ -45,7 +45,7 @@ class Timed:
 
 
 class TimedBuses:
-    """The buses of a tray, timed."""
+    """The buses of a tray, whose CPU time is counted."""
 
     def __init__(self, tray: FakeTray, spent_ns: list[int]):
         self._tray, self._spent_ns = tray, spent_ns

@@ -25,7 +25,7 @@ SMALL_BYTES = 100_000
 
 
 def main() -> None:
-    """Slim the environment."""
+    """Remove the files, link equal libraries, and print what was saved."""
     if sys.prefix == sys.base_prefix:
         sys.exit("environment.py: run it by the Python of a virtual environment")
     packages = Path(sysconfig.get_path("platlib"))
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def removable(packages: Path) -> Iterator[Path]:
-    """Return the folders and files to remove."""
+    """Yield the folders and files to remove."""
     for pattern in FOLDERS:
         yield from [path for path in packages.glob(pattern) if path.is_dir()]
     for pattern in FILES:

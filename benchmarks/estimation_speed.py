@@ -269,7 +269,7 @@ def general_optimizer(run):
     start = aircraft_models.starting_values(timed.NEXSTAR, run)
     fit = fit_output_error(timed.MODEL, run, start=start)
     free = tuple(q for q in timed.MODEL.parameters if q.free)
-    plain = build_simulator(timed.MODEL, ())  # without sensitivities, as a general optimizer would have it
+    plain = build_simulator(timed.MODEL, ())  # without sensitivities, which a general optimizer does not have
     U = np.column_stack([run.u[name] for name in timed.MODEL.inputs])
     Z = np.column_stack([run.z[name] for name in timed.MODEL.outputs])
     free_indices = [i for i, q in enumerate(timed.MODEL.parameters) if q.free]

@@ -424,7 +424,7 @@ def machine() -> str:
 
 
 def run_part(name: str, data: Path, jobs: int, *, quick: bool) -> None:
-    """Run a part, unless its file is of this version, and write the file."""
+    """Run a part and write its file, unless the file is from this version."""
     part, path, commit = PARTS[name], data / f"{name}.json", version()
     if not quick and path.exists() and json.loads(path.read_text("utf-8"))["commit"] == commit:
         print(f"{name}: {commit} has run", file=sys.stderr)
@@ -462,7 +462,7 @@ def run_part(name: str, data: Path, jobs: int, *, quick: bool) -> None:
 
 
 def differing(before: object, after: object, where: str = "") -> list[str]:
-    """Yield the places where two JSON contents differ, such as curves.3.error."""
+    """Return the places where two JSON contents differ, such as curves.3.error."""
     if isinstance(before, dict) and isinstance(after, dict):
         names = [*before, *(name for name in after if name not in before)]
         pairs = [(str(name), before.get(name), after.get(name)) for name in names]

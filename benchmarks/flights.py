@@ -241,7 +241,7 @@ def fly_missing(
 
 
 def error_rows(error: np.ndarray, half: np.ndarray) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Return name, values and format of each statistic of errors (flights, speeds) and half widths of their intervals.
+    """Yield name, values and format of each statistic of errors (flights, speeds) and half widths of their intervals.
 
     NaN marks a speed that a flight does not cover; a speed covered by no flight is NaN in every row. Without half
     widths, the rows on them are missing.

@@ -30,7 +30,7 @@ SPEEDS = 31  # number of speeds at which the true battery power is computed
 
 
 class Value(NamedTuple):
-    """A value with its interval, and the truth."""
+    """A value for an autopilot, with its interval and the truth."""
 
     name: str
     estimate: Interval
@@ -49,7 +49,7 @@ class Value(NamedTuple):
 def values_of(
     results: Results, craft: CompleteAircraft, deviations: Deviations, required: np.ndarray
 ) -> Iterator[Value]:
-    """Return the values with their truth. required: true speed [m/s] and power required [W], (n, 2)"""
+    """Yield the values with their truth. required: true speed [m/s] and power required [W], (n, 2)"""
     rho, weight_N = results.test.air_density_kgpm3, results.test.weight_N
     to_equivalent = (rho / SEA_LEVEL_DENSITY) ** 0.5
     own = {

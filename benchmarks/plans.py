@@ -38,7 +38,7 @@ from flightpower.sim.sensors import load_budget
 
 SHIPPED = "full-test-flight"
 BY_HAND = Pilot(autopilot=False, load=1.0)
-HEIGHT_M, LEG_M = 40.0, 1300.0  # as in the shipped plan
+HEIGHT_M, LEG_M = 40.0, 1300.0  # height and leg length of the shipped plan
 KEY = ("aircraft", "question", "kt", "minutes", "plan", "pilot", "seed")
 EARLIER_SEED = 999  # seed of the first flight, after which further flights are planned
 
@@ -133,7 +133,7 @@ def analyzed(aircraft: Aircraft, plan: str, kt: float, seed: int) -> tuple[Polar
 
 
 class Job(NamedTuple):
-    """A flight: the values of KEY with the predicted half widths, and the plan."""
+    """A flight to fly: the values of KEY, the predicted half widths, and the plan."""
 
     row: dict[str, Any]
     plan: str

@@ -123,7 +123,7 @@ def electrical_recording(flight: Electrical, folder: Path, scratch: Path) -> Fli
 
 
 def level_windows(table: FlightTable, estimate: ElectricalEstimate) -> Iterator[tuple[float, float]]:
-    """Return true airspeed [m/s] and mean battery power [W] in steady 8 s windows, for lack of published data."""
+    """Yield true airspeed [m/s] and mean battery power [W] in steady 8 s windows, for lack of published data."""
     rows = table.table
     V = np.sqrt(2 * np.maximum(rows["pressure_Pa"], 0.0) / rows["rho"]).to_numpy() / (1 + estimate.airspeed.scale)
     energy = estimate.conditions.mass_kg * (g * rows["height_m"].to_numpy() + V**2 / 2)

@@ -27,7 +27,7 @@ from flightpower.sim.sensors import load_budget
 
 
 def samples_of(table: pd.DataFrame) -> Iterator[tuple[int, list[Sample]]]:
-    """Return each tick's time [ns] and the messages that the daemon would have read."""
+    """Yield each tick's time [ns] and the messages that the daemon would have read."""
     for t_s, row in zip(table.index, table.to_dict("records"), strict=True):
         now_ns = round(t_s * 1e9)
         yield (

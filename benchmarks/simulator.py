@@ -38,7 +38,7 @@ REST = (
 
 
 def once() -> tuple[float, float, float]:
-    """Duration of the flight [s], processor time of flying it and of feeling it with every sensor [s]."""
+    """Return the flight's duration, and the processor times of flying it and of simulating every sensor, all [s]."""
     aircraft, plan, errors = load_aircraft("nexstar"), load_plan(PLAN), draw(load_budget("bench"), 0)
     begun = time.process_time()
     flight = fly(aircraft, plan, deviations=errors.deviations)
@@ -79,7 +79,7 @@ def logged(*options: str) -> tuple[float, float]:
 
 def records(*, log: bool = False) -> list[Record]:
     """Return processor and elapsed time of the flight, also with a log if `log` is true."""
-    fly(load_aircraft("nexstar"), load_plan("case-1"))  # imports, files
+    fly(load_aircraft("nexstar"), load_plan("case-1"))  # a first flight loads modules and files
     runs = [once() for _ in range(3)]
     duration_s = runs[0][0]
     flying_s, both_s = min(run[1] for run in runs), min(run[1] + run[2] for run in runs)

@@ -95,7 +95,7 @@ def one_flight(
 def _estimates(
     trajectory: Trajectory, maneuvers: list[Maneuver], aircraft: Aircraft, propeller: Propeller, condition: Condition
 ) -> Iterator[tuple[str, Polar, tuple[float, float]]]:
-    """Return the data used, the polar, and its valid lift coefficients, from runs or else from steady points."""
+    """Yield the data used, the polar, and its valid lift coefficients, from runs or else from steady points."""
     if not any(run.kind in LEVEL_RUNS for run in maneuvers):
         others = every_method(trajectory, maneuvers, aircraft, propeller, condition)
         estimate, flown_CL, _ = fallback(others.by_method, trajectory, aircraft, "flight")

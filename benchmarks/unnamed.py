@@ -133,7 +133,7 @@ class GyroFeelsGravity(Sensors):
 
 
 class Pressures(Sensors):
-    """The differential pressures, changed by `changed`."""
+    """Sensors whose differential pressures a defect alters in `changed`."""
 
     def changed(self, which: str, value: Array, t_s: Array) -> Array:
         return value
@@ -168,7 +168,7 @@ class BlockedFlowAngle(Pressures):
 
 
 class WaterInTheLine(Pressures):
-    """A water drop moves in a line: the zero of airspeed wanders by some 12 Pa over the flight."""
+    """A drop of water moves in a line, so that the airspeed zero wanders by some 12 Pa over the flight."""
 
     def changed(self, which: str, value: Array, t_s: Array) -> Array:
         aloft = (t_s > 0.15 * self.duration_s) & (t_s < 0.9 * self.duration_s)

@@ -142,7 +142,7 @@ def key(line: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def cells(names: Sequence[str], weather_kt: Sequence[float], plans: Sequence[str]) -> Iterator[Cell]:
-    """Return all cells; calm air is left out for worlds that differ only in their gusts."""
+    """Yield all cells; calm air is left out for worlds that differ only in their gusts."""
     for world, weather, plan in itertools.product(names, weather_kt, plans):
         by_gusts = any(name.startswith("gust") for name in load_world(world).air)
         if weather or not by_gusts:

@@ -1,4 +1,4 @@
-"""Hard and soft iron of the magnetometer, from a log with turns: the field has the same length in all attitudes."""
+"""Finds hard and soft iron of the magnetometer from a log with turns: the field is equally long in all attitudes."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -88,7 +88,7 @@ def _residuals(x: Array, field: Array, sigma: float) -> Array:
 
 
 class _Unknowns(NamedTuple):
-    """hard_iron_T : (3,)     soft_iron : (5,) xx, yy, xy, xz, yz     field_T : strength"""
+    """Unknowns of the fit. hard_iron_T : (3,)     soft_iron : (5,) xx, yy, xy, xz, yz     field_T : strength"""
 
     hard_iron_T: Array
     soft_iron: Array

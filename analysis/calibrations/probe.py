@@ -99,7 +99,7 @@ class SlopeAtSpeed(NamedTuple):
 
 
 class SpeedDependence(NamedTuple):
-    """Whether the slope of an angle depends on speed."""
+    """Slopes of an angle's residuals at each speed, and whether they differ."""
 
     speeds: list[SlopeAtSpeed]
     chi_squared: float  # chi squared of the slopes about their mean

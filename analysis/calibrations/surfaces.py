@@ -1,4 +1,4 @@
-"""Surface angle against servo pulse: pulses from a log, angles read from a protractor."""
+"""Relates surface angle to servo pulse: the pulses are from a log, the angles are read from a protractor."""
 
 import math
 from collections.abc import Sequence

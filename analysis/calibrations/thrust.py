@@ -203,7 +203,7 @@ def thrust(
             'Air temperature at the stand, such as "15 degC", if the file does not have it.'
         ),
     ] = None,
-    scale_error: ScaleErrorOption = 1.0,  # a load cell checked with a weight 0.5 %, its arm 0.7 %, density 0.3 %
+    scale_error: ScaleErrorOption = 1.0,  # load cell checked with a weight 0.5 %, lever arm 0.7 %, air density 0.3 %
 ) -> Calibrated:
     """Measure thrust at rest on a stand, and compare it with the propeller's table.
 

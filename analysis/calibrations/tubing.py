@@ -58,12 +58,12 @@ class Lag:
 
     @property
     def fits(self) -> bool:
-        """Whether the steps have the shape of the model of a line."""
+        """Whether the steps have the shape that the model of a line predicts."""
         return self.misfit <= STATISTICS.largest_misfit
 
     @property
     def bounded(self) -> bool:
-        """Whether there is a lower bound."""
+        """Whether the lag has a lower bound."""
         return self.lo_s > 0
 
     @property

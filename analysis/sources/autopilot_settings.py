@@ -10,7 +10,7 @@ Limits = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Readable(Settings):
-    """Requirements for a channel."""
+    """Requirements that a channel must meet to be used."""
 
     fewest_samples: int = setting(20, "1", "a channel with fewer was switched off")
     hover_s: float = setting(1.0, "s", "from the last lift by motors until the wing carries alone: they spool down")

@@ -47,7 +47,7 @@ LIMITS = {
         *AXES.wrong_sign.forward_force,
         "/imu: specific_force_x_mps2 falls where the aircraft speeds up or climbs; write it positive forward",
     ),
-    Motion.SIDE_FORCE: _Limit(  # calm flights hardly sideslip, so their curve does not depend on it
+    Motion.SIDE_FORCE: _Limit(  # in calm air there is hardly any sideslip, so the curve does not depend on it
         *AXES.wrong_sign.sideslip,
         "/probe/beta: the side force points to where the air comes from: differential_pressure_Pa (right minus left"
         " port, in the probe's calibration too) or specific_force_y_mps2 of /imu (to the right) has the wrong sign",

@@ -19,7 +19,7 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.formats import GZIP_MAGIC, Format, format_of, is_telemetry
 
 TEXT_TIME = re.compile(rb"^[A-Z][A-Z0-9]+, (\d{4,})[,\s]", re.MULTILINE)
-PAPARAZZI_LINE = re.compile(rb"\d+\.\d+ \d+ [A-Z][A-Z0-9_]+( |$)")  # time, aircraft, message
+PAPARAZZI_LINE = re.compile(rb"\d+\.\d+ \d+ [A-Z][A-Z0-9_]+( |$)")  # a line starts with time, aircraft and message
 ULOG_TYPES = frozenset(b"ABCDFILMOPQRS")
 
 

@@ -76,7 +76,7 @@ def read_paparazzi(path: Path) -> FlightRecording:
         channels[recording.THROTTLE] = channel(energy["t_s"], energy["throttle_percent"] / 100)
     for name in IMUS:
         if (imu := tables.get(name)) is not None:
-            factor = 1.0 if name == "IMU_ACCEL" else 2.0**-10  # integers, in units of 2^-10 m/s²
+            factor = 1.0 if name == "IMU_ACCEL" else 2.0**-10  # the other message has integers in units of 2^-10 m/s²
             axes = zip((recording.FORCE_X, recording.FORCE_Y, recording.FORCE_Z), FIELDS[name], strict=True)
             channels |= {axis: channel(imu["t_s"], factor * imu[field]) for axis, field in axes}
             break

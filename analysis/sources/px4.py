@@ -43,7 +43,7 @@ TOPICS = (
     "vehicle_acceleration", "vehicle_air_data", "vehicle_gps_position", "vehicle_status", "vehicle_thrust_setpoint",
 )  # fmt: skip
 RECEIVERS = ("vehicle_gps_position", "sensor_gps")
-AIRSPEED_TOPICS = (  # in order of preference
+AIRSPEED_TOPICS = (  # topics with their fields, in order of preference
     ("airspeed_validated", ("indicated_airspeed_m_s",)),
     ("airspeed", ("indicated_airspeed_m_s",)),
 )

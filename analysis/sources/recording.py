@@ -240,7 +240,7 @@ def without_hover(
 
 
 def _without_single_times(channel: Channel) -> Channel:
-    """Drops single samples whose time is out of order although both neighbors are in order."""
+    """Drop single samples whose time is out of order although both neighbors are in order."""
     if len(channel.t_s) < 3:
         return channel
     before, middle, after = channel.t_s[:-2], channel.t_s[1:-1], channel.t_s[2:]

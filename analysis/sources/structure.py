@@ -51,7 +51,7 @@ def check_lacking(log: Log) -> None:
 
 
 def check_messages(log: Log) -> None:
-    """Raises InputError if messages of a topic cannot be decoded, or a required topic or field has no value."""
+    """Raises InputError if most messages of a topic cannot be decoded, or if a required topic or field has no value."""
     check_decodable(log)
     for topic in TOPICS:
         entries = log.entries.get(topic, NO_ENTRIES)

@@ -17,7 +17,7 @@ from flightpower.flight.arrays import Array
 from flightpower.flight.errors import InputError
 from flightpower.flight.units import DAY_S
 
-SEPARATORS = ("\t", ";", ",")  # a table with one of the first two may have commas in its numbers
+SEPARATORS = ("\t", ";", ",")  # tables with one of the first two separators may have decimal commas
 DECIMAL_COMMA, DECIMAL_POINT = re.compile(r"[+-]?\d+,\d+"), re.compile(r"[+-]?\d*\.\d+")
 NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
 DATE = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}\.?")
@@ -64,7 +64,7 @@ def _layout(lines: Sequence[str], separator: str) -> Layout | None:
     if first is None:
         return None
     head = _cells(lines[first - 1], separator)
-    if first > 1 and len({cell.strip() for cell in head}) == 1:  # one word throughout: a line of marks below the names
+    if first > 1 and len({cell.strip() for cell in head}) == 1:  # all cells are equal: a line of marks below the names
         head = _cells(lines[first - 2], separator)
     elif first > 1 and _is_units(above := _cells(lines[first - 2], separator), head):
         head = [

@@ -1,4 +1,4 @@
-"""The fake parts as they are on the ground: at rest, probe covered, motor off."""
+"""Makes the fake parts as on the ground: at rest, probe covered, motor off."""
 
 import time
 from datetime import UTC, datetime
