@@ -199,7 +199,7 @@ def _beside(tables: Mapping[str, Sequence[Record]]) -> list[Record]:
 
 
 def _largest(values: Sequence[float | None]) -> float | None:
-    """Return the value at the worst speed at which the flights have a curve."""
+    """Return the largest value over the speeds at which the flights have a curve."""
     return max((value for value in values if value is not None), default=None)
 
 
@@ -508,7 +508,7 @@ def rendered(page: str, data: Path) -> str:
 
 
 def _table(tables: Tables, name: str) -> str:
-    """Return a table; for NAME-in-words the README's sentence on it, for NAME-not-met cells below required coverage."""
+    """Return a table; for NAME-in-words a sentence on it, for NAME-not-met the cells that miss the required range."""
     if name.endswith("-in-words"):
         records = tables[name.removesuffix("-in-words")]
         return _flights_in_words(records) if "flight" in records[0] else _in_words(records)

@@ -415,7 +415,7 @@ FAULTS = [
 class Outcome(NamedTuple):
     """hidden, wrong: readings marked ok that are off by more than their noise, before and after readings show the fault
 
-    worst: largest deviation in noise units. event_s, state_s: time from the start of the fault to event and state
+    worst: largest deviation of `wrong`, in units of noise. event_s, state_s: time from fault to event and to state
     """
 
     ok: int

@@ -52,7 +52,7 @@ WHOLE_FLIGHT, DECELERATIONS, WITH_VELOCITY, UNSURE_THRUST = (
     "Citation II, whole flight", "its decelerations alone", "with velocity by its positions",
     "with velocity, thrust known to 5 percent",
 )  # fmt: skip
-WEIGHT_N, WING_AREA_M2 = 62501.0, 30.0  # means of the steady points
+WEIGHT_N, WING_AREA_M2 = 62501.0, 30.0  # the weight is the mean of the steady points
 SPEEDS_MPS = np.arange(65.0, 136.0, 10.0)
 
 AIRCRAFT = f"""name = "citation"

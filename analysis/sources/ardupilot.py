@@ -270,7 +270,7 @@ def _airspeed(tables: dict[tuple[str, int], Table]) -> tuple[Channel | None, lis
 
 
 def _thermometers(log: Messages) -> dict[str, Channel]:
-    """Without a thermometer, firmware writes exactly 0 °C throughout. The user has entered BARO_GND_TEMP."""
+    """Return temperatures [K]. Exactly 0 °C throughout means no thermometer; the user enters BARO_GND_TEMP."""
     channels = {
         f"{kind} {instance}": channel(table["t_s"], np.asarray(table["Temp"], dtype=float) + 273.15)
         for (kind, instance), table in log.tables.items()
