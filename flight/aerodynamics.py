@@ -72,7 +72,7 @@ def stalled_fraction(alpha: Number, aero: Aerodynamics) -> Number:
 
 
 def lift_and_drag(aero: Aerodynamics, alpha: Number, elevator: Number, q_hat: Number = 0.0) -> tuple[Number, Number]:
-    """(CL, CD): (3.35) with CLq and (3.36); beyond the stall they change to those of a flat plate.
+    """(CL, CD) by (3.35) with CLq and (3.36); beyond the stall they blend into the coefficients of a flat plate.
 
     alpha, elevator [rad]; q_hat = q cbar/2V [-]. Elementwise.
     """

@@ -1,9 +1,9 @@
-"""The aircraft file: what is known of an aircraft before its flight, in TOML with units.
+"""The aircraft file: a TOML file with units that states what is known about an aircraft before its flight.
 
 `load_aircraft` takes the name of a shipped aircraft or a path. A key is the field's name without its unit:
-`span = "5.73 ft"` becomes `span_m`. Only name, span, wing area and weight are required. Any other key is required by
-what uses it: `flight.complete_aircraft` has the classes of the simulator, which uses all of them. Where the analysis
-can do without a key, the default of its field is used, and `Aircraft.has` tells whether the file has the key.
+`span = "5.73 ft"` becomes `span_m`. Only name, span, wing area and weight are required. Any other key is required only
+by the code that uses it: `flight.complete_aircraft` has the classes of the simulator, which uses all keys. Where the
+analysis can do without a key, the default of its field is used, and `Aircraft.has` tells whether the file has the key.
 `flight.aircraft_keys` describes every key.
 """
 
@@ -23,8 +23,8 @@ from flightpower.flight.files import read_text
 from flightpower.flight.units import GRAVITY_MPS2, NO_KEY
 
 Position = tuple[float, float, float]
-VIBRATION_REVPS = 100.0  # motor speed [1/s] at which an offset of the accelerometers by vibration is given
-LEAST_RATIO, LARGEST_RATIO = 0.9, 60.0  # aspect ratios from a disk to a glider; an area ten times too large is below
+VIBRATION_REVPS = 100.0  # motor speed [1/s] for which the accelerometers' vibration offsets are stated
+LEAST_RATIO, LARGEST_RATIO = 0.9, 60.0  # aspect ratios of a disk and a glider; an area ten times too large falls below
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class Geometry:
 @dataclass(frozen=True, kw_only=True)
 class Mass:
     weight_N: float
-    standard_weight_N: float  # W_s of PIW and VIW (2.3); the weight where the file does not have it
+    standard_weight_N: float  # W_s of PIW and VIW (2.3); equals the weight if the file does not state it
     Ix_kgm2: float | None = None
     Iy_kgm2: float | None = None
     Iz_kgm2: float | None = None
@@ -53,7 +53,7 @@ class Mass:
 class Propulsion:
     """Propeller on a brushless motor with speed controller and battery."""
 
-    propeller: str | None = None  # name of a shipped table, or a file
+    propeller: str | None = None  # name of a shipped table, or path of a file
     propeller_inertia_kgm2: float | None = None
     max_rpm: float | None = None
     pole_pairs: int | None = None
@@ -64,8 +64,8 @@ class Propulsion:
     battery_resistance_ohm: float | None = None
     battery_energy_Wh: float | None = None
     throttle_channel: int = 3
-    beyond_zero_thrust: str = "windmill"  # or "fold": behavior of the propeller at negative thrust
-    static_thrust_ratio: float | None = None  # thrust at rest, on a stand, over that of the propeller's table
+    beyond_zero_thrust: str = "windmill"  # behavior of the propeller at negative thrust; the alternative is "fold"
+    static_thrust_ratio: float | None = None  # static thrust measured on a stand, divided by the table's static thrust
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +112,8 @@ class PneumaticLine:
 
 @dataclass(frozen=True, kw_only=True)
 class ProbeInstallation:
-    """Installation of the five-port probe: position of its tip, upwash there, bending of its boom, pneumatic lines.
+    """Installation of the five-port probe: position of its tip, upwash at the tip, bending of its boom, pneumatic
+    lines.
 
     The defaults are those of a probe on the nose of a small aircraft; `analysis.methods.assumed_values` has their
     standard deviations.
@@ -120,48 +121,55 @@ class ProbeInstallation:
 
     position_m: Position = (0.3, 0.0, 0.0)  # from the center of gravity, body axes
     upwash_per_CL_rad: float = 0.017453292519943295  # (alpha at the probe - alpha of the aircraft) / CL; 1 deg
-    boom_bending_rad: float = 0.0  # down, under each g of load factor; `calibrate boom` measures it
+    boom_bending_rad: float = 0.0  # downward bending per g of load factor; `calibrate boom` measures it
     lines: dict[str, PneumaticLine] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """Standard deviations of what the analysis cannot find in the data: priors, which are the user's.
+    """Standard deviations of quantities that the data alone do not determine: priors, which the user may change.
 
-    weight_fraction : a scale with divisions of 5 g may be two of them wrong at 4 kg (OIML R 76-1, class III in service)
+    weight_fraction : a scale with divisions of 5 g may be wrong by two divisions at 4 kg (OIML R 76-1, class III in
+        service)
     updraft_mps : mean vertical motion of the air over the runs of one flight; by default before sunrise on a plain, in
-        up to 5 m/s of wind, in twenty minutes. Where the file does not state it, the analysis of a flight finds it by
+        up to 5 m/s of wind, in twenty minutes. If the file does not state it, the analysis of a flight derives it from
         duration, hour, sun and wind (`analysis.trajectory.updraft`)
-    air_density_fraction : 1.5 hPa and 0.8 K at most, evenly: absolute accuracy of the MS5611 at 25 degC (data sheet)
-    gust_length : scale length of vertical gusts over the height. The standard's is 1 (MIL-F-8785C), and 1.4 that of
-        convection at 40 m under an inversion at 1 km, 0.28 sqrt(z z_i) (Lenschow & Stankov 1986, J. Atmos. Sci. 43)
-    transducer_zero_Pa : of the differential pressure transducers, change between rest and flight, half of its variance
-        in mid-flight
-    hysteresis_fraction : of the differential pressure transducers, over the range of pressure in the flight
+    air_density_fraction : uniform errors of up to 1.5 hPa and 0.8 K: absolute accuracy of the MS5611 at 25 degC (data
+        sheet)
+    gust_length : scale length of vertical gusts divided by the height. The standard's ratio is 1 (MIL-F-8785C); that of
+        convection is 1.4 at 40 m under an inversion at 1 km, 0.28 sqrt(z z_i) (Lenschow & Stankov 1986, J. Atmos. Sci.
+        43)
+    transducer_zero_Pa : change of a differential pressure transducer's zero between rest and flight; half of its
+        variance arises in mid-flight
+    hysteresis_fraction : hysteresis of the differential pressure transducers, divided by the range of pressure in the
+        flight
 
-    The flight determines these errors in part; what it adds to is the prior:
+    The flight partly determines the following errors; it adds information to these priors:
     angle_of_attack_offset_rad : a probe that is aligned by eye
-    angle_of_attack_slope_fraction : with 5 % at most, evenly, for probes of one drawing in other flow than the tunnel's
-    airspeed_scale_fraction : with 2 % of airspeed at most, 4 % of dynamic pressure, evenly; transducer and static ports
-    air_data_lag_s : tubes of 20 ms at most, and what filters add
-    accelerometer_offset_mps2 : of each axis; 0.3 m/s^2 (30 mg) at most, evenly, and 0.5 deg of misalignment under 1 g
+    angle_of_attack_slope_fraction : uniform within 5 %, for probes made to one drawing in a flow other than the
+        tunnel's
+    airspeed_scale_fraction : uniform within 2 % of airspeed, or 4 % of dynamic pressure; from transducer and static
+        ports
+    air_data_lag_s : tubes with a lag of up to 20 ms, and the lag that filters add
+    accelerometer_offset_mps2 : of each axis; uniform within 0.3 m/s^2 (30 mg), plus 0.5 deg of misalignment under 1 g
     accelerometer_vibration_mps2 : of the forward and of the downward axis at a motor speed of 100 rev/s; it grows with
-        the square of the speed, as the force of an imbalance. 2 mg, assumed: data sheets of cheap accelerometers do not
-        state what vibration makes of their zero (the effect: Analog Devices, Vibration Rectification in MEMS
+        the square of the speed, as the force of an imbalance does. 2 mg, assumed: data sheets of cheap accelerometers
+        do not state how vibration shifts their zero (the effect: Analog Devices, Vibration Rectification in MEMS
         Accelerometers)
     accelerometer_scale_fraction : of each axis; the MPU-9250's data sheet (PS-MPU-9250A-01, table 2) allows 3 % at most
     boom_bending_rad : angle by which the probe's boom bends down under each g: m g l^2/(2 E I) of a carbon tube of
         10 mm, walls of 1 mm, 0.3 m long with 30 g at its end is 0.026 deg
-    airspeed_per_lift_fraction : relative error of airspeed per unit of lift coefficient, of static ports in the flow
-        about wing and fuselage. 0.1 %, assumed, for a probe far ahead
-    thrust_scale_fraction : of the propeller's table; 3 % at most, evenly, for repetitions in one tunnel. Tables of
-        different tunnels differ by 5 % and more (Brandt & Selig, AIAA 2011-1255)
-    thrust_slope : of thrust over that of the table, per unit of advance ratio; 0.25 at most, evenly
-    static_thrust_ratio_fraction : of `Propulsion.static_thrust_ratio`, which `calibrate thrust` measures with its
-        error; by default that of the scale of a load cell
-    thrust_curvature_fraction : of thrust at rest over that of the table, from the straight line over advance ratio that
-        the correction is in flight. Tables of an APC 10x5E at two of the speeds 5000, 6010 and 6710 rpm (UIUC Propeller
-        Database): their ratio at rest is 0.8, 2.3 and 3.1 % off the straight line through J = 0.2 to 0.55
+    airspeed_per_lift_fraction : relative error of airspeed per unit of lift coefficient, caused by static ports in the
+        flow about wing and fuselage. 0.1 %, assumed, for a probe far ahead of the wing
+    thrust_scale_fraction : of the propeller's table; uniform within 3 %, for repetitions in one tunnel. Tables from
+        different tunnels differ by 5 % or more (Brandt & Selig, AIAA 2011-1255)
+    thrust_slope : change of the ratio of true thrust to the table's thrust per unit of advance ratio; uniform within
+        0.25
+    static_thrust_ratio_fraction : error of `Propulsion.static_thrust_ratio`, which `calibrate thrust` measures; by
+        default the scale error of a load cell
+    thrust_curvature_fraction : departure of the static thrust ratio from the straight line over advance ratio by which
+        thrust is corrected in flight. Tables of an APC 10x5E at two of the speeds 5000, 6010 and 6710 rpm (UIUC
+        Propeller Database): their ratios at rest are 0.8, 2.3 and 3.1 % off the straight line through J = 0.2 to 0.55
     """
 
     weight_fraction: float = 0.002
@@ -187,13 +195,14 @@ class Uncertainty:
 
 @dataclass(frozen=True, kw_only=True)
 class Installation:
-    """An installation of probe, tubes and tray. Flights of one name were made without moving any of these.
+    """An installation of probe, tubes and tray. Flights that share an installation name were made without moving any of
+    these.
 
-    accelerometer_offset_mps2, accelerometer_scale_fraction : what the accelerometers read at no force, and the share by
-        which they read more, along the axes forward, right and down. `calibrate imu` measures both
+    accelerometer_offset_mps2, accelerometer_scale_fraction : the accelerometers' readings at zero force, and the
+        fraction by which they read high, along the axes forward, right and down. `calibrate imu` measures both
 
-    accelerometer_vibration_mps2 : what the accelerometers read more, forward, right and down, while the motor turns at
-        VIBRATION_REVPS; it grows with the square of the speed. `calibrate run-up` measures it
+    accelerometer_vibration_mps2 : the increase of the accelerometers' readings, forward, right and down, while the
+        motor turns at VIBRATION_REVPS; it grows with the square of the speed. `calibrate run-up` measures it
     """
 
     name: str = ""
@@ -204,7 +213,7 @@ class Installation:
 
 @dataclass(frozen=True, kw_only=True)
 class Aircraft:
-    """What an aircraft file says. keys: the keys it has, with their sections ("mass.Ix")."""
+    """The content of an aircraft file. keys: the keys that the file has, with their sections ("mass.Ix")."""
 
     name: str
     title: str
@@ -220,7 +229,7 @@ class Aircraft:
     installation: Installation = Installation()
     source: str = ""
     aerodynamics: dict[str, object] | None = None
-    text: str = field(default="", repr=False, metadata=NO_KEY)  # text of the file, which the log contains
+    text: str = field(default="", repr=False, metadata=NO_KEY)  # text of the file, as attached to the log
     keys: frozenset[str] = field(default=frozenset(), repr=False, compare=False, metadata=NO_KEY)
 
     @property
@@ -237,8 +246,8 @@ class Aircraft:
 
     @property
     def static_thrust_excess(self) -> tuple[float, float] | None:
-        """Thrust at rest over that of the table, less one; and its standard deviation, with that of the straight line
-        over advance ratio. None where thrust was not measured on a stand."""
+        """Measured static thrust divided by the table's, minus one, and its standard deviation, which includes the
+        departure from a straight line over advance ratio. None if thrust was not measured on a stand."""
         ratio, uncertainty = self.propulsion.static_thrust_ratio, self.uncertainty
         if ratio is None:
             return None
@@ -247,11 +256,11 @@ class Aircraft:
         )
 
     def has(self, *keys: str) -> bool:
-        """Whether the file has all of these keys, or sections, such as "probe.upwash_per_CL"."""
+        """Whether the file has all of these keys or sections, such as "probe.upwash_per_CL"."""
         return self.keys.issuperset(keys)
 
     def weighing(self, weight_N: float) -> "Aircraft":
-        """This aircraft with another weight."""
+        """Return this aircraft with another weight."""
         return replace(self, mass=replace(self.mass, weight_N=weight_N))
 
 
@@ -259,9 +268,9 @@ AnyAircraft = TypeVar("AnyAircraft", bound=Aircraft)
 
 
 def load_aircraft(name_or_path: str | Path) -> Aircraft:
-    """An aircraft shipped with the package, by its name, or one from a file.
+    """Load a shipped aircraft by its name, or an aircraft from a file.
 
-    Raises InputError, which names file and keys, when something is missing, malformed, or has a wrong unit.
+    Raises InputError, which names the file and the keys, if a key is missing or malformed, or has a wrong unit.
     """
     return parse_aircraft(*aircraft_text(name_or_path))
 
@@ -273,7 +282,7 @@ def shipped_aircraft() -> list[str]:
 
 
 def aircraft_text(name_or_path: str | Path) -> tuple[str, str]:
-    """The text of an aircraft file, and what messages call it. Raises InputError when there is none."""
+    """The text of an aircraft file, and the file's name in messages. Raises InputError if there is no such file."""
     shipped = resources.files("flightpower.flight") / "data" / "aircraft"
     path = Path(name_or_path)
     if path.suffix == "" and (shipped / f"{name_or_path}.toml").is_file():
@@ -300,7 +309,7 @@ def parse_as(kind: type[AnyAircraft], text: str, where: str) -> AnyAircraft:
     mass = table.get("mass", {})
     by_weight = isinstance(mass, dict) and "standard_weight" not in mass
     if by_weight:
-        table["mass"] = {**mass, "standard_weight": "1 kg"}  # until the weight is read
+        table["mass"] = {**mass, "standard_weight": "1 kg"}  # a placeholder until the weight is read
     read = units.read_table(kind, {**table, "aerodynamics": aerodynamics or {}}, where, EXAMPLES)
     aircraft = replace(read, text=text, keys=keys)
     if by_weight:

@@ -1,6 +1,7 @@
-"""Every key of the aircraft file: an example, its meaning, how to measure it, who needs it, what is assumed without it.
+"""Every key of the aircraft file, with an example, its meaning, how to measure it, its users, and the default without
+it.
 
-Messages, the template of `flightpower new aircraft` and a page of the site are made of it;
+Messages, the template of `flightpower new aircraft` and a page of the site are made from this list;
 `python -m flightpower.flight.aircraft_keys` prints the tables of that page.
 """
 
@@ -388,7 +389,7 @@ EXAMPLES = _examples()
 
 
 def to_markdown() -> str:
-    """The table of all keys, a page of the site."""
+    """Return the tables of all keys as Markdown, for a page of the site."""
     rows = ["| key | such as | meaning | how to measure it | needed by | without it |", "|---|---|---|---|---|---|"]
     rows += [
         f"| `{key}` | `{k.example}` | {k.meaning} | {k.measure} | {k.needed_by} | {k.without or 'an error'} |"

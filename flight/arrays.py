@@ -1,4 +1,4 @@
-"""Types of NumPy arrays, which signatures name; shapes stand in the docstrings."""
+"""Types of NumPy arrays for signatures; docstrings state the shapes."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,6 +1,6 @@
-"""What the commands have in common: plain help, records of options, quantities with units, exit codes.
+"""Code that the commands share: plain help, records of options, quantities with units, exit codes.
 
-What is wrong with the input is one line on stderr.
+A command reports wrong input in one line on stderr.
 """
 
 import inspect
@@ -28,25 +28,25 @@ class ExitCode(IntEnum):
     """How a command ended. Ctrl-C gives 130."""
 
     DONE = 0
-    FAILURE = 1  # while running, or a result that is not to be trusted
+    FAILURE = 1  # a failure while running, or a result that should not be trusted
     BAD_INPUT = 2  # wrong input or configuration
 
 
-UsageError: Any = typer.BadParameter.__mro__[1]  # typer has it, but under a name that differs between its versions
+UsageError: Any = typer.BadParameter.__mro__[1]  # typer's versions name this class differently
 LINUX_ONLY = ("fcntl", "resource", "termios")
 
 
 def application(**options: Any) -> typer.Typer:
-    """A Typer application whose help is plain text: no markup, which would swallow units in brackets, and no boxes."""
+    """A Typer application whose help is plain text, without boxes or markup, which would swallow units in brackets."""
     defaults: dict[str, Any] = {"add_completion": False, "no_args_is_help": True}
     return typer.Typer(rich_markup_mode=None, pretty_exceptions_enable=False, **defaults | options)
 
 
 def run(app: typer.Typer, name: str, prefix: str = "error") -> None:
-    """Run the command `name`. What is wrong with the input is one line on stderr that begins with `prefix`."""
+    """Run the command `name`. Wrong input is reported in one line on stderr that begins with `prefix`."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="replace")  # characters that the terminal's encoding lacks
+            stream.reconfigure(errors="replace")  # replaces characters that the terminal's encoding lacks
     if not _is_count(os.environ.get("COLUMNS", "1")):  # as for a terminal that does not report its width
         del os.environ["COLUMNS"]
     try:
@@ -102,11 +102,11 @@ def _only_version(
         ),
     ] = False,
 ) -> None:
-    """A command whose one option all commands get."""
+    """A command with the one option that every command gets."""
 
 
 def takes_options(record: type[Record]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Makes each field of a command's record `options` an option of the command.
+    """Make each field of a command's record `options` an option of the command.
 
     record : a dataclass whose fields are annotated with `typer.Option` and have plain defaults
     """
@@ -137,7 +137,7 @@ def takes_options(record: type[Record]) -> Callable[[Callable[..., Any]], Callab
 def as_command(
     function: Callable[..., Any], command: Callable[..., Any], parameters: Sequence[inspect.Parameter]
 ) -> Callable[..., Any]:
-    """`function`, which takes keyword arguments, with the name and help of `command` and these parameters for Typer."""
+    """Give `function` the name and help of `command`, and these parameters for Typer. It accepts keyword arguments."""
     function.__name__, function.__doc__ = command.__name__, command.__doc__
     function.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     function.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -145,7 +145,7 @@ def as_command(
 
 
 def _check_encoding(arguments: list[str]) -> None:
-    """Raises InputError for a word that cannot be written into a file: one in another encoding than the system's."""
+    """Raises InputError for a word that cannot be written to a file because it is not in the system's encoding."""
     for word in arguments:
         try:
             word.encode()
@@ -163,7 +163,7 @@ def _stop(prefix: str, message: str, code: ExitCode = ExitCode.BAD_INPUT) -> Non
 
 
 def _discard_output() -> None:
-    """What could not be written is not tried again when the interpreter ends."""
+    """Redirect stdout to the null device, so that the interpreter does not try again to write to it when it ends."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
@@ -173,12 +173,12 @@ def _is_count(text: str) -> bool:
 
 
 def _usage(error: Any, name: str) -> str:
-    """What is wrong with the arguments, in one line; or the help, for a command without any."""
+    """Describe the mistake in the arguments in one line. For a command without arguments, show its help and exit."""
     if type(error).__name__ == "NoArgsIsHelpError":
         error.show()
         sys.exit(ExitCode.BAD_INPUT)
     command = error.ctx.command_path if error.ctx else name
-    message = " ".join(error.format_message().split())  # choices are listed with tabs between them
+    message = " ".join(error.format_message().split())  # typer separates the listed choices by tabs
     return f"{message.rstrip('.')}; see `{command} --help`"
 
 
@@ -209,11 +209,11 @@ class Quantity:
     above: float = -math.inf
 
     def as_option(self, help: str, metavar: str = "") -> Any:
-        """The option of a command, for `Annotated`. metavar : default: of the unit."""
+        """The option of a command, for `Annotated`. metavar : by default derived from the unit."""
         return typer.Option(self.option, parser=self.parse, metavar=metavar or METAVARS[self.unit], help=help)
 
     def parse(self, text: str) -> float:
-        """The value in `unit`. Raises InputError naming the option where it is no quantity, or outside the limits."""
+        """The value in `unit`. Raises InputError naming the option if it is no quantity or is outside the limits."""
         try:
             value = float(text)
         except ValueError:
@@ -229,10 +229,10 @@ class Quantity:
 
 
 def numbers_and_unit(text: str, option: str, example: str) -> tuple[list[str], str]:
-    """The numbers of a list, as typed, and the unit at its end ("100 200 - Pa"); nothing of an empty text.
+    """The numbers of a list, as typed, and the unit at its end ("100 200 - Pa"); ([], "") for an empty text.
 
-    - stands for a number that was not read. Raises InputError naming the option where a word is no number, or the unit
-    is missing.
+    - stands for a number that was not read. Raises InputError naming the option if a word is no number, or the unit is
+    missing.
     """
     *numbers, unit = text.replace(",", " ").split() or [""]
     wrong = [word for word in numbers if word != "-" and not math.isfinite(number_or_nan(word))]
@@ -244,7 +244,7 @@ def numbers_and_unit(text: str, option: str, example: str) -> tuple[list[str], s
 
 def _si_or_nan(text: str, unit: str) -> float:
     try:
-        if unit == "%":  # not of other dimensionless units, such as degrees
+        if unit == "%":  # other dimensionless units, such as degrees, are not accepted
             return float(text.strip().removesuffix("%"))
         return to_si(text, unit, "")
     except (InputError, ValueError):

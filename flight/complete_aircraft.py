@@ -1,7 +1,7 @@
-"""The aircraft file with every key that the simulator flies by.
+"""The aircraft file with every key that the simulator requires.
 
-The same classes as in `flight.aircraft`, with the keys required that the analysis can do without: `field()` takes
-away the default that a field inherits.
+The classes are those of `flight.aircraft`, but here keys that the analysis can do without are required: `field()`
+removes the default that a field inherits.
 """
 
 import re
@@ -78,7 +78,7 @@ def load_complete_aircraft(name_or_path: str | Path) -> CompleteAircraft:
 
 def as_complete(text: str, where: str) -> CompleteAircraft:
     """Parses a complete aircraft from text. `where` names the file in an InputError."""
-    parse_aircraft(text, where)  # says what is wrong for everybody, without the simulator
+    parse_aircraft(text, where)  # reports errors that do not depend on the simulator first
     try:
         return parse_as(CompleteAircraft, text, where)
     except InputError as error:

@@ -2,7 +2,7 @@
 
 import errno
 
-STORAGE_FAILS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # numbers of an OSError
+STORAGE_FAILS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # error numbers of an OSError
 
 
 class InputError(Exception):
@@ -16,5 +16,5 @@ class InputError(Exception):
 class StorageError(InputError):
     """A file cannot be written because the disk is full or fails, which is not a mistake in the input.
 
-    The commands print the message on stderr and exit with code 1, and leave nothing of the file.
+    The commands print the message on stderr, exit with code 1, and leave no part of the file.
     """

@@ -1,4 +1,4 @@
-"""Files that people name: reading text and JSON, whether one can be written, and writing several as one."""
+"""Files named by the user: read text and JSON, check whether a file can be written, and write several files as one."""
 
 import json
 from collections.abc import Callable, Iterable, Mapping
@@ -27,19 +27,19 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read ({cause})") from None
 
 
-PARTIAL = ".part"  # ends of the names of files that are not complete
+PARTIAL = ".part"  # suffix of files that are not complete yet
 
 
 def write_error(path: Path, error: OSError) -> InputError:
-    """What to raise when a file cannot be written: the name that was asked for, and why."""
+    """The error to raise when a file cannot be written. Its message has the requested name and the cause."""
     kind = StorageError if error.errno in STORAGE_FAILS else InputError
     return kind(f"{path}: cannot be written ({error.strerror or error})")
 
 
 def write_files(files: Mapping[Path, str | bytes]) -> None:
-    """Write files with their folders, all or none: they get their names when all are complete.
+    """Write files and make their folders, all or none: the files get their names once all are complete.
 
-    Raises InputError when one cannot be written, StorageError when the disk is full or fails; nothing is left then.
+    Raises InputError if a file cannot be written, StorageError if the disk is full or fails; no new file is left then.
     """
     made: list[Path] = []
     parts = {path: path.with_name(path.name + PARTIAL) for path in files}
@@ -59,7 +59,7 @@ def write_files(files: Mapping[Path, str | bytes]) -> None:
 
 
 def write_file(path: Path, data: str | bytes) -> None:
-    """Write a file with its folder: `path` never holds a part of it. Raises errors as `write_files`."""
+    """Write a file and make its folder; `path` never holds a partial file. Raises the errors of `write_files`."""
     write_files({path: data})
 
 
@@ -71,7 +71,7 @@ def _make_folders(path: Path) -> list[Path]:
 
 
 def _remove(files: Iterable[Path], folders: list[Path]) -> None:
-    """Remove files, and folders that are empty then."""
+    """Remove files, and then those folders that are empty."""
     for path in files:
         with suppress(OSError):
             path.unlink(missing_ok=True)
@@ -136,7 +136,7 @@ def json_object_text(path: Path, meaning: str) -> str:
 
 def sha256_of(path: Path) -> str:
     """The hash of a file; empty for a folder, or a file that cannot be read."""
-    import hashlib  # the daemon has no use for it
+    import hashlib  # imported here because the daemon does not need it
 
     try:
         with path.open("rb") as stream:
@@ -151,7 +151,7 @@ class JsonFormat(Generic[File]):
 
     content : the struct of its content     formats : those that are accepted, the newest first
     description : what it is, such as "a probe calibration"
-    check : of content and file name, raises InputError for content that the types of its fields permit
+    check : gets content and file name; raises InputError for wrong content that the types of its fields permit
     remedy : appended to the message
     """
 
@@ -162,7 +162,7 @@ class JsonFormat(Generic[File]):
     remedy: str = ""
 
     def parsed(self, data: bytes | str, where: str) -> File:
-        """The content of such a file. Raises InputError naming `where` when it is something else."""
+        """The content of a file of this format. Raises InputError naming `where` if the data are something else."""
         try:
             content = msgspec.json.decode(data, type=self.content)
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
@@ -177,7 +177,7 @@ class JsonFormat(Generic[File]):
         return None if data is None else self.parsed(data, where)
 
     def load(self, path: Path) -> File:
-        """The content of a file. Raises InputError naming it, also when it cannot be read."""
+        """The content of a file. Raises InputError naming the file if it is something else, or cannot be read."""
         try:
             data = path.read_bytes()
         except OSError as error:

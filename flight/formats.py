@@ -1,4 +1,4 @@
-"""Recognizes what a file is by its first bytes, and says of each format that is not read how to get one that is."""
+"""Recognizes a file's format by its first bytes, and says for each unreadable format how to get a readable file."""
 
 import codecs
 import gzip
@@ -14,11 +14,11 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.log_index import MAGIC as MCAP_MAGIC
 
 GZIP_MAGIC, ZIP_MAGIC = b"\x1f\x8b", b"PK\x03\x04"
-TEXT_MAGIC = b"FMT,"  # of a dataflash log that a ground station has converted to text
+TEXT_MAGIC = b"FMT,"  # start of a dataflash log that a ground station has converted to text
 MAVLINK_MARKERS = b"\xfe\xfd"
 BYTE_ORDER_MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be", b"\xef\xbb\xbf": "utf-8"}
 START_BYTES = 20_000
-FEWEST_BLANK = 64  # of equal bytes; shorter files are text
+FEWEST_BLANK = 64  # fewest equal bytes that count as a blank file; shorter files are text
 CONTROL_CHARACTERS = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 
@@ -79,7 +79,7 @@ READ_PACKED = (
     Format.ULOG, Format.DATAFLASH, Format.DATAFLASH_TEXT, Format.TELEMETRY, Format.PAPARAZZI, Format.TEXT,
 )  # fmt: skip
 ONLY_CHARTS = "it has no battery and no airspeed; analyze the log that it was made from"
-# By format, what to do instead. Those that are read have none.
+# Advice for each format that is not read.
 REMEDY: Mapping[Format, str] = {
     Format.MAT_7_3: "in MATLAB, save(file, '-v7') writes one that is read",
     Format.TEXT: "logs are .mcap, .ulg, .BIN, .log, .tlog and .data; a table needs a line of names above its numbers",
@@ -118,7 +118,7 @@ REMEDY: Mapping[Format, str] = {
 
 
 class _Sign(NamedTuple):
-    """A format begins with these bytes, from `at` on."""
+    """A format, and the bytes by which it is recognized: `magic`, at `offset`."""
 
     format: Format
     magic: bytes
@@ -158,7 +158,7 @@ SIGNS = (
 )
 BLACKBOX_LINE = b"H Product:Blackbox"
 SPEKTRUM_HEAD = re.compile(rb"\xff{4}[\x00-\x7f]{3}", re.DOTALL)  # number and kind of the model
-# By format, how its text begins, after empty lines and comments.
+# Text formats, recognized by their first line after empty lines and comments.
 TEXTS: Mapping[Format, re.Pattern[str]] = {
     Format.PAPARAZZI: re.compile(r"\d+\.\d+ \d+ [A-Z][A-Z0-9_]+( |\r?\n|$)"),  # time, aircraft, message
     Format.JETI: re.compile(r"(#[^\n]*\n)?\d{9};\d+;\d+;"),  # time, device, sensor
@@ -187,7 +187,7 @@ def format_of(path: Path) -> Format:
 
 
 def refusal(path: Path, wanted: str = "") -> InputError:
-    """The kind of a file, and how to get a readable one. wanted : the kinds that a command reads, if not all."""
+    """Say what kind of file it is and how to get a readable one. wanted : kinds that a command reads, if not all."""
     file_format = format_of(path)
     if file_format is Format.EMPTY:
         return InputError(f"{path}: the file is empty")
@@ -210,9 +210,9 @@ def _unknown(start: bytes) -> str:
 
 
 def first_bytes(path: Path, count: int = START_BYTES) -> bytes:
-    """The first bytes of a file as they are. Raises InputError when it cannot be read.
+    """The first bytes of a file, not unpacked. Raises InputError if it cannot be read.
 
-    A pipe or a device is refused: opening one may wait forever, and a file is read several times.
+    Pipes and devices are refused: opening one may wait forever, and a file is read several times.
     """
     if path.exists() and not path.is_file() and not path.is_dir():
         raise InputError(f"{path}: is a pipe or a device; save the log as a file, and give that")
@@ -224,7 +224,7 @@ def first_bytes(path: Path, count: int = START_BYTES) -> bytes:
 
 
 def unpacked_start(path: Path, count: int = START_BYTES) -> bytes:
-    """The first bytes of what gzip has packed. Raises InputError where they cannot be unpacked."""
+    """The first bytes of a gzip file's content. Raises InputError if they cannot be unpacked."""
     try:
         with gzip.open(path) as stream:
             return stream.read(count)
@@ -257,29 +257,29 @@ def recognized(start: bytes) -> Format:
 
 
 def text_of(start: bytes) -> str | None:
-    """The text that a file begins with, in UTF-8, UTF-16 with its mark, or Latin-1; None where it is none."""
+    """The text at the start of a file, in UTF-8, UTF-16 with a byte order mark, or Latin-1; None if it is not text."""
     for mark, encoding in BYTE_ORDER_MARKS.items():
         if start.startswith(mark):
             return start[len(mark) :].decode(encoding, "ignore")
     if CONTROL_CHARACTERS.search(start):
         return None
     try:
-        return codecs.getincrementaldecoder("utf-8")().decode(start)  # its end may be within a character
+        return codecs.getincrementaldecoder("utf-8")().decode(start)  # the start may end in the middle of a character
     except UnicodeDecodeError:
         plain = sum(byte < 0x80 for byte in start)
         return start.decode("latin-1") if plain > 0.9 * len(start) else None
 
 
 def is_telemetry(start: bytes) -> bool:
-    """Whether a .tlog begins so: the time of reception, 8 bytes, big-endian, in us since 1970, and a MAVLink frame."""
+    """Whether a .tlog starts like this: time of reception (8 bytes, big-endian, us since 1970), a MAVLink frame."""
     time_s, marker = int.from_bytes(start[:8], "big") * 1e-6, start[8:9]
     return (
         bool(marker) and marker in MAVLINK_MARKERS and 946_684_800 < time_s < 4_102_444_800
-    )  # of the years 2000, 2100
+    )  # the years 2000 and 2100
 
 
 def _is_mavlink(start: bytes) -> bool:
-    """Whether three frames follow each other."""
+    """Whether the bytes are MAVLink frames: three in succession."""
     offset = 0
     for _ in range(3):
         if start[offset : offset + 1] not in (b"\xfe", b"\xfd") or len(start) < offset + 3:
@@ -289,7 +289,7 @@ def _is_mavlink(start: bytes) -> bool:
 
 
 def _in_archive(path: Path) -> Format:
-    """What a ZIP archive is by the names of its files."""
+    """The kind of a ZIP archive, by the names of the files in it."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = set(archive.namelist())

@@ -14,7 +14,7 @@ ALLOWED_BYTES = 16 * 2**20
 
 
 class LogTooLarge(Exception):
-    """A log needs more memory than permitted. The message names what, and the limit."""
+    """A log needs more memory than permitted. The message names the part that is too large, and the limit."""
 
 
 def decompressed(compression: str, data: bytes) -> bytes:

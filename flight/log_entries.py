@@ -1,7 +1,7 @@
 """The messages of one topic in memory: a sequence of entries that is kept as columns of numbers.
 
-A message object of ten numbers takes 400 bytes, in columns 80: a log of two hours fits into the memory of a laptop, and
-the analysis takes a field of all messages at once. No NumPy: the daemon reads logs too.
+A message object of ten numbers takes 400 bytes, but only 80 bytes in columns: a log of two hours fits into the memory
+of a laptop, and the analysis takes a field of all messages at once. No NumPy: the daemon reads logs too.
 """
 
 import math
@@ -18,7 +18,7 @@ from flightpower.flight.messages import Message, Status
 STATUSES = tuple(Status)
 STATUS_CODE = {status: code for code, status in enumerate(STATUSES)}
 NO_INTEGER = -(2**63)  # stands for null in a column of integers
-BATCH = 512  # messages that are turned into columns at a time
+BATCH = 512  # number of messages that are turned into columns at a time
 
 
 class LogEntry(NamedTuple):
@@ -42,7 +42,7 @@ class Column:
 
     @property
     def numbers(self) -> "array[Any] | None":
-        """The column where it is one of numbers: "d" with NaN for null, or "q" with NO_INTEGER for null."""
+        """The column if it holds numbers: an array of type "d" with NaN for null, or "q" with NO_INTEGER for null."""
         return None if isinstance(self.values, list) else self.values
 
     def extend(self, values: Sequence[Any]) -> None:
@@ -74,7 +74,7 @@ class Column:
 
 
 class Entries(Sequence[LogEntry]):
-    """The entries of one topic, all of one type of message. Each access to an entry makes its message again."""
+    """The entries of one topic, all of one type of message. Each access to an entry creates a new message object."""
 
     def __init__(self, kind: type[Message]):
         self.kind = kind
@@ -102,7 +102,7 @@ class Entries(Sequence[LogEntry]):
             self._pending.clear()
 
     def finish(self) -> None:
-        """Complete the columns, in order of time; entries of one time stay in the order in which they were added."""
+        """Complete the columns, sorted by time; entries with equal times stay in the order in which they were added."""
         self._flush()
         times = self.time_ns
         if all(map(int.__le__, times, memoryview(times)[1:])):
@@ -141,11 +141,11 @@ class Entries(Sequence[LogEntry]):
             yield LogEntry(time_ns, tick, self.kind(**dict(zip(names, values, strict=True))))
 
 
-NO_ENTRIES = Entries(Message)  # of a topic that a log lacks
+NO_ENTRIES = Entries(Message)  # the entries of a topic that the log lacks
 
 
 def entries_of(entries: Sequence[LogEntry]) -> Entries:
-    """Entries that were made one by one, as columns."""
+    """Return entries that were made one by one as columns."""
     made = Entries(type(entries[0].message) if entries else Message)
     made.extend(*map(list, zip(*entries, strict=True)) if entries else ([], [], []))
     made.finish()

@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, DataEnd, Footer, MetadataIndex, Statistics, SummaryOffset
 
 MAGIC = b"\x89MCAP0\r\n"
-RECORD_HEAD = struct.Struct("<BQ")  # operation code, length of what follows
+RECORD_HEAD = struct.Struct("<BQ")  # operation code, length of the content that follows
 CHUNK_HEAD = struct.Struct("<QQQI")  # first and last log time, uncompressed size, checksum
 MESSAGE_INDEX_HEAD = struct.Struct("<HI")  # channel, bytes of entries
 INDEX_ENTRY_BYTES = 16
@@ -22,13 +22,13 @@ FOOTER_BYTES = 8 + 8 + 4
 
 
 class LogIndex:
-    """Takes every record of a log's data section in order; gives the bytes that end the file.
+    """Receives every record of a log's data section in order, and gives the bytes that end the file.
 
     Schemas and channels inside chunks are not indexed; `LogWriter` writes them outside.
     """
 
     def __init__(self) -> None:
-        self._schemas: dict[bytes, None] = {}  # whole records, in order
+        self._schemas: dict[bytes, None] = {}  # keys are whole records, in order
         self._channels: dict[bytes, None] = {}
         self._chunks = bytearray()
         self._attachments = RecordBuilder()
@@ -40,7 +40,7 @@ class LogIndex:
         self._open: _OpenChunk | None = None
 
     def add(self, opcode: int, content: bytes | memoryview, offset: int) -> None:
-        """Add one record. content: without the record's head; offset: of the head in the file [bytes]."""
+        """Add one record. content: the record without its head; offset: position of the head in the file [bytes]."""
         if opcode == Opcode.MESSAGE_INDEX:
             if self._open is not None:
                 channel, size = MESSAGE_INDEX_HEAD.unpack_from(content)
@@ -67,9 +67,10 @@ class LogIndex:
             MetadataIndex(offset, RECORD_HEAD.size + len(content), name).write(self._metadata)
 
     def end_of_file(self, offset: int) -> list[bytes | bytearray]:
-        """What follows the last record, which ends at `offset`: end of data, summary, footer, magic bytes.
+        """The bytes that follow the last record, which ends at `offset`: end of data, summary, footer, magic bytes.
 
-        In pieces, because joining the index of an hour would take longer than a tick. Call `add` no more afterwards.
+        They come in pieces, because joining the index of an hour would take longer than a tick. Do not call `add`
+        afterwards.
         """
         self._close_chunk()
         builder = RecordBuilder()

@@ -1,4 +1,4 @@
-"""Reads a log into messages, also one that a power cut left unfinished."""
+"""Reads a log into messages, even a log that a power cut left unfinished."""
 
 import gc
 from collections.abc import Iterator
@@ -33,23 +33,23 @@ class Log:
     entries: dict[str, Entries] = field(default_factory=dict)  # by topic, in order of time
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    fields: dict[str, frozenset[str]] = field(default_factory=dict)  # by topic, those of its first good message
+    fields: dict[str, frozenset[str]] = field(default_factory=dict)  # by topic: fields of its first good message
     unknown_topics: dict[str, None] = field(default_factory=dict)  # in order
-    other_encodings: dict[str, str] = field(default_factory=dict)  # by topic that is not encoded as JSON
+    other_encodings: dict[str, str] = field(default_factory=dict)  # encoding of each topic that is not encoded as JSON
     undecodable_of: dict[str, Undecodable] = field(default_factory=dict)  # by topic
     torn: str = ""  # why reading stopped before the end; empty for a complete log
-    cut: bool = False  # whether the file ended before its footer; other torn logs are damaged
+    cut: bool = False  # True if the file ends before its footer; other torn logs are damaged
 
     @property
     def duration_s(self) -> float:
-        """From the first to the last message."""
+        """Time from the first to the last message."""
         begins = [entries.time_ns[0] for entries in self.entries.values() if len(entries)]
         ends = [entries.time_ns[-1] for entries in self.entries.values() if len(entries)]
         return (max(ends) - min(begins)) / 1e9 if begins else 0.0
 
     @property
     def incomplete(self) -> str:
-        """What an incomplete log is, and how much of it was read; empty for a complete one."""
+        """Says how a log is incomplete, and how much of it was read; empty for a complete log."""
         if self.cut:
             return f"{CUT}: {self.duration_s:.1f} s read"
         return f"damaged ({self.torn}): {self.duration_s:.1f} s before that read" if self.torn else ""
@@ -61,15 +61,15 @@ class Log:
 
 
 CUT = "still being recorded, or cut by a loss of power"
-UNDECODABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)  # one bad message: the others are read
+UNDECODABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError)  # errors of a single bad message
 
 
 def read_log(path: str | Path) -> Log:
     """Every message, attachment and metadata record of an MCAP file, up to its end or to the first torn record.
 
-    Unknown topics and those of another encoding are named, but not read; a message that cannot be decoded is counted.
-    Reading also stops, with the limit in `torn`, where the log decompresses to more than `flight.log_chunk` permits.
-    Raises InputError when the file is missing, empty, not MCAP, of another profile, or has no message.
+    Topics that are unknown or have another encoding are listed, but not read; messages that cannot be decoded are
+    counted. Reading also stops, with the limit in `torn`, where the log decompresses to more than `flight.log_chunk`
+    permits. Raises InputError when the file is missing, empty, not MCAP, of another profile, or has no message.
     """
     path = Path(path)
     try:
@@ -87,8 +87,8 @@ def read_log(path: str | Path) -> Log:
 
 @contextmanager
 def _no_search_for_cycles() -> Iterator[None]:
-    """The messages are a million objects without a cycle. Searching them all whenever 700 were made took a twentieth of
-    the processor time of a whole analysis."""
+    """Suspend garbage collection: the messages are a million objects without a cycle, and searching all of them each
+    time 700 were made took a twentieth of the processor time of a whole analysis."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -111,12 +111,12 @@ def _why_empty(log: Log) -> str:
 
 
 def other_encoding(encoding: str) -> str:
-    """What to do about messages of another encoding."""
+    """Advice on messages of another encoding."""
     return f"its messages are encoded as {encoding!r}; write JSON with the message encoding {ENCODING!r}"
 
 
 def _decoded(decoder: msgspec.json.Decoder[Any], data: bytes) -> Message:
-    """A message; 3.0 is accepted for an integer. Raises one of UNDECODABLE if it is not of the format."""
+    """Decode a message; 3.0 is accepted for an integer. Raises one of UNDECODABLE if the data lack the format."""
     try:
         message: Message = decoder.decode(data)
     except msgspec.ValidationError:
@@ -192,7 +192,7 @@ def _read(path: Path, stream: Iterator[McapRecord | Messages]) -> Log:
         log.torn = str(error)
     except RecordCut:
         log.torn, log.cut = CUT, True
-    except Exception as error:  # whatever a decoder raises on a torn chunk: McapError, EOFError, errors of zstandard …
+    except Exception as error:  # decoders' errors on a torn chunk: McapError, EOFError, errors of zstandard …
         log.torn = f"{type(error).__name__}: {error}".rstrip(": ")
     for entries in read.values():
         entries.finish()

@@ -14,10 +14,10 @@ from flightpower.flight.log_chunk import LogTooLarge, decompressed
 from flightpower.flight.log_index import MAGIC, RECORD_HEAD
 
 MAX_RECORD_BYTES = 256 * 2**20
-TOGETHER_BYTES = 2**19  # of decompressed chunks, whose messages are returned together
-MESSAGE = int(Opcode.MESSAGE)  # comparing an enumeration takes longer
+TOGETHER_BYTES = 2**19  # size of the decompressed chunks whose messages are returned together
+MESSAGE = int(Opcode.MESSAGE)  # an integer, because comparing an enumeration takes longer
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-IN_CHUNK = struct.Struct("<BQHIQQ")  # the same with the record's head
+IN_CHUNK = struct.Struct("<BQHIQQ")  # MESSAGE_HEAD with the record's head in front
 USED = {Opcode.HEADER: Header, Opcode.ATTACHMENT: Attachment, Opcode.METADATA: Metadata, Opcode.CHANNEL: Channel}
 
 
@@ -37,8 +37,8 @@ class Messages(NamedTuple):
 def records(stream: IO[bytes], allowed: int) -> Iterator[McapRecord | Messages]:
     """Header, channels, messages, attachments and metadata of a file, from its first byte on.
 
-    Raises LogTooLarge beyond `allowed` decompressed bytes; where the file is torn or damaged, an exception of mcap,
-    struct or of the decompressor, after the messages before that.
+    Raises LogTooLarge beyond `allowed` decompressed bytes. If the file is torn or damaged, it first returns the
+    messages before that place, and then raises an exception of mcap, struct or the decompressor.
     """
     messages: dict[int, Messages] = {}
     try:
@@ -49,7 +49,7 @@ def records(stream: IO[bytes], allowed: int) -> Iterator[McapRecord | Messages]:
 
 
 def _records(stream: IO[bytes], allowed: int, messages: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
-    """`records`, with the messages of several chunks together in `messages` by channel, before they are returned."""
+    """Yield the records; collects the messages of several chunks in `messages`, by channel, before yielding them."""
     _check_magic(stream)
     total = returned = 0
     while True:
@@ -86,7 +86,7 @@ def _records(stream: IO[bytes], allowed: int, messages: dict[int, Messages]) -> 
 
 
 def _in_chunk(data: bytes, messages: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
-    """Add the messages in a decompressed chunk to `messages`; a channel is returned after the messages before it."""
+    """Add the messages in a decompressed chunk to `messages`; a channel record is yielded after earlier messages."""
     offset, end, head, unpack = 0, len(data), RECORD_HEAD.size + MESSAGE_HEAD.size, IN_CHUNK.unpack_from
     while offset < end:
         if data[offset] == MESSAGE:
@@ -109,7 +109,7 @@ def _in_chunk(data: bytes, messages: dict[int, Messages]) -> Iterator[McapRecord
 
 
 def _taken(messages: dict[int, Messages]) -> list[Messages]:
-    """The messages by channel, which `messages` no longer holds."""
+    """Remove the collected messages from `messages` and return them, one item for each channel."""
     taken = list(messages.values())
     messages.clear()
     return taken

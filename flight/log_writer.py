@@ -1,10 +1,10 @@
-"""Writes a log: MCAP, one topic a sensor, JSON messages with a JSON Schema, zstd chunks.
+"""Writes a log: an MCAP file with one topic per sensor, JSON messages with a JSON Schema, and zstd chunks.
 
 Tray, aircraft file, propeller table, probe calibration and software version are attached to the log, so that
 `analyze log.mcap` needs no other file.
 
 This module builds the chunks itself. mcap's own Writer keeps the index as objects (20 MB an hour of the default tray)
-and writes it at once, which would cost ticks when a file is finished in flight.
+and writes it all at once, so that ticks would be missed when a file is finished in flight.
 """
 
 import json
@@ -24,13 +24,13 @@ from flightpower.flight.messages import TYPE_OF_TOPIC, Message, Status, schema_o
 
 PROFILE = "flightpower"
 FORMAT_VERSION = "1"
-# A chunk is on disk only when it is full. Half a second of the default tray is about this much before compression.
+# A chunk is on disk only when it is full. This size is about half a second of the default tray before compression.
 CHUNK_BYTES = 40_000
 COMPRESSION = "zstd"
-MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # the record's head; channel, sequence, log time, publish time
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # record head, then channel, sequence, log time, publish time
 MESSAGE_FIXED_BYTES = MESSAGE_HEAD.size - RECORD_HEAD.size
 MESSAGE_OPCODE = int(Opcode.MESSAGE)
-INDEX_ENTRY = struct.Struct("<QQ")  # log time, place in the uncompressed chunk
+INDEX_ENTRY = struct.Struct("<QQ")  # log time, position in the uncompressed chunk
 
 
 @cache
@@ -40,7 +40,7 @@ def schema_text(kind: type[Message]) -> bytes:
 
 
 def message_index(channel: int, entries: bytearray) -> bytes:
-    """The record with the positions of a channel's messages in the chunk before it; entries: packed INDEX_ENTRY."""
+    """The record that lists where a channel's messages are in the preceding chunk; entries: packed INDEX_ENTRY."""
     size = MESSAGE_INDEX_HEAD.size + len(entries)
     return RECORD_HEAD.pack(Opcode.MESSAGE_INDEX, size) + MESSAGE_INDEX_HEAD.pack(channel, len(entries)) + entries
 
@@ -48,8 +48,8 @@ def message_index(channel: int, entries: bytearray) -> bytes:
 class LogWriter:
     """An MCAP file open for writing. `finish` writes the index; without it all messages can still be read.
 
-    stream: only its `write` is called, with whole records. compressor: may be shared by logs that one thread writes one
-    after the other; each compressor takes half a megabyte.
+    stream: only its `write` is called, with whole records. compressor: logs that one thread writes in succession may
+    share it; each compressor takes half a megabyte.
     """
 
     def __init__(
@@ -68,14 +68,14 @@ class LogWriter:
         self._encoder = msgspec.json.Encoder()
         self._compressor = compressor or zstandard.ZstdCompressor()
         self._chunk = bytearray()
-        self._entries: dict[int, bytearray] = {}  # of the chunk's message indices, by channel
+        self._entries: dict[int, bytearray] = {}  # entries of the open chunk's message indices, by channel
         self._first_ns = self._last_ns = 0
         self._put(MAGIC)
         self._record(Opcode.HEADER, Header(PROFILE, f"{PROFILE}-log-{FORMAT_VERSION}"))
 
     @property
     def size_bytes(self) -> int:
-        """Size of what was written to the stream."""
+        """Number of bytes written to the stream."""
         return self._written
 
     def attach(self, name: str, data: bytes, media_type: str, time_ns: int) -> None:
@@ -95,7 +95,7 @@ class LogWriter:
     def write(self, topic: str, message: Message, *, time_ns: int, tick: int) -> None:
         """Add a message taken at `time_ns` (Unix time [ns]) in tick number `tick`.
 
-        For a message whose text is not Unicode, only its presence is written.
+        If its text cannot be encoded as UTF-8, a message with the status `corrupt` and no values is written instead.
         """
         channel = self._channels.get(topic) or self._channel(topic)
         try:
@@ -129,7 +129,7 @@ class LogWriter:
             self.append(self.close_chunk())
 
     def close_chunk(self) -> bytes:
-        """Take out what was written since the last chunk: its record and its message indices, ready for `append`."""
+        """Remove and return what was written since the last chunk: its record and its message indices, for `append`."""
         compressed = self._compressor.compress(self._chunk)
         head = CHUNK_HEAD.pack(self._first_ns, self._last_ns, len(self._chunk), zlib.crc32(self._chunk))
         name = struct.pack("<I", len(COMPRESSION)) + COMPRESSION.encode() + struct.pack("<Q", len(compressed))
@@ -141,7 +141,7 @@ class LogWriter:
         return b"".join(parts)
 
     def append(self, records: bytes) -> None:
-        """Add whole records: a closed chunk, of this log or of one that declared the same topics in the same order."""
+        """Add whole records: a closed chunk of this log or of a log that declared the same topics in the same order."""
         view, offset = memoryview(records), 0
         while offset < len(records):
             opcode, length = RECORD_HEAD.unpack_from(records, offset)
