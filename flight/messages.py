@@ -1,4 +1,4 @@
-"""The messages of a log: one message type a topic, with raw counts and SI values.
+"""The messages of a log: one message type per topic, with raw counts and SI values.
 
 Every message has a `status`. A failed reading is a message whose status gives the reason and whose other fields are
 null; an old value is never repeated. Names end with their unit. Axes are body axes: x forward, y right, z down. The
@@ -19,7 +19,7 @@ class Status(enum.StrEnum):
     STARTING = "starting"  # the sensor has not been brought up yet
     STALE = "stale"  # the part reports no new value since the last reading
     FAULT = "fault"  # the part reports a fault of its own
-    SATURATED = "saturated"  # counts at the end of the range: the value is a bound only
+    SATURATED = "saturated"  # counts at the end of the range: the value is only a bound
     NO_REPLY = "no_reply"  # nothing acknowledged at the address
     TIMEOUT = "timeout"  # the bus or the part did not answer in time
     BUSY = "busy"  # the part is measuring something else at this tick (its own temperature)
@@ -28,8 +28,8 @@ class Status(enum.StrEnum):
     NO_DATA = "no_data"  # nothing was received since the last tick
 
 
-TOPICS_FOR_DRAG = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # without one no drag is known
-# The first day of GPS time, and a century: another date is a receiver's mistake, which may be a year without a name.
+TOPICS_FOR_DRAG = ("/imu", "/probe/alpha", "/probe/airspeed", "/static", "/rpm")  # drag requires all of them
+# The first day of GPS time, and a century later: any other date is a receiver's mistake, and may be no valid year.
 FIRST_UTC_NS, LAST_UTC_NS = 315_964_800 * 10**9, 4_102_444_800 * 10**9
 OK = Status.OK  # looking up a member of an enum takes as long as making a small message (Python 3.11)
 
@@ -47,9 +47,9 @@ class Imu(Message):
 
     topics = ("/imu",)
 
-    samples: int | None = None  # how many were averaged
-    group_delay_s: float | None = None  # of the low-pass filter and of the averaging; log_time is not corrected for it
-    specific_force_group_delay_s: float | None = None  # where the accelerometers' differs from the gyroscopes'
+    samples: int | None = None  # number of samples averaged
+    group_delay_s: float | None = None  # delay by low-pass filter and averaging; log_time is not corrected for it
+    specific_force_group_delay_s: float | None = None  # where the accelerometers' delay differs from the gyroscopes'
     accel_x_counts: float | None = None
     accel_y_counts: float | None = None
     accel_z_counts: float | None = None
@@ -85,7 +85,7 @@ class AbsolutePressure(Message):
     topics = ("/baro", "/static")
 
     pressure_counts: int | None = None  # D1
-    temperature_counts: int | None = None  # D2, of the latest temperature conversion
+    temperature_counts: int | None = None  # D2 of the latest temperature conversion
     pressure_Pa: float | None = None
     temperature_K: float | None = None
 
@@ -105,7 +105,7 @@ class DifferentialPressure(Message):
     temperature_K: float | None = None
 
 
-AIRBORNE_MODELS = frozenset({6, 7, 8})  # of a receiver's filter (CFG-NAV5 dynModel): airborne below 1, 2, 4 g
+AIRBORNE_MODELS = frozenset({6, 7, 8})  # models of a receiver's filter (CFG-NAV5 dynModel): airborne below 1, 2, 4 g
 
 
 class Gps(Message):
@@ -127,7 +127,7 @@ class Gps(Message):
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
     speed_accuracy_mps: float | None = None
-    # Of the receiver's filter, as read back: 6 to 8 airborne; 0, set at the factory, smooths velocity. Null: not known.
+    # Model of the receiver's filter, as read back: 6 to 8 airborne; the factory's 0 smooths velocity. Null: not known.
     dynamic_model: int | None = None
 
 
@@ -136,11 +136,11 @@ class Rpm(Message):
 
     topics = ("/rpm",)
 
-    period_us: int | None = None  # as received: ten electrical periods, or ten times the mean of more
+    period_us: int | None = None  # as received: ten electrical periods, or ten times the mean of more than ten
     motor_speed_revps: float | None = None  # null with the status `corrupt` where the pulses do not agree
-    pulses_captured: int | None = None  # since the last frame; null of counters that do not say
-    pulses_rejected: int | None = None  # of these, because they came too early
-    pulses_inserted: int | None = None  # that were missing
+    pulses_captured: int | None = None  # since the last frame; null if the counter does not report it
+    pulses_rejected: int | None = None  # captured pulses rejected because they came too early
+    pulses_inserted: int | None = None  # missing pulses that were inserted
 
 
 class Controls(Message):
@@ -149,7 +149,7 @@ class Controls(Message):
     topics = ("/controls",)
 
     pulse_us: list[int] | None = None  # channels 1, 2, …
-    stick_pulse_us: list[int] | None = None  # from the RC receiver; null without news since the last message
+    stick_pulse_us: list[int] | None = None  # from the RC receiver; null if nothing came since the last message
     elevator_rad: float | None = None
     aileron_rad: float | None = None
     rudder_rad: float | None = None
@@ -178,7 +178,7 @@ class Analog(Message):
 
     topics = ("/analog",)
 
-    channel: int | None = None  # of the converter, from 0
+    channel: int | None = None  # input of the converter, from 0
     counts: int | None = None
     voltage_V: float | None = None
 
@@ -200,18 +200,18 @@ class Tick(Message):
 
     late_ns: int = 0
     missed: int = 0  # ticks skipped just before this one
-    duration_ns: dict[str, int] = {}  # by sensor
+    duration_ns: dict[str, int] = {}  # reading time by sensor
 
 
 class Comparison(enum.StrEnum):
     """Readings that the daemon compares in flight, because one may be wrong while its status is `ok`."""
 
-    AIRSPEED = "airspeed"  # with the speed over the ground
-    ANGLE_OF_ATTACK = "angle of attack"  # with attitude less flight-path angle
-    BAROMETERS = "barometers"  # with each other
-    MOTOR = "motor speed"  # with the current
-    GPS = "GPS"  # its fix, its accuracy, its dynamic model
-    SECOND_SENSORS = "second sensors"  # with the first of their kind
+    AIRSPEED = "airspeed"  # airspeed with the speed over the ground
+    ANGLE_OF_ATTACK = "angle of attack"  # angle of attack with attitude minus flight-path angle
+    BAROMETERS = "barometers"  # the barometers with each other
+    MOTOR = "motor speed"  # motor speed with the current
+    GPS = "GPS"  # the receiver's fix, accuracy and dynamic model with what is needed
+    SECOND_SENSORS = "second sensors"  # second sensors with the first of their kind
 
 
 class Event(Message):
@@ -222,7 +222,7 @@ class Event(Message):
     severity: str = "info"  # info, warning, error
     sensor: str = ""
     text: str = ""
-    compared: Comparison | None = None  # readings that cannot be true together; with `info`: again plausible
+    compared: Comparison | None = None  # readings that contradict each other; with severity `info`: plausible again
 
 
 class State(Message):
@@ -231,12 +231,12 @@ class State(Message):
     topics = ("/daq/state",)
 
     recording: bool = False
-    well: bool = False  # nothing that the crew should know before the next run
-    rate_Hz: float = 0.0  # of the ticks since the last state
-    missed: int = 0  # ticks since the start
+    well: bool = False  # true if there is nothing that the crew should know before the next run
+    rate_Hz: float = 0.0  # rate of the ticks since the last state
+    missed: int = 0  # missed ticks since the start
     text: str = ""
-    run: str = ""  # progress of the run that is being flown; empty while there is none
-    supply_low: bool | None = None  # of the computer; None where it is not known
+    run: str = ""  # progress of the run being flown; empty if there is none
+    supply_low: bool | None = None  # supply of the computer; None if unknown
     processor_temperature_K: float | None = None
 
 
@@ -256,7 +256,7 @@ MESSAGES: tuple[type[Message], ...] = (
     Event,
     State,
 )
-SECOND = "/2"  # ends the topic of a second sensor of a kind
+SECOND = "/2"  # suffix of the topic of a second sensor of one kind
 DOUBLED = ("/imu", "/gps", "/baro", "/static", "/probe/airspeed")  # kinds of which a tray may have a second one
 TYPE_OF_TOPIC: dict[str, type[Message]] = {topic: kind for kind in MESSAGES for topic in kind.topics}
 TYPE_OF_TOPIC |= {topic + SECOND: TYPE_OF_TOPIC[topic] for topic in DOUBLED}
@@ -267,7 +267,7 @@ def schema_of(kind: type[Message]) -> dict[str, Any]:
     """JSON Schema of a message type, as Foxglove, Lichtblick and PlotJuggler require it.
 
     Its root is an object, and every property has one plain type: those programs read no `anyOf`, no `$ref` and no list
-    of types. So it does not say that a field without a measurement is null.
+    of types. So the schema does not say that a field is null when it has no measurement.
     """
     info = msgspec.inspect.type_info(kind)
     assert isinstance(info, msgspec.inspect.StructType)
@@ -281,7 +281,7 @@ def schema_of(kind: type[Message]) -> dict[str, Any]:
 
 
 def _schema_of_type(kind: msgspec.inspect.Type) -> dict[str, Any]:
-    """One plain type. Raises TypeError for a field that viewers could not show."""
+    """The schema of one plain type. Raises TypeError for a field that viewers could not show."""
     match kind:
         case msgspec.inspect.UnionType(types=types):
             (measured,) = (each for each in types if not isinstance(each, msgspec.inspect.NoneType))

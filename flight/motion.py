@@ -2,9 +2,9 @@
 
 Simulator, trim and estimators all use these functions, which accept floats, arrays and CasADi symbols. Misprints of
 the source are corrected, such as signs in (3.10) and (3.11). Body axes: x forward, y right, z down, origin at the
-center of gravity. A vector is a tuple of three components, an attitude one of (phi, theta, psi), rates are (p, q, r).
-qS is dynamic pressure times reference area, a force [N]; T thrust [N]; V airspeed [m/s]; g standard gravity [m/s^2]. In
-function bodies c and s are cosine and sine; a, b, f, t, p stand for alpha, beta, phi, theta, psi.
+center of gravity. A vector is a tuple of three components; an attitude is the tuple (phi, theta, psi); rates are (p, q,
+r). qS is dynamic pressure times reference area, a force [N]; T thrust [N]; V airspeed [m/s]; g standard gravity
+[m/s^2]. In function bodies c and s are cosine and sine; a, b, f, t, p stand for alpha, beta, phi, theta, psi.
 """
 
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from flightpower.flight.number import Number, Vector
 
 
 class Inertia(NamedTuple):
-    """Moments and product of inertia about body axes [kg m^2], and the propeller's about its own axis."""
+    """Moments and product of inertia about body axes, and the propeller's inertia about its own axis [kg m^2]."""
 
     Ix: float
     Iy: float
@@ -49,8 +49,8 @@ def velocity_derivative(
 ) -> tuple[Number, Number, Number]:
     """(udot, vdot, wdot) [m/s^2] from velocity (u, v, w), rates, specific force (ax, ay, az) and gravity (3.6-3.8).
 
-    specific_force: aerodynamic force plus thrust, over mass, which an accelerometer at the center of gravity measures
-    [m/s^2].
+    specific_force: aerodynamic force plus thrust, divided by mass, as measured by an accelerometer at the center of
+    gravity [m/s^2].
     """
     (u, v, w), (p, q, r), (ax, ay, az) = velocity, rates, specific_force
     return (
@@ -75,7 +75,7 @@ def rate_derivative(
     roll = L - (Iz - Iy) * q * r + Ixz * q * p
     pitch = M - (Ix - Iz) * p * r - Ixz * (p**2 - r**2) - H * r
     yaw = N - (Iy - Ix) * p * q - Ixz * q * r + H * q
-    # (3.9) and (3.11) are coupled by Ixz: solve the two by two.
+    # (3.9) and (3.11) are coupled by Ixz: solve the 2 x 2 system.
     determinant = Ix * Iz - Ixz**2
     return (Iz * roll + Ixz * yaw) / determinant, pitch / Iy, (Ix * yaw + Ixz * roll) / determinant
 
@@ -114,7 +114,7 @@ def wind_axis_derivative(
     """(Vdot, alphadot, betadot) [m/s^2, rad/s, rad/s] of the flow (V, alpha, beta) (3.21-3.23).
 
     coefficients: (CL, CD, CY) as in `aerodynamics.Coefficients`; T: thrust along body x [N]; m: mass [kg]; qS: dynamic
-    pressure times reference area, so a force [N].
+    pressure times reference area, a force [N].
     """
     (V, alpha, beta), (phi, theta, _), (p, q, r), (CL, CD, CY) = flow, attitude, rates, coefficients
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
@@ -142,7 +142,8 @@ def wind_axis_derivative(
 def specific_force_at(
     specific_force: Vector, rates: Vector, angular_acceleration: Vector, position_m: Vector
 ) -> tuple[Number, Number, Number]:
-    """Specific force [m/s^2] at `position_m` (x, y, z from the center of gravity), from that at the center of gravity.
+    """Specific force [m/s^2] at `position_m` (x, y, z from the center of gravity), given its value at the center of
+    gravity.
 
     a + omegadot x r + omega x (omega x r), in body axes.
     """

@@ -2,7 +2,7 @@
 
 from typing import Any, TypeAlias
 
-# A float, a NumPy array or a CasADi symbol: the three share no type that mypy knows.
+# A float, a NumPy array or a CasADi symbol: mypy knows no type that the three share.
 Number: TypeAlias = Any
-# Three: components along x, y, z or north, east, down, or angles (roll, pitch, yaw); or an array of three rows.
+# Three components (x, y, z or north, east, down), or three angles (roll, pitch, yaw); or an array of three rows.
 Vector: TypeAlias = Any

@@ -1,6 +1,7 @@
-"""The polynomial maps of a probe calibration (`probe.json`), evaluated for single readings in plain Python.
+"""The polynomial maps of a probe calibration (`probe.json`), which are evaluated here for single readings in plain
+Python.
 
-The analysis fits them, and evaluates them for arrays (`analysis.air`).
+The analysis fits the maps, and evaluates them for arrays (`analysis.air`).
 """
 
 from pathlib import Path
@@ -11,10 +12,10 @@ import msgspec
 from flightpower.flight.files import read_text
 
 FORMAT = "flightpower-probe-2"
-FIRST_FORMAT = "flightpower-probe-1"  # its angles are polynomials in C_alpha and C_beta, its q_c/qbar is one itself
+FIRST_FORMAT = "flightpower-probe-1"  # in this format angles and q_c/qbar are polynomials in C_alpha and C_beta
 FORMATS = (FORMAT, FIRST_FORMAT)
-ALPHA_PORT_SLOPE = 4.5  # d(pressure difference)/d(angle) over qbar: 9/4 sin 2 alpha (ports of a sphere at 45 deg)
-LEAST_SUM = 1e-3  # far outside the measured region the sum may be negative; the limit keeps its power real
+ALPHA_PORT_SLOPE = 4.5  # d(pressure difference)/d(angle)/qbar, from 9/4 sin 2 alpha (ports of a sphere at 45 deg)
+LEAST_SUM = 1e-3  # far outside the measured region the sum may be negative; this lower limit keeps its power real
 
 
 class FlowAngles(NamedTuple):
@@ -40,7 +41,7 @@ class PolynomialMap(msgspec.Struct, frozen=True):
 
 
 class ProbeMaps(msgspec.Struct, frozen=True):
-    """The maps of a `probe.json` from C_alpha = dp_alpha/q_c, C_beta = dp_beta/q_c."""
+    """The maps of a `probe.json`. Their inputs derive from C_alpha = dp_alpha/q_c and C_beta = dp_beta/q_c."""
 
     format: str
     alpha_rad: PolynomialMap
@@ -49,7 +50,7 @@ class ProbeMaps(msgspec.Struct, frozen=True):
     hull: list[tuple[float, float]]
 
     def flow(self, C_alpha: float, C_beta: float) -> FlowAngles:
-        """Flow angles and q_c/qbar. For display: inputs are limited to the bounding box of the calibration."""
+        """Flow angles and q_c/qbar, for display: inputs are limited to the bounding box of the calibration."""
         low_a, high_a = min(a for a, _ in self.hull), max(a for a, _ in self.hull)
         low_b, high_b = min(b for _, b in self.hull), max(b for _, b in self.hull)
         a, b = min(max(C_alpha, low_a), high_a), min(max(C_beta, low_b), high_b)
@@ -60,7 +61,7 @@ class ProbeMaps(msgspec.Struct, frozen=True):
 
 
 def load_probe_maps(path: Path) -> ProbeMaps | None:
-    """The maps of a calibration file; None if it has another format. Raises InputError when it cannot be read."""
+    """The maps of a calibration file; None if it has another format. Raises InputError if the file cannot be read."""
     try:
         probe = msgspec.json.decode(read_text(path), type=ProbeMaps)
     except msgspec.MsgspecError:

@@ -1,4 +1,4 @@
-"""Thrust and power of a propeller from tables of cT and cP over advance ratio, at several speeds of rotation (3.48).
+"""Thrust and power of a propeller from tables of cT and cP against advance ratio, at several speeds of rotation (3.48).
 
 The functions accept floats, arrays and CasADi symbols. `flight.propeller_files` reads the tables.
 """
@@ -20,17 +20,18 @@ from flightpower.flight.number import Number
 J_REFERENCE = 0.5
 WINDMILL, FOLD = "windmill", "fold"
 BEYOND_ZERO_THRUST = (WINDMILL, FOLD)
-LEAST_STEP, LARGEST_NUMBER = 1e-9, 1e9  # of J, and of any number in a table: beyond them it is damage
-# Drag areas over the square of the diameter. Folded blades lie along the nacelle: two blades of 0.07 by 0.5 diameters,
-# wetted on both sides, with the friction coefficient of a turbulent plate (0.011; Hoerner, Fluid-Dynamic Drag, ch. 2).
-# Blades of a stopped propeller are flat plates across the flow (drag coefficient 1.2; Hoerner ch. 3) with half of that
-# area as frontal area: the pitch angle of a model propeller is some 30 deg.
+LEAST_STEP, LARGEST_NUMBER = 1e-9, 1e9  # least step of J and largest number in a table; anything beyond is damage
+# Drag areas divided by the square of the diameter. Folded blades lie along the nacelle: two blades of 0.07 by 0.5
+# diameters, wetted on both sides, with the friction coefficient of a turbulent plate (0.011; Hoerner, Fluid-Dynamic
+# Drag, ch. 2). Blades of a stopped propeller are flat plates across the flow (drag coefficient 1.2; Hoerner ch. 3)
+# whose frontal area is half of that blade area: the pitch angle of a model propeller is some 30 deg.
 FOLDED_DRAG_AREA = 2 * 2 * 0.07 * 0.5 * 0.011
 STANDING_DRAG_AREA = 2 * 0.07 * 0.5 * 0.5 * 1.2
-# Relative error of the change of cT beyond the table: of the slope, and more per unit of J from the end; one standard
-# deviation. The last segment's line misses what comes after it in the shipped tables, cut off anywhere below half the
-# static thrust, by 5 % (rms) in 0.05, 10 % in 0.2 and 12 % in 0.3. Beyond zero thrust the blades stall: an element at
-# 3/4 of the radius departs from the line by 10 % in 0.2, 19 % in 0.3 and 35 % in 0.5.
+# Relative error (one standard deviation) of the change of cT beyond the table: that of the slope, plus an increase per
+# unit of J from the end. If the shipped tables are cut off anywhere below half the static thrust, the line through the
+# last segment misses the points that follow by 5 % (rms) at 0.05 beyond the end, 10 % at 0.2 and 12 % at 0.3. Beyond
+# zero thrust the blades stall: an element at 3/4 of the radius departs from the line by 10 % at 0.2, 19 % at 0.3 and 35
+# % at 0.5.
 CONTINUATION_SLOPE_ERROR, CONTINUATION_ERROR_PER_J = 0.05, 0.4
 
 
@@ -39,13 +40,13 @@ class Origin(StrEnum):
 
     MEASURED = "measured"
     COMPUTED = "computed"
-    ASSUMED = "assumed"  # for simulated aircraft: nobody's propeller
+    ASSUMED = "assumed"  # for simulated aircraft: no real propeller
     UNKNOWN = "not stated"
 
 
 @dataclass(frozen=True)
 class Row:
-    """One speed of rotation of a table: cT and cP against J, in ascending J."""
+    """The part of a table at one speed of rotation: cT and cP against J, in ascending J."""
 
     rpm: float
     J: tuple[float, ...]
@@ -54,7 +55,7 @@ class Row:
 
 
 class PropellerModel:
-    """Thrust and power from cT and cP over advance ratio and speed of rotation, also beyond zero thrust.
+    """Thrust and power from cT and cP as functions of advance ratio and speed of rotation, even beyond zero thrust.
 
     beyond_zero_thrust: "windmill": the flow drives the blades, thrust and power become negative; "fold": the blades
     fold, thrust is a small friction drag and power is zero.
@@ -71,7 +72,7 @@ class PropellerModel:
         """(cT, cP) at advance ratio J [-] and speed of rotation `rpm` [1/min], elementwise; folded blades included."""
         cT, cP = self.table(J, rpm)
         if self.beyond_zero_thrust == FOLD:
-            # The drag of area f at dynamic pressure rho V^2/2 is cT = -J^2/2 f/diameter^2.
+            # The drag of a drag area f at dynamic pressure rho V^2/2 corresponds to cT = -J^2/2 f/diameter^2.
             return np.maximum(cT, -FOLDED_DRAG_AREA / 2 * J**2), np.maximum(cP, 0)
         return cT, cP
 
@@ -131,24 +132,24 @@ class Propeller(PropellerModel):
 
     @property
     def head(self) -> dict[str, str]:
-        """Values of the lines `key = value` in the table's source."""
+        """The values by key of the lines `key = value` in the table's source."""
         return dict(line.split(" = ", 1) for line in self.source.splitlines() if " = " in line)
 
     @property
     def origin(self) -> Origin:
-        """Where the table comes from; also UNKNOWN if its header has another word."""
+        """Where the table comes from; UNKNOWN if its header does not say so, or has a word that is not in `Origin`."""
         origin = self.head.get("origin", "")
         return Origin(origin) if origin in set(Origin) else Origin.UNKNOWN
 
     @property
     def is_thrust_column(self) -> bool:
-        """Whether the speed of rotation stands for a thrust: cT is the same everywhere, which no propeller's is."""
+        """Whether the speed of rotation stands for a thrust: cT is the same everywhere, unlike any propeller's cT."""
         return len({cT for row in self.rows for cT in row.cT}) == 1
 
     def table(self, J: Number, rpm: Number) -> tuple[Number, Number]:
         if isinstance(J, np.ndarray) and isinstance(rpm, np.ndarray):
             return self._table_of_arrays(J, rpm)
-        ramps = {knot: np.maximum(J - knot, 0) for knot in self._knots}  # the same for all rows
+        ramps = {knot: np.maximum(J - knot, 0) for knot in self._knots}  # all rows share these ramps
         cT, cP = 0.0, 0.0
         for weight, row, (cT_changes, cP_changes) in zip(
             _interpolation_weights(rpm, self._rpm), self.rows, self._slope_changes, strict=True
@@ -158,7 +159,7 @@ class Propeller(PropellerModel):
         return cT, cP
 
     def _table_of_arrays(self, J: Number, rpm: Number) -> tuple[Number, Number]:
-        """`table` by looking up the cell of each element: a tenth of the time."""
+        """Evaluate `table` by looking up the cell of each element, in a tenth of the time."""
         J, rpm = np.broadcast_arrays(J, rpm)
         interval = np.searchsorted(self._knots, J, side="right")
         from_knot = J - self._below.take(interval)
@@ -178,14 +179,16 @@ class Propeller(PropellerModel):
         return interpolated(cT, cT_slope), interpolated(cP, cP_slope)
 
     def lines(self) -> tuple[list[float], NDArray[np.float64]]:
-        """The knots of J, ascending, and the straight lines between them, (4, rows, 1 + knots): cT, cP, their slopes.
+        """The knots of J, ascending, and the straight lines between them, (4, rows, 1 + knots): cT, cP and their
+        slopes.
 
-        Each line starts at the knot below its interval; the first, below all knots, at the first knot.
+        Each line starts at the knot below its interval, except the first line: its interval is below all knots, and it
+        starts at the first knot.
         """
         return self._knots, self._lines.reshape(4, len(self.rows), -1)
 
     def with_beyond_zero_thrust(self, behavior: str) -> "Propeller":
-        """This table with another behavior beyond zero thrust."""
+        """Return this table with another behavior beyond zero thrust."""
         return Propeller(self.name, self.diameter_m, self.rows, self.source, behavior)
 
     def covers(self, J: Number, rpm: Number) -> Number:
@@ -195,9 +198,10 @@ class Propeller(PropellerModel):
         return (J_min <= J) & (J <= J_max) & (self._rpm[0] <= rpm) & (rpm <= self._rpm[-1])
 
     def continuation_error(self, J: Number, rpm: Number) -> Number:
-        """Standard deviation of cT by the straight line beyond the last J of the table; elementwise.
+        """Standard deviation of cT as extrapolated by a straight line beyond the last J of the table; elementwise.
 
-        It grows with the distance and its square. It is 0 inside the table, and where the blades are folded.
+        It grows with the distance from the last J and with its square. It is 0 inside the table and where the blades
+        are folded.
         """
         last_J = np.interp(rpm, self._rpm, [row.J[-1] for row in self.rows])
         slope = np.interp(rpm, self._rpm, [(row.cT[-1] - row.cT[-2]) / (row.J[-1] - row.J[-2]) for row in self.rows])
@@ -208,7 +212,7 @@ class Propeller(PropellerModel):
         return error
 
     def to_csv(self) -> str:
-        """The table as CSV, which `parse_propeller` reads back without loss."""
+        """Return the table as CSV, which `parse_propeller` reads back without loss."""
         out = io.StringIO()
         for line in self.source.splitlines():
             out.write(f"# {line}\n")
@@ -221,14 +225,14 @@ class Propeller(PropellerModel):
 
 @dataclass(frozen=True)
 class TableCell(PropellerModel):
-    """One cell of a propeller's table, where cT and cP are bilinear: (a + b J) + (c + d J) rpm; extrapolated outside.
+    """One cell of a propeller's table, where cT and cP are bilinear: a + b J + c rpm + d J rpm; extrapolated outside.
 
-    Cheaper to evaluate than the whole table where the cell of J and rpm is known (see `TableCells`).
+    It is cheaper to evaluate than the whole table if the cell of J and rpm is known (see `TableCells`).
     """
 
     diameter_m: Any
     beyond_zero_thrust: str
-    numbers: Any  # a, b, c, d of cT, then those of cP
+    numbers: Any  # a, b, c, d of cT, then a, b, c, d of cP
 
     def table(self, J: Number, rpm: Number) -> tuple[Number, Number]:
         a, b, c, d, e, f, g, h = self.numbers
@@ -250,20 +254,20 @@ class TableCells:
         return bisect_right(self._J, J), bisect_right(self._rpm, rpm)
 
     def numbers(self, index: CellIndex) -> NDArray[np.float64]:
-        """(8,)."""
+        """The coefficients of the cell's two bilinear functions, (8,)."""
         numbers: NDArray[np.float64] = self._numbers[index]
         return numbers
 
 
 def _spans(knots: list[float]) -> list[tuple[float, float]]:
-    """The intervals between knots, and one more at each end."""
+    """The intervals between knots, and one interval beyond each end."""
     return [(knots[0] - 1.0, knots[0]), *pairwise(knots), (knots[-1], knots[-1] + 1.0)]
 
 
 def _bilinear(propeller: Propeller, J: Number, rpm: Number) -> NDArray[np.float64]:
-    """Numbers (n, m, 8) of the bilinear functions through the table's values at the corners of n times m cells.
+    """Coefficients (n, m, 8) of the bilinear functions through the table's values at the corners of n times m cells.
 
-    J : (n, 1, 2, 1), rpm : (1, m, 1, 2), the sides of the cells.
+    J : (n, 1, 2, 1), rpm : (1, m, 1, 2), the bounds of the cells.
     """
     J, rpm = np.broadcast_arrays(J, rpm)
     corners = np.stack([np.ones(J.shape), J, rpm, J * rpm], axis=-1)
@@ -284,13 +288,13 @@ def _interpolation_weights(x: Number, knots: Number) -> Number:
 
 
 def _slope_changes(knots: tuple[float, ...], values: tuple[float, ...]) -> dict[float, float]:
-    """The change of slope at each knot but the last, beyond which the slope is constant."""
+    """The change of slope at each knot except the last, where the line continues straight."""
     slopes = np.diff(values) / np.diff(knots)
     return dict(zip(knots[:-1], np.diff(slopes, prepend=0.0).tolist(), strict=True))
 
 
 def _lines(row: Row, knots: list[float]) -> NDArray[np.float64]:
-    """cT and cP at the knot below and their slopes, (4, intervals), in the interval below `knots` and from each on."""
+    """The lines of a row, (4, intervals): cT, cP and their slopes, below the first knot and from each knot on."""
     first = np.searchsorted(row.J, knots, side="right") - 1
     segment = np.clip(first, 0, len(row.J) - 2)
     values, slopes = [], []
@@ -303,7 +307,7 @@ def _lines(row: Row, knots: list[float]) -> NDArray[np.float64]:
 
 
 def _piecewise_linear(ramps: Number, first: Number, slope_changes: dict[float, float]) -> Number:
-    """Interpolation as a sum of ramps max(x - knot, 0): constant below the first knot, linear beyond the last."""
+    """Interpolate by a sum of ramps max(x - knot, 0): constant below the first knot, linear beyond the last."""
     result = first
     for knot, change in slope_changes.items():
         result = result + change * ramps[knot]

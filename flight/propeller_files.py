@@ -1,4 +1,4 @@
-"""Propeller tables from files: our own CSV, UIUC text tables and APC `PER3` files, as downloaded.
+"""Reads propeller tables from files: our own CSV, UIUC text tables and APC `PER3` files, as downloaded.
 
 `python -m flightpower.flight.propeller_files FILE_OR_FOLDER > mine.csv` converts any of them to our own format.
 """
@@ -15,7 +15,7 @@ from flightpower.flight.propeller import Propeller, Row
 from flightpower.flight.shipped_propellers import FOLDER, shipped_propellers
 
 INCH_M = 0.0254
-LARGEST_INCHES = 40.0  # larger numbers are millimeters: UIUC names a few small propellers so (E-Flite 130x70)
+LARGEST_INCHES = 40.0  # larger numbers are millimeters, as in UIUC's names of a few small propellers (E-Flite 130x70)
 COLUMNS = ("rpm", "J", "cT", "cP")
 LARGEST_DIAMETER_M = 3.0  # larger numbers are inches or millimeters
 SAME_RPM = 0.01  # relative difference of speeds of rotation below which two tests are put into one row
@@ -24,11 +24,11 @@ UIUC_NAME = re.compile(r"(?P<name>.+_(?P<size>\d+(?:\.\d+)?)x\d+(?:\.\d+)?[^_]*)
 
 
 def load_propeller(name_or_path: str | Path) -> Propeller:
-    """A propeller shipped with the package, by its name, or one from files as downloaded.
+    """Load a shipped propeller by its name, or a propeller from files as downloaded.
 
-    A path is our CSV, APC's `PER3`, one UIUC table (the others of that propeller in its folder are read too), or a
-    folder with the UIUC tables of one propeller.
-    Raises InputError when there is no such propeller or a file cannot be read.
+    A path leads to our CSV, APC's `PER3`, one UIUC table (the propeller's other tables in that folder are read as
+    well), or a folder with the UIUC tables of one propeller.
+    Raises InputError if there is no such propeller, or a file cannot be read.
     """
     path = Path(name_or_path)
     if str(name_or_path) in shipped_propellers():
@@ -59,7 +59,7 @@ def _text(path: Path) -> str:
 
 
 def _load_uiuc(folder: Path, name: str = "") -> Propeller:
-    """All tables of one propeller of the UIUC database in a folder: `apce_10x5_kt0821_5000.txt`, `…_static_….txt`."""
+    """Read all tables of one UIUC propeller in a folder: `apce_10x5_kt0821_5000.txt`, `…_static_….txt`."""
     tests = [(match, path) for path in sorted(folder.glob("*.txt")) if (match := UIUC_NAME.fullmatch(path.name))]
     names = sorted({match["name"] for match, _ in tests if name in ("", match["name"])})
     if not names:
@@ -85,7 +85,7 @@ def _is_uiuc(text: str) -> bool:
 
 
 def parse_propeller(text: str, name: str) -> Propeller:
-    """A propeller from the text of one file, in our own format or in APC's. Raises InputError otherwise."""
+    """Read a propeller from the text of a file in our own format or in APC's. Raises InputError for any other text."""
     if _is_uiuc(text):
         raise InputError(
             f"propeller {name}: a UIUC table contains neither diameter nor speed of rotation; convert all its tables by"
@@ -96,9 +96,9 @@ def parse_propeller(text: str, name: str) -> Propeller:
 
 
 def _csv_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
-    """Diameter [m], rows and source of our own format: `# diameter_m = …`, a header `rpm,J,cT,cP`, one line a point.
+    """Diameter [m], rows and source of our own format: `# diameter_m = …`, a header `rpm,J,cT,cP`, one line per point.
 
-    Raises InputError when the text is not such a table.
+    Raises InputError if the text is not such a table.
     """
     comments = [line.lstrip("# ") for line in text.splitlines() if line.startswith("#")]
     diameter = next((re.match(r"diameter_m\s*=\s*(\S+)", c) for c in comments if c.startswith("diameter_m")), None)
@@ -155,10 +155,11 @@ def _apc_table(text: str, name: str) -> tuple[float, tuple[Row, ...], str]:
 
 
 def parse_uiuc(texts: dict[float, str], name: str, diameter_m: float, static: str | None = None) -> Propeller:
-    """UIUC wind-tunnel tables `J CT CP eta`, one text for each speed of rotation [1/min], known from the file name.
+    """Read UIUC wind-tunnel tables `J CT CP eta`: one text for each speed of rotation [1/min], which the file name
+    gives.
 
     Two tests at one speed of rotation, one at low and one at high J, form one row. static: the table `RPM CT CP`
-    measured without wind; rows within its range of speeds get their point at J = 0 from it.
+    measured without wind, which gives rows within its range of speeds their point at J = 0.
     """
     tests = sorted((rpm, _columns(text, ("J", "CT", "CP"), name)) for rpm, text in texts.items())
     static_points = _columns(static, ("RPM", "CT", "CP"), name) if static else []
@@ -196,7 +197,7 @@ def _columns(text: str, header: tuple[str, str, str], name: str) -> list[tuple[f
 
 
 def _rows(points: dict[float, list[tuple[float, float, float]]]) -> tuple[Row, ...]:
-    """Rows in ascending J; repeated measurements at one J are averaged."""
+    """Make rows in ascending J; repeated measurements at one J are averaged."""
     rows = []
     for rpm, table in points.items():
         coefficients_at_J: dict[float, list[tuple[float, float]]] = {}

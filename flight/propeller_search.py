@@ -1,7 +1,7 @@
-"""Finds propeller tables by words and size, and estimates the error of using a table of another size or a computed one.
+"""Finds propeller tables by words and size, and estimates the error of using a computed table or one of another size.
 
 The header of a table describes the propeller: `# series = APC thin electric`, `# origin = measured`, `# published = …`,
-`# pitch_m = …`, `# blades = 2`. Both errors are found from the tables themselves, by comparing thrusts at the same
+`# pitch_m = …`, `# blades = 2`. Both errors are estimated from the tables themselves, by comparing thrusts at the same
 airspeed and speed of rotation.
 """
 
@@ -23,17 +23,17 @@ from flightpower.flight.propeller import J_REFERENCE, Origin, Propeller
 from flightpower.flight.propeller_files import INCH_M, LARGEST_INCHES, UIUC_NAME, load_propeller
 from flightpower.flight.shipped_propellers import shipped_propellers
 
-# Flights are looked at from the J at which the propeller's efficiency is this share of its best, up to the best: climbs
-# and level flight. Nearer to zero thrust a relative difference has no meaning.
+# Tables are compared between the J at which the propeller's efficiency is this share of its best and the J of its best:
+# in climbs and level flight. Closer to zero thrust a relative difference has no meaning.
 SHARE_OF_BEST_EFFICIENCY = 0.7
-# Tables are compared where their diameters and pitches differ by no more than this, as a logarithm: what is asked for
-# is rarely further from the nearest table, and there thrust is nearly a product of powers of the two.
+# Two tables are compared if the logarithms of their diameters and pitches differ by no more than this: the requested
+# size is rarely further from the nearest table, and within it thrust is nearly a product of powers of the two.
 COMPARED_WITHIN = 0.3
-LEAST_RATIO = 0.05  # smaller thrust than this share is taken as this share: the logarithm would be all that counts
-FEWEST_TABLES = 8  # between which thrusts are compared: two elasticities and a scatter are estimated from them
+LEAST_RATIO = 0.05  # lower limit of ratios: the logarithm of a smaller ratio would dominate
+FEWEST_TABLES = 8  # needed for a comparison that estimates two elasticities and a scatter
 SAME_SIZE_IN = 0.05  # UIUC and APC round sizes to 0.1 in
 SIZE = re.compile(r"(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)(.*)", re.IGNORECASE)
-# 10x5E, 13x8E-3 (three blades), 4.1x4.1E-B4, 10x5(F2B), 15x11(WCAR-T6): what is in brackets does not count blades.
+# 10x5E, 13x8E-3 (three blades), 4.1x4.1E-B4, 10x5(F2B), 15x11(WCAR-T6): the text in parentheses does not count blades.
 APC_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)x(\d+(?:\.\d+)?)((?:\([^)\n]*\)|[^\s(])*)")
 APC_BLADES = re.compile(r"-B?([2-6])$", re.IGNORECASE)
 
@@ -71,11 +71,11 @@ class Table:
 
     @property
     def search_text(self) -> str:
-        """The text that words are searched in."""
+        """The text in which the words of a query are searched."""
         return f"{self.name} {self.series} {self.published} {self.origin.value}".lower()
 
     def to_csv(self) -> str:
-        """The table in our own format, with its head: what `flight.propeller_files` and this module read back."""
+        """Return the table with its head in our own format, readable by `flight.propeller_files` and this module."""
         facts = {"series": self.series, "published": self.published, "blades": self.blades}
         pitch = {} if self.pitch_in is None else {"pitch_m": f"{self.pitch_in * INCH_M:.6g}"}
         head = {"origin": self.origin.value, **{key: value for key, value in facts.items() if value}, **pitch}
@@ -86,7 +86,7 @@ class Table:
 
 
 class Query(NamedTuple):
-    """What is asked for; words : all of them are in a table's name, series or publication."""
+    """A search request. words : all of them must be in a table's name, series or publication."""
 
     words: tuple[str, ...] = ()
     diameter_in: float | None = None
@@ -97,7 +97,7 @@ class Query(NamedTuple):
 class Cost:
     """How far thrust and power may be from those of a table, at the same airspeed and speed of rotation.
 
-    J : least and largest advance ratio looked at       compared : propellers whose tables say so
+    J : least and largest advance ratio compared       compared : number of propellers or pairs compared
     thrust, power : least and largest relative difference there (-0.2: 20 % less than the table's)
     thrust_scale, thrust_slope : standard deviations for [uncertainty] of the aircraft file
     per_inch : relative change of thrust with an inch of diameter and of pitch; None for a table of the size itself
@@ -114,7 +114,7 @@ class Cost:
 
 
 def parse_query(words: Iterable[str]) -> Query:
-    """The query of words such as 11x5.5, graupner, 11 (a diameter in inches). Raises InputError."""
+    """Make a query from words such as 11x5.5, graupner, 11 (inches). Raises InputError for a second or absurd size."""
     query = Query()
     for word in words:
         sized = SIZE.fullmatch(word)
@@ -140,7 +140,7 @@ def shipped_tables() -> list[Table]:
 
 
 def described(name: str, propeller: Propeller) -> Table:
-    """A table with what the lines `key = value` of its head say. Raises InputError for one that is not understood."""
+    """A table with the data of the lines `key = value` in its head. Raises InputError if one is not understood."""
     head = propeller.head
     try:
         return Table(
@@ -157,9 +157,9 @@ def described(name: str, propeller: Propeller) -> Table:
 
 
 def tables_in(folder: Path) -> tuple[list[Table], list[str]]:
-    """The tables in a folder and below: UIUC's and APC's as downloaded, and our own; and what could not be read.
+    """The tables in a folder and its subfolders, UIUC's, APC's and our own, and the files that could not be read.
 
-    Raises InputError where there is no such folder, or no table in it.
+    Raises InputError if there is no such folder, or no table in it.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no folder")
@@ -189,7 +189,7 @@ def _of_uiuc(name: str, propeller: Propeller) -> Table:
     series, _, size = name.rpartition("_")
     match = SIZE.match(size)
     pitch_in = float(match[2]) if match else None
-    if pitch_in and pitch_in > LARGEST_INCHES:  # millimeters, as the diameter is then
+    if pitch_in and pitch_in > LARGEST_INCHES:  # in millimeters, and so is the diameter
         pitch_in /= 1000 * INCH_M
     return Table(name, propeller, series, Origin.MEASURED, f"UIUC, {name}", pitch_in)
 
@@ -205,7 +205,7 @@ def _of_apc(path: Path) -> Table:
 
 
 def matching(tables: Iterable[Table], query: Query) -> list[Table]:
-    """Those with all words and the size, by size, the measured ones of a size first."""
+    """The tables that have all words and the size of the query, sorted by size, and measured tables first."""
     order = list(Origin)
     matches = [table for table in with_words(tables, query) if has_size(table, query)]
     return sorted(
@@ -215,7 +215,7 @@ def matching(tables: Iterable[Table], query: Query) -> list[Table]:
 
 
 def with_words(tables: Iterable[Table], query: Query) -> list[Table]:
-    """Those whose name, series or publication has all words of the query."""
+    """The tables whose name, series or publication has all words of the query."""
     words = [word.lower() for word in query.words]
     return [table for table in tables if all(word in table.search_text for word in words)]
 
@@ -226,9 +226,10 @@ def has_size(table: Table, query: Query) -> bool:
 
 
 def nearest(tables: Iterable[Table], query: Query, count: int = 3) -> list[Table]:
-    """The tables nearest in diameter and pitch, as ratios, and the nearest measured one; those with the words first.
+    """The tables nearest in the ratios of diameter and pitch, and the nearest measured table. Tables with the query's
+    words are preferred.
 
-    Computed tables count where the same propeller was not measured; assumed ones do not.
+    Computed tables count if the same propeller was not measured; assumed tables never count.
     query : with diameter and pitch
     """
     sized = [table for table in tables if table.pitch_in is not None]
@@ -255,22 +256,22 @@ def _log_size(table: Table | Query) -> Array:
 
 
 def _step(table: Table, query: Query) -> Array:
-    """(2,): logarithms of the query's diameter and pitch over those of the table."""
+    """Logarithms of the ratios of the query's diameter and pitch to the table's, (2,)."""
     return _log_size(query) - _log_size(table)
 
 
 def cost_of(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, float] | None = None) -> Cost:
-    """The error from using `base` for the query's propeller: by its size or make, and by being computed.
+    """The error of using `base` for the query's propeller, due to another size or make, and to a computed table.
 
-    query : with diameter and pitch      J : advance ratios of the flight; default: of a climb and level flight
-    Raises InputError when there are no tables to estimate it from.
+    query : with diameter and pitch      J : advance ratios of the flight; by default those of a climb and level flight
+    Raises InputError if there are no tables from which to estimate it.
     """
     costs = []
     if not has_size(base, query) or not with_words([base], query):
         costs.append(_cost_of_size(base, query, tables, J))
     if base.origin is not Origin.MEASURED:
         costs.append(_cost_of_computed(base, tables, J))
-    usual = Uncertainty()  # error of a table of exactly the flown propeller
+    usual = Uncertainty()  # error of a table of the very propeller flown
     return Cost(
         base.name,
         J or flight_J(base),
@@ -285,8 +286,9 @@ def cost_of(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, 
 
 @cache
 def computed_table_error() -> tuple[float, float]:
-    """Standard deviations of scale and slope of thrust over that of a computed table, by the shipped tables of
-    propellers that were measured and computed; with what a table of the very propeller is off by."""
+    """Standard deviations of scale and slope of the true thrust relative to a computed table, from the shipped
+    propellers that were both measured and computed. They include the usual error of a table of the very propeller
+    flown."""
     tables, usual = shipped_tables(), Uncertainty()
     computed = _cost_of_computed(next(table for table in tables if table.origin is Origin.COMPUTED), tables, None)
     return (
@@ -299,7 +301,7 @@ def with_table_error(uncertainty: Uncertainty, keys: Collection[str], propeller:
     """The uncertainty of a table's thrust before a flight, and a sentence if it differs from the usual one: a computed
     table is less certain, unless the aircraft file states it.
 
-    uncertainty : of the aircraft file     keys : that this file has ("uncertainty.thrust_scale")
+    uncertainty : of the aircraft file     keys : the keys that this file has ("uncertainty.thrust_scale")
     """
     silent = [key for key in ("thrust_scale", "thrust_slope") if f"uncertainty.{key}" not in keys]
     if propeller.origin is not Origin.COMPUTED or not silent:
@@ -318,16 +320,16 @@ def with_table_error(uncertainty: Uncertainty, keys: Collection[str], propeller:
 
 
 def _combined_ranges(ranges: list[tuple[float, float]]) -> tuple[float, float]:
-    """Relative differences of two causes, both at their ends."""
+    """Combine the ranges of several relative differences: their lower ends, and their upper ends."""
     low, high = (math.prod(1 + ends[end] for ends in ranges) - 1 for end in (0, 1))
     return low, high
 
 
 def _cost_of_size(base: Table, query: Query, tables: Sequence[Table], J: tuple[float, float] | None) -> Cost:
-    """Thrust over diameter and pitch, from all pairs of measured tables of nearly one size, as powers of the two.
+    """Fit thrust as powers of diameter and pitch to all pairs of measured tables of nearly one size.
 
-    What is left is the scatter between propellers of one size. Pairs of the series that the query's words name are
-    taken if there are enough.
+    The residual is the scatter between propellers of one size. If there are enough pairs of the series that the query
+    names, only these are used.
     """
     measured = [
         table for table in tables if table.origin is Origin.MEASURED and table.pitch_in and table.blades in (None, 2)
@@ -340,12 +342,12 @@ def _cost_of_size(base: Table, query: Query, tables: Sequence[Table], J: tuple[f
         raise InputError(f"{base.name}: too few measured tables to compare at these advance ratios")
     steps, ratios = np.array([pair.step for pair in pairs]), np.array([pair.ratios for pair in pairs])
     elasticities, *_ = np.linalg.lstsq(steps, ratios, rcond=None)
-    # Pairs share tables: there are as many independent differences as tables, less one, and two are used up.
+    # Pairs share tables: the independent differences number one less than the tables, and the fit uses up two.
     scatter = np.sqrt(((ratios - steps @ elasticities) ** 2).mean(axis=0) * (compared - 1) / (compared - 3))
     step = _step(base, query)
     leverage = step @ np.linalg.solve(steps.T @ steps / len(pairs), step) / (compared - 1)
     expected, sigma = step @ elasticities, scatter * math.sqrt(1 + leverage)
-    scale, slope = np.hypot(expected, sigma)[:2]  # of the error of a table that is not corrected
+    scale, slope = np.hypot(expected, sigma)[:2]  # error of an uncorrected table
     least, most = np.expm1(expected - 2 * sigma), np.expm1(expected + 2 * sigma)  # 95 %
     per_inch = np.expm1(elasticities[:, 2] * np.log1p(1 / np.exp(_log_size(base))))
     return Cost(
@@ -361,7 +363,7 @@ def _cost_of_size(base: Table, query: Query, tables: Sequence[Table], J: tuple[f
 
 
 class Pair(NamedTuple):
-    """Two tables of nearly one size: the step of size between them, and how thrust and power differ (`_ratios`)."""
+    """Two tables of nearly one size: their step in size (logarithms), and how thrust and power differ (`_ratios`)."""
 
     table_name: str
     step: Array
@@ -369,7 +371,7 @@ class Pair(NamedTuple):
 
 
 def _pairs(tables: Iterable[Table], J: tuple[float, float] | None) -> list[Pair]:
-    """All pairs of tables of nearly one size, each both ways."""
+    """All ordered pairs of tables of nearly one size."""
     pairs = []
     for table, other in permutations(tables, 2):
         step = _log_size(other) - _log_size(table)
@@ -382,7 +384,7 @@ def _pairs(tables: Iterable[Table], J: tuple[float, float] | None) -> list[Pair]
 
 
 def _cost_of_computed(base: Table, tables: Sequence[Table], J: tuple[float, float] | None) -> Cost:
-    """How far measured tables are from those computed of the same propeller: all pairs, the widest range of them."""
+    """How far measured tables are from computed tables of the same propeller: the widest range over all pairs."""
     compared, thrust, power = [], [], []
     for computed, measured in permutations(tables, 2):
         same = computed.series == measured.series and computed.size == measured.size
@@ -404,7 +406,7 @@ def _cost_of_computed(base: Table, tables: Sequence[Table], J: tuple[float, floa
 
 @cache
 def flight_J(table: Table) -> tuple[float, float]:
-    """Advance ratios of a climb and level flight, from the table's efficiency J cT/cP, averaged over its speeds."""
+    """Advance ratios of a climb and of level flight, from the table's efficiency J cT/cP, averaged over its speeds."""
     J = np.linspace(0.02, table.J[1], 101)
     efficiency = np.zeros(J.shape)
     for row in table.propeller.rows:
@@ -416,10 +418,11 @@ def flight_J(table: Table) -> tuple[float, float]:
 
 
 def _log_ratios(table: Table, other: Table, J: tuple[float, float]) -> tuple[Array, Array]:
-    """Logarithms of `other`'s thrust and power over `table`'s at the same airspeed and speed of rotation, (3, 21).
+    """Logarithms of the ratios of `other`'s thrust and power to `table`'s at one airspeed and speed of rotation, (3,
+    21).
 
-    They are given at three speeds of rotation that both tables have (or between their ranges) and at J, those of
-    `table`; NaN where `table` has no thrust or absorbs no power.
+    They are given at three speeds of rotation that both tables have (or between their ranges), and at advance ratios J
+    of `table`; NaN where `table` has no thrust or absorbs no power.
     """
     low, high = max(table.rpm[0], other.rpm[0]), min(table.rpm[1], other.rpm[1])
     if low > high:
@@ -435,9 +438,9 @@ def _log_ratios(table: Table, other: Table, J: tuple[float, float]) -> tuple[Arr
 
 
 def _ratios(thrust: Array, power: Array, J: tuple[float, float]) -> Array | None:
-    """(4,): logarithm of the ratio of thrusts at J_REFERENCE, its slope over J, its mean, and the mean of power's.
+    """Log of the thrust ratio at J_REFERENCE, its slope over J, its mean, and the mean log of the power ratio, (4,).
 
-    None if there is no ratio, as without thrust in the first table.
+    None if a ratio does not exist, as when the first table has no thrust.
     """
     if not (np.isfinite(thrust).all() and np.isfinite(power).all()):
         return None

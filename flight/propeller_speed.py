@@ -1,6 +1,6 @@
-"""Speed of rotation at which a propeller gives a thrust, or takes full throttle.
+"""Finds the speed of rotation at which a propeller gives a certain thrust, or that it reaches at full throttle.
 
-Thrust is that of the table times 1 + thrust_scale + thrust_slope (J - J_REFERENCE), the correction that the dynamic
+Thrust is the table's thrust times 1 + thrust_scale + thrust_slope (J - J_REFERENCE), a correction that the dynamic
 method estimates in flight. V in m/s, n in rev/s, thrust in N, rho in kg/m^3.
 """
 
@@ -17,7 +17,7 @@ Floats = float | Array
 def corrected_thrust(
     propeller: Propeller, V: Array, n: Array, rho: Floats, *, thrust_scale: Floats, thrust_slope: Floats
 ) -> Array:
-    """Thrust [N] of the table with the correction estimated in flight, elementwise."""
+    """The table's thrust [N] with the correction estimated in flight, elementwise."""
     thrust_N, _ = propeller.thrust_and_power(V, n, rho)
     J = V / (n * propeller.diameter_m)
     corrected: Array = thrust_N * (1 + thrust_scale + thrust_slope * (J - J_REFERENCE))
@@ -35,13 +35,13 @@ def revps_for_thrust(
 ) -> Array:
     """The speed of rotation [rev/s] at which the propeller gives a thrust [N] above zero, elementwise.
 
-    NaN where five times the speed of rotation of zero thrust does not give it.
+    NaN where even five times the speed of rotation of zero thrust does not give it.
     """
     V, thrust_N = np.broadcast_arrays(np.asarray(V, dtype=float), np.asarray(thrust_N, dtype=float))
-    slowest: Array = V / (3 * propeller.diameter_m)  # J = 3: beyond zero thrust of any model propeller
+    slowest: Array = V / (3 * propeller.diameter_m)  # J = 3, where no model propeller gives thrust any more
 
     def excess_over_n(n: Array) -> Array:
-        """The excess of thrust over n, nearly a straight line: thrust is nearly a n^2 - b V n."""
+        """The excess of thrust, divided by n; nearly a straight line, because thrust is nearly a n^2 - b V n."""
         given_N = corrected_thrust(propeller, V, n, rho, thrust_scale=thrust_scale, thrust_slope=thrust_slope)
         return np.asarray((given_N - thrust_N) / n)
 
@@ -67,10 +67,10 @@ def full_throttle_revps(
 
 
 def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """The zero of a rising function between low and high, elementwise, to 1e-8 of it, by secants.
+    """Find the zero of a rising function between low and high by secants, elementwise, with a relative error of 1e-8.
 
-    NaN where the function is not above zero at high, or nowhere below. Bisection takes over where a secant leaves the
-    bounds, or where secants do not end.
+    NaN where the function is not above zero at high, or was above zero at every point tried. Bisection takes over where
+    a secant leaves the bounds, or where the secants do not converge.
     """
     low, n = np.broadcast_arrays(low, high)
     at_n, before, at_before = excess(n), low, excess(low)
@@ -82,7 +82,7 @@ def _root(excess: Callable[[Array], Array], low: Array, high: Array) -> Array:
         reached = reached | (at_n == 0)
         inside = (secant >= low) & (secant <= high) & (step < 20)
         after = np.where(reached, n, np.where(inside, secant, (low + high) / 2))
-        reached = reached | (np.abs(after - n) <= 1e-9 * n)  # at a corner of the function the error is some steps
+        reached = reached | (np.abs(after - n) <= 1e-9 * n)  # at a corner, the error is a few steps
         before, at_before, n = n, at_n, after
         if reached.all():
             break

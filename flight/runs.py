@@ -1,18 +1,20 @@
-"""What a run is: a level acceleration or deceleration. Its criteria, the legs of a speed history, reasons of rejection.
+"""Defines a run, a level acceleration or deceleration: its criteria, the legs of a speed history, reasons for
+rejection.
 
-The analysis (`analysis.maneuvers`) and the pilot's monitor (`daq.run_monitor`) judge by this module, so that a run that
-is announced as good in flight is one of the analysis. Plain Python, because the aircraft's computer lacks numpy.
+The analysis (`analysis.maneuvers`) and the pilot's monitor (`daq.run_monitor`) judge by this module, so that a run
+announced as good in flight is also a run for the analysis. Plain Python, because the aircraft's computer lacks numpy.
 
 A leg lasts from one turning point of speed to the next; a run is the part of a leg in which speed changes. In gusts the
-slope of speed changes sign every few seconds within a run. A leg continues through that; it ends when speed has come
-back by a share of its value and by a share of what the leg gained.
+slope of speed changes sign every few seconds within a run. A leg continues through such changes; it ends when speed has
+come back by a share of its value and by a share of the leg's total change.
 
 Accelerations, climb rates, heights and durations marked "scaled" are multiplied by the aircraft's `speed_ratio`. A
-slower aircraft changes its speed by the same share with a smaller acceleration, or in a shorter time: its least values
-are smaller. A much faster one needs longer, at the same share of its weight: its largest values are larger.
+slower aircraft changes its speed by the same share with a smaller acceleration, or in a shorter time, so its lower
+limits are smaller. With the same excess force relative to its weight a much faster aircraft needs longer, so its upper
+limits are larger.
 
-An airspeed without noise shows a gentler and a smaller change as well: least accelerations and the least change of
-speed are multiplied by the share of noise (`noise_share`).
+An airspeed with little noise reveals even a gentler and smaller change: the lower limits of acceleration and of change
+of speed are multiplied by `noise_share`.
 """
 
 import math
@@ -83,8 +85,9 @@ class AircraftSizeSettings(Settings):
     They were set on aircraft of 20 m/s and 80 N/m^2. An aircraft with a lower wing loading flies the same lift
     coefficients at lower speeds. Speeds, changes of speed in a given time, and durations of runs scale with its speed
     at a lift coefficient of 1: durations, because thrust and drag over weight are the same. Dynamic pressures scale
-    with the square of that speed, which is proportional to the wing loading. Faster aircraft keep the least values,
-    which noise sets; from twice the reference speed on the largest durations, climb rates and heights of runs grow.
+    with the square of that speed, which is proportional to the wing loading. Faster aircraft keep the lower limits,
+    which noise sets; above twice the reference speed the upper limits of a run's duration, climb rate and height range
+    grow.
     """
 
     reference_mps: float = setting(
@@ -105,7 +108,7 @@ class AircraftSizeSettings(Settings):
 
 @dataclass(frozen=True)
 class StandingSettings(Settings):
-    """When the aircraft stands still: spread of the sensors within a second, and the motor."""
+    """Criteria for an aircraft that stands still: the spread of its sensors within a second, and the motor speed."""
 
     rate_spread_radps: float = setting(
         0.03, "rad/s", "bench noise is 0.005 rad/s (Table 4.1); gusts on the ground add to it"
@@ -123,36 +126,37 @@ STANDING = StandingSettings()
 
 
 def speed_ratio(weight_N: float, wing_area_m2: float) -> float:
-    """Speed at C_L = 1 over the reference speed."""
+    """Ratio of the aircraft's speed at C_L = 1 to the reference speed."""
     return math.sqrt(2 * (weight_N / wing_area_m2) / SEA_LEVEL_DENSITY) / AIRCRAFT_SIZE.reference_mps
 
 
 def speed_scale(weight_N: float, wing_area_m2: float) -> float:
-    """`speed_ratio`, at most 1."""
+    """Return `speed_ratio`, limited to 1."""
     return min(1.0, speed_ratio(weight_N, wing_area_m2))
 
 
 def larger(scale: float) -> float:
-    """The factor on largest values: 1 up to twice the reference speed. scale: the aircraft's `speed_ratio`."""
+    """The factor on upper limits: 1 up to twice the reference speed. scale: the aircraft's `speed_ratio`."""
     return max(1.0, scale / 2)
 
 
 def noise_share(noise_mps: float, step_s: float) -> float:
-    """The share of noise, from the turning share of speed on: noise of the speed over LEVEL_RUN.noise_mps, at most 1.
+    """Noise of the speed divided by LEVEL_RUN.noise_mps, at most 1, and not below a limit that `turning_share` sets.
 
-    noise_mps: of one sample of the speed. step_s: between two; the error of a slope falls with the root of the rate.
+    noise_mps: noise of one sample of the speed. step_s: time between samples; the error of a slope falls with the
+    square root of the rate.
     """
     least = LEVEL_RUN.turning_share / 2 / LEVEL_RUN.smallest_speed_change
     return min(1.0, max(least, noise_mps * math.sqrt(25 * step_s) / LEVEL_RUN.noise_mps))
 
 
 def flying_Pa(scale: float) -> float:
-    """Dynamic pressure above which an aircraft of a speed scale flies, and its flow angles are determined [Pa]."""
+    """Dynamic pressure [Pa] above which an aircraft flies and its flow angles are defined. scale: its `speed_scale`."""
     return max(AIRCRAFT_SIZE.least_flying_Pa, AIRCRAFT_SIZE.flying_Pa * min(1.0, scale) ** 2)
 
 
 class Leg(NamedTuple):
-    """A leg from one turning point of speed to the next, by index. sign: 1 for an acceleration, or -1."""
+    """A leg from one turning point of speed to the next, by index. sign: 1 (acceleration) or -1 (deceleration)."""
 
     sign: int
     first: int
@@ -215,10 +219,11 @@ def legs_of(speeds: Sequence[float]) -> list[Leg]:
 
 
 def changing_part(speeds: Sequence[float], changing: Sequence[bool]) -> slice:
-    """The rows of a leg in which speed changes, without those at either end in which it is held.
+    """The rows of a leg in which speed changes, without the rows at either end in which it is held.
 
-    speeds: of the leg [m/s]. changing: whether speed changes in the leg's direction, faster than `changing_mps2`.
-    From the last row near the first speed to the first row near the last speed, extended while speed goes on changing.
+    speeds: speeds of the leg [m/s]. changing: whether speed changes in the leg's direction, faster than
+    `changing_mps2`. The part extends from the last row near the first speed to the first row near the last speed, and
+    further while speed continues to change.
     """
     first, last, end_row = speeds[0], speeds[-1], len(speeds) - 1
     begin = max(i for i, V in enumerate(speeds) if abs(V - first) <= LEVEL_RUN.held_share * first)
@@ -231,7 +236,7 @@ def changing_part(speeds: Sequence[float], changing: Sequence[bool]) -> slice:
 
 
 class RunRejected(StrEnum):
-    """Why a stretch in which speed changes is no run."""
+    """Reasons why a stretch in which speed changes is no run."""
 
     TOO_GENTLE = "too gentle"
     TOO_SHORT = "too short"
@@ -246,10 +251,10 @@ class RunRejected(StrEnum):
 
 
 class Rejection(NamedTuple):
-    """The reason why a stretch is no maneuver of its kind, as a code, and the figures for a text.
+    """The reason why a stretch is no maneuver of its kind, as a code, and the figures for a message.
 
-    reason: `RunRejected`, or the enum of another kind of maneuver. measured, limit: of the quantity that the reason
-    names, SI units, shares of 1. quantity: what was not measured.
+    reason: `RunRejected`, or the enum of another kind of maneuver. measured, limit: values of the quantity that the
+    reason names, in SI units, or as fractions of 1. quantity: the name of a quantity that was not measured.
     """
 
     reason: StrEnum
@@ -259,14 +264,15 @@ class Rejection(NamedTuple):
 
 
 class RunMeasures(NamedTuple):
-    """What is judged of the changing part of a leg. Height and climb are NaN where no height was measured."""
+    """The measures by which the changing part of a leg is judged. Height and climb are NaN if no height was
+    measured."""
 
     rows: int
     step_s: float
     seconds: float  # from the first row to the last
     peak_mps2: float  # largest acceleration in the leg's direction
-    speed_change: float  # largest less smallest over mean speed
-    lowest_m: float  # height above the ground; infinite where the ground's pressure is not known
+    speed_change: float  # (largest - smallest)/mean speed
+    lowest_m: float  # height above the ground; infinite if the ground's pressure is unknown
     mean_climb_mps: float
     height_range_m: float
     largest_bank_rad: float
@@ -312,9 +318,9 @@ class RunMeasures(NamedTuple):
         return missing_data(*self.missing)
 
     def seconds_more(self, scale: float) -> float | None:
-        """How much longer a stretch that is being flown has to go on to be a run, its speed changing as so far [s].
+        """How much longer the stretch being flown must last to become a run if its speed keeps changing as before [s].
 
-        0 where it is one already. None where speed is nearly held, and where going on does not mend what is wrong.
+        0 if it already is a run. None if speed is nearly held, or if a longer stretch would still be rejected.
         """
         if self._gentle(scale) or self.speed_change <= 0:
             return None
@@ -327,7 +333,7 @@ class RunMeasures(NamedTuple):
 
 
 def too_low(lowest_m: float, scale: float) -> Rejection | None:
-    """The rejection of a stretch that is too near the ground, or whose height [m] is NaN; None if neither."""
+    """The rejection of a stretch that is too close to the ground, or whose height [m] is NaN; otherwise None."""
     if math.isnan(lowest_m):
         return Rejection(RunRejected.HEIGHT_UNKNOWN)
     least_m = AIRCRAFT_SIZE.least_height_m * min(1.0, scale)
@@ -335,7 +341,7 @@ def too_low(lowest_m: float, scale: float) -> Rejection | None:
 
 
 def missing_data(quantity: str, share: float) -> Rejection | None:
-    """The rejection of a stretch in a share of which a needed quantity was not measured; None if that is allowed."""
+    """The rejection of a stretch if a needed quantity is missing in too large a share of it; otherwise None."""
     if share <= LEVEL_RUN.largest_gap_share:
         return None
     return Rejection(RunRejected.DATA_MISSING, share, LEVEL_RUN.largest_gap_share, quantity)

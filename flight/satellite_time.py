@@ -1,4 +1,4 @@
-"""Date and time of a log by the satellites; the log's own times are those of a clock that may never have been set."""
+"""Gives a log's date and time according to the satellites; the log's own clock may never have been set."""
 
 from flightpower.flight.log_entries import NO_ENTRIES
 from flightpower.flight.log_reader import Log
@@ -6,9 +6,9 @@ from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Gps, Message,
 
 
 def satellites_minus_log_time_ns(log: Log) -> int | None:
-    """What to add to a log's times to get UTC [ns]; None without a fix that has a date.
+    """The offset to add to a log's times to get UTC [ns]; None without a fix that has a date.
 
-    The last such fix counts: right after power-on a receiver may not know the leap seconds.
+    The last such fix is used: right after power-on a receiver may not know the leap seconds.
     """
     for topic in ("/gps", "/time"):
         entries = log.entries.get(topic, NO_ENTRIES)
@@ -20,7 +20,7 @@ def satellites_minus_log_time_ns(log: Log) -> int | None:
 
 
 def ahead_of_log_ns(message: Message, time_ns: int) -> int | None:
-    """How far satellite time is ahead, from one message and its log time; None without a date."""
+    """Satellite time minus log time [ns], from one message and its log time; None without a date."""
     match message:
         case Gps(utc_ns=int(utc_ns)) | Time(gps_utc_ns=int(utc_ns)):
             return utc_ns - time_ns if FIRST_UTC_NS <= utc_ns < LAST_UTC_NS else None

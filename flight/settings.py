@@ -1,6 +1,6 @@
-"""Thresholds and priors as typed, documented records: each with its unit and the reason for its value, or its source.
+"""Thresholds and priors as typed, documented records: each has its unit, and the reason for its value or its source.
 
-A package keeps its own in `settings.py`, one record a subject:
+A package keeps its own settings in `settings.py`, one record per subject:
 
     @dataclass(frozen=True)
     class LevelRuns(Settings):
@@ -11,7 +11,7 @@ A package keeps its own in `settings.py`, one record a subject:
     LEVEL_RUNS = LevelRuns()
 
 The site's page of assumed values is made from these records. A value that follows from another setting, from the noise
-or from the aircraft's size is computed, and is no setting.
+or from the aircraft's size is not a setting; it is computed.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,16 +19,16 @@ from dataclasses import MISSING, field, fields
 from typing import Any, NamedTuple, TypeVar
 
 T = TypeVar("T")
-NORMAL_95 = 1.959963984540054  # half width of a 95 % interval, in standard errors; daq has no SciPy to compute it
+NORMAL_95 = 1.959963984540054  # half-width of a 95 % interval in standard errors; a number because daq has no SciPy
 
 
 def setting(value: T, unit: str, reason: str) -> T:
     """The default of a field of `Settings`. unit: "1" for a ratio; reason: why this value, or its source.
 
-    A table of like numbers is one setting, a mapping.
+    A table of similar numbers is one setting, whose value is a mapping.
     """
     metadata = {"unit": unit, "reason": reason}
-    if isinstance(value, Mapping):  # dataclasses refuse it as a default, since it could be changed
+    if isinstance(value, Mapping):  # dataclasses reject a mutable default
         return field(default_factory=lambda: value, metadata=metadata)
     return field(default=value, metadata=metadata)
 

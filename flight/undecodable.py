@@ -1,4 +1,4 @@
-"""Messages that are not of the log's format, and the likely mistake of the program that wrote them."""
+"""Describes messages that violate the log's format, and the likely mistake of the program that wrote them."""
 
 import re
 from dataclasses import dataclass

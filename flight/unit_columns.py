@@ -1,4 +1,4 @@
-"""CSV files whose header names each column with its unit, `thrust_N` or `thrust [N]`."""
+"""Reads CSV files whose header gives each column's name and unit, `thrust_N` or `thrust [N]`."""
 
 import csv
 import re
@@ -18,11 +18,11 @@ REVOLUTIONS = {"revps": "turn/s", "rev/s": "turn/s", "rev/min": "rpm"}  # names 
 def read_unit_columns(
     path: Path, columns: Mapping[str, tuple[str, str]], needed: Sequence[str], example: str
 ) -> dict[str, NDArray[np.float64]]:
-    """Columns (n,) of finite numbers by name, in SI units. Lines that are empty or begin with # are left out.
+    """Columns (n,) of finite numbers by name, in SI units. Lines that are empty or begin with # are skipped.
 
-    columns : by title, the name and the SI unit     needed : titles of columns that the file must have
+    columns : name and SI unit by title     needed : titles of columns that the file must have
     example : a header, for messages
-    Raises InputError naming file and cause: no measurements, another column, a line without a number, a missing column.
+    Raises InputError naming file and cause: no measurements, an unknown or missing column, a line without a number.
     """
     try:
         rows = [row for row in csv.reader(read_text(path).splitlines()) if row and not row[0].startswith("#")]

@@ -1,8 +1,8 @@
 """Converts quantities with units in files (`span = "5.73 ft"`) to numbers in SI units (`span_m`).
 
-The name of a field ends with its unit: `static_pressure_Pa`. `read_table` takes the unit from there and converts to it.
-pint knows the units; this module knows the naming. The units that aircraft files use most are converted without pint:
-its import takes a third of a second, and several seconds on a small Raspberry Pi before the recording can begin.
+The name of a field ends with its unit: `static_pressure_Pa`. `read_table` converts to the unit in the name. pint knows
+the units, and this module knows how fields are named. The units that aircraft files use most are converted without
+pint: its import takes a third of a second, and several seconds on a small Raspberry Pi before the recording can begin.
 """
 
 import dataclasses
@@ -17,17 +17,17 @@ from typing import Any, TypeVar
 
 from flightpower.flight.errors import InputError
 
-# Of the standard atmosphere (ICAO Doc 7488/3); here because the daemon uses them without NumPy.
+# Constants of the standard atmosphere (ICAO Doc 7488/3); they are here because the daemon uses them without NumPy.
 GRAVITY_MPS2 = 9.80665  # standard gravity
-GAS_CONSTANT_AIR = 287.05287  # specific, J/(kg K)
+GAS_CONSTANT_AIR = 287.05287  # specific gas constant, J/(kg K)
 SEA_LEVEL_PRESSURE_PA = 101325.0
 SEA_LEVEL_TEMPERATURE_K = 288.15
 SEA_LEVEL_DENSITY = SEA_LEVEL_PRESSURE_PA / (GAS_CONSTANT_AIR * SEA_LEVEL_TEMPERATURE_K)  # 1.225 kg/m^3
-LAPSE_RATE = 0.0065  # of the troposphere, K/m
+LAPSE_RATE = 0.0065  # lapse rate of the troposphere, K/m
 TROPOPAUSE_M = 11_000.0
 
 DAY_S = 86_400.0
-EARTH_RADIUS_M = 6_371_000.0  # mean
+EARTH_RADIUS_M = 6_371_000.0  # mean radius
 
 FOOT_M = 0.3048
 KNOT_MPS = 1852 / 3600
@@ -59,14 +59,14 @@ UNIT_OF_SUFFIX = {
 
 
 def number_or_nan(value: Any) -> float:
-    """A number, or a text of one, as a float; NaN where it is neither."""
+    """A number, or a text that holds a number, as a float; NaN for anything else."""
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         return math.nan
 
 
-# SI units of a text in these units, and the exact factor.
+# The SI unit of each of these units, and the exact factor to it.
 COMMON_UNITS: Mapping[str, tuple[str, float]] = types.MappingProxyType(
     {
         **{unit: (unit, 1.0) for unit in UNIT_OF_SUFFIX.values() if unit not in ("K", "dimensionless")},
@@ -87,19 +87,19 @@ COMMON_UNITS: Mapping[str, tuple[str, float]] = types.MappingProxyType(
 )
 
 NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
-FEET_AND_INCHES = re.compile(r"(\d[\d.]*\s*[a-z]+)\s+(\d[\d.]*\s*[a-z]+)")  # and pounds and ounces
+FEET_AND_INCHES = re.compile(r"(\d[\d.]*\s*[a-z]+)\s+(\d[\d.]*\s*[a-z]+)")  # also matches pounds and ounces
 NO_EXAMPLES: Mapping[str, str] = types.MappingProxyType({})
 
-NO_KEY: Mapping[str, bool] = types.MappingProxyType({"key": False})  # metadata of a field that no file has
+NO_KEY: Mapping[str, bool] = types.MappingProxyType({"key": False})  # metadata of a field that is not read from files
 
 T = TypeVar("T")
 
 
 @lru_cache(maxsize=1)
 def _registry() -> Any:
-    from pint import UnitRegistry  # takes a quarter of a second to import
+    from pint import UnitRegistry  # imported here because that takes a quarter of a second
 
-    # inH2O is that of water at 4 degC, 249.089 Pa, as in the datasheets of TE and Honeywell.
+    # inH2O refers to water at 4 degC, 249.089 Pa, as in the datasheets of TE and Honeywell.
     return UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
@@ -139,7 +139,7 @@ def weight_to_N(text: object, where: str) -> float:
 
     Raises InputError, which names `where`, when it is neither.
     """
-    # Checks without other libraries come first: a text in N or lbf is not a mass.
+    # The check that needs no other library comes first: a text in N or lbf is not a mass.
     try:
         return to_si(text, "N", where) if _is_common(text, "N") else GRAVITY_MPS2 * to_si(text, "kg", where)
     except InputError:
@@ -153,8 +153,8 @@ def weight_to_N(text: object, where: str) -> float:
 def read_table(kind: type[T], table: object, where: str, examples: Mapping[str, str] = NO_EXAMPLES) -> T:
     """The dataclass `kind` from a TOML table; each quantity is converted to the unit in its field's name.
 
-    The key of a field is its name without the unit. A weight may be given as a mass. examples: by key
-    ("geometry.span"), what to write there, for messages.
+    The key of a field is its name without the unit. A weight may be given as a mass. examples: the text to write for
+    each key ("geometry.span"), for messages.
     Raises InputError, which names every key that is missing or unknown, or has a wrong unit or type, in one line.
     """
     problems: list[str] = []
@@ -166,7 +166,7 @@ def read_table(kind: type[T], table: object, where: str, examples: Mapping[str, 
 
 
 def _read_table(kind: Any, table: object, where: str, examples: Mapping[str, str], problems: list[str]) -> Any:
-    """`read_table`, or None where this table has problems, which are added to those given."""
+    """Like `read_table`, but add the table's problems to `problems`, and return None if there are any."""
     if not isinstance(table, dict):
         problems.append(f"{where}: should be a table, is {table!r}")
         return None
@@ -203,7 +203,7 @@ def _read_table(kind: Any, table: object, where: str, examples: Mapping[str, str
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
-    """("span", "m") of "span_m"; ("title", None) of "title"."""
+    """Split "span_m" into ("span", "m"), and "title" into ("title", None)."""
     stem, _, suffix = name.rpartition("_")
     if stem and suffix in UNIT_OF_SUFFIX:
         return stem, UNIT_OF_SUFFIX[suffix]

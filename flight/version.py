@@ -1,4 +1,4 @@
-"""The version of this software, as results and logs state it."""
+"""The version of this software, as stated in results and logs."""
 
 from functools import cache
 from pathlib import Path
@@ -10,11 +10,11 @@ PATIENCE_S = 5.0
 
 @cache
 def version() -> str:
-    """The installed version; in a checkout with the commit that runs, which may be later than the installation.
+    """The installed version. In a checkout it includes the current commit, which may be later than the installation.
 
     "1.0.0" of a release, "1.0.1.dev3+g555c46e7a" of a commit, with ".dirty" at its end where files were changed.
     """
-    from importlib import metadata  # 25 ms, which commands that state no version do not wait for
+    from importlib import metadata  # takes 25 ms, spared to commands that state no version
 
     try:
         installed = metadata.version("flightpower")
@@ -27,7 +27,7 @@ def version() -> str:
 
 
 def _commit(checkout: Path) -> str:
-    """The commit as in a version ("g555c46e7a.dirty"); empty where git does not know it."""
+    """The commit, written as in a version ("g555c46e7a.dirty"); empty if git does not know it."""
     import subprocess
 
     command = ["git", "-C", str(checkout), "describe", "--always", "--dirty=.dirty", "--abbrev=9", "--exclude=*"]
