@@ -1,4 +1,4 @@
 """The daemon on the aircraft: reads the sensors of the tray on a fixed time grid and records them.
 
-Runs on a Raspberry Pi. Imports of this project only `flight`, and not NumPy.
+It runs on a Raspberry Pi, and imports only `flight` of this project, and not NumPy.
 """

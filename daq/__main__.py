@@ -89,7 +89,7 @@ def run(
     had_terminal = has_terminal()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    # SIGHUP requests a new file. If the terminal has closed, it ends the recording: nobody could stop it any more.
+    # SIGHUP requests a new file. If the terminal has closed, it ends the recording, which nobody could stop any more.
     signal.signal(signal.SIGHUP, lambda *_: (stop if had_terminal and not has_terminal() else new_file).set())
     clock = SystemClock()
     bus_recording = BusRecording(record_bus, clock) if record_bus else None
@@ -155,7 +155,7 @@ def run(
     )
     if recording.write_error:
         print_error(f"daq: a part of the recording is missing: {recording.write_error}")
-        # Not `Exit`: a thread that waits for a failed disk would keep the process alive.
+        # Typer's `Exit` is not used, because a thread that waits for a failed disk would keep the process alive.
         sys.stderr.flush()
         os._exit(ExitCode.FAILURE)
 
@@ -165,7 +165,7 @@ def _seconds_option(least: float, text: str) -> Any:
 
 
 def drivers_line() -> str:
-    """The drivers that a tray file may name, those of other packages with the package."""
+    """A line that lists the drivers that a tray file may name; those of other packages with the name of the package."""
     from flightpower.daq.config import installed_drivers
 
     drivers = installed_drivers().items()
@@ -244,8 +244,8 @@ def check(
         typer.echo(tray_check.as_json(report))
     else:
         table = Table("", "topic", "part", "Hz", "value ± standard deviation", "bus errors", box=None)
-        table.columns[2].overflow = "fold"  # the names of devices are wanted whole
-        problems: dict[str, list[str]] = {}  # by advice, which several sensors of one bus share
+        table.columns[2].overflow = "fold"  # device names are shown in full
+        problems: dict[str, list[str]] = {}  # sensors by advice, which several sensors of one bus may share
         for line in report.lines:
             mark = {True: "[green]ok", False: "[bold red]BAD", None: "[yellow]?"}[line.ok]
             values = escape("\n".join(filter(None, line.values)))

@@ -5,21 +5,21 @@ from flightpower.daq.sensors import Sample
 from flightpower.flight.messages import Controls, Event
 
 HYSTERESIS_US = 50.0  # pulse widths vary by a few microseconds
-ABSENT_NS = 2_000_000_000  # a channel without a pulse for so long, while others have one, is not connected
+ABSENT_NS = 2_000_000_000  # a channel that has no pulse for this long, while others have pulses, is not connected
 
 
 class ArmSwitch:
-    """The position of the switch according to /controls. Off at first; keeps its position while there is no signal."""
+    """The position of the switch according to /controls. Off at first; without a signal it keeps its position."""
 
     def __init__(self, arm: ArmSwitchConfig | None):
         self._arm = arm
         self.armed = False
-        self.trouble: list[str] = []  # why the switch cannot be seen
+        self.trouble: list[str] = []  # why the position cannot be read
         self._absent_since_ns: int | None = None
 
     @property
     def recording(self) -> bool:
-        """Whether to record. True unless the switch controls the recording and is off."""
+        """Whether to record: True unless the switch controls the recording and is off."""
         return self._arm is None or self._arm.action == "mark" or self.armed
 
     def update(self, samples: list[Sample]) -> list[Event]:

@@ -74,7 +74,7 @@ def write_attachments(
 
 
 def propeller_text(name_or_path: str) -> str:
-    """The file of a propeller: one that is shipped, or a path, found as in `flight.propeller_files`, without NumPy."""
+    """The text of a propeller file, shipped or at a path, looked up as in `flight.propeller_files`, without NumPy."""
     if name_or_path in shipped_propellers():
         return FOLDER.joinpath(f"{name_or_path}.csv").read_text("utf-8")
     if not Path(name_or_path).is_file():
@@ -83,14 +83,14 @@ def propeller_text(name_or_path: str) -> str:
 
 
 def calibration_text(path: str | None, kind: str) -> str | None:
-    """The calibration file of the probe, the magnetometer or the transducers. Checked only for being a JSON object."""
+    """The calibration file of probe, magnetometer or transducers. The only check is that it is a JSON object."""
     if path is None:
         return None
     return json_object_text(Path(path), f"a {kind} calibration")
 
 
 def zero_text(path: str) -> str | None:
-    """The still-air zero beside the tray file; None if none was taken."""
+    """The text of the still-air zero next to the tray file; None if no zero was taken."""
     if not Path(path).exists():
         return None
     text = read_text(Path(path))

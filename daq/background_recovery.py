@@ -1,7 +1,7 @@
-"""Completes unfinished logs while the daemon records: in its own process, with low priority and limits.
+"""Completes unfinished logs while the daemon records, in a separate process with low priority and limited resources.
 
 Run as a program with the paths of logs, this module completes them in order, and prints a line of JSON for each: the
-event, or null. If the process dies of a log, another one begins after that log.
+event, or null. If the process dies while completing a log, another process continues after that log.
 """
 
 import ctypes
@@ -25,17 +25,17 @@ import msgspec
 from flightpower.daq.log_recovery import failure_event, recovery_event, unfinished_logs
 from flightpower.flight.messages import Event
 
-MEMORY_BYTES = 512 * 2**20  # of address space; the libraries take half of it
-CPU_S = 120  # for each log; an hour of the default tray takes 0.65 s on a fast processor
+MEMORY_BYTES = 512 * 2**20  # limit of address space; the libraries take half of it
+CPU_S = 120  # limit for each log; an hour of the default tray takes 0.65 s on a fast processor
 NICE = 10
-LOGS_PER_PROCESS = 100  # paths of a command line; starting a process takes as long as completing a log of minutes
-PAUSE_S = 0.002  # between two files that are only looked at
-IOPRIO_SET = {"x86_64": 251, "aarch64": 30, "armv7l": 314, "armv6l": 314}  # numbers of the system call
+LOGS_PER_PROCESS = 100  # paths in a command line; starting a process takes as long as completing a log of some minutes
+PAUSE_S = 0.002  # pause between two files that are only inspected
+IOPRIO_SET = {"x86_64": 251, "aarch64": 30, "armv7l": 314, "armv6l": 314}  # number of the system call, by machine
 IOPRIO_WHO_PROCESS, IOPRIO_CLASS_IDLE = 1, 3 << 13  # linux/ioprio.h
 
 
 class Recovery:
-    """Completes the unfinished ones of `paths`, in order. This class does so in the caller's thread, in `start`."""
+    """Completes the unfinished logs among `paths`, in order. This class does it in `start`, in the caller's thread."""
 
     def __init__(self, paths: Iterable[Path]):
         self._paths = list(paths)
@@ -46,7 +46,7 @@ class Recovery:
             self._report(recovery_event(path))
 
     def stop(self) -> None:
-        """End at once. The next start completes what is left."""
+        """End at once. The next start of the daemon completes the remaining logs."""
 
     def events(self) -> list[Event]:
         """The events since the last call."""
@@ -58,7 +58,7 @@ class Recovery:
 
 
 class BackgroundRecovery(Recovery):
-    """Recovery during the recording: a thread that waits for processes."""
+    """Recovery during the recording, by a thread that starts processes and waits for them."""
 
     def __init__(self, paths: Iterable[Path]):
         super().__init__(paths)
@@ -88,7 +88,7 @@ class BackgroundRecovery(Recovery):
             unfinished = some[self._complete(some) :] + unfinished
 
     def _complete(self, paths: list[Path]) -> int:
-        """Run a process for the logs, report what it prints, and how it ended. Returns how many are dealt with."""
+        """Run a process for the logs, and report its output and how it ended. Returns the number of logs dealt with."""
         done = 0
 
         def report(line: bytes) -> None:
@@ -108,8 +108,7 @@ class BackgroundRecovery(Recovery):
         return done + 1
 
     def _run(self, command: list[str], on_line: Callable[[bytes], None]) -> int:
-        """The exit status of a process that has no real-time priority from its first instruction. on_line: gets each
-        line."""
+        """Run a process that never has real-time priority. Returns its exit status. on_line: gets each line."""
         read_end, write_end = os.pipe2(os.O_CLOEXEC)
         with os.fdopen(read_end, "rb") as output:
             try:
@@ -121,7 +120,7 @@ class BackgroundRecovery(Recovery):
                         command,
                         os.environ,
                         file_actions=[(os.POSIX_SPAWN_DUP2, write_end, 1)],
-                        setpgroup=0,  # Ctrl-C is for the daemon
+                        setpgroup=0,  # keeps Ctrl-C, which is meant for the daemon, from the process
                         scheduler=(os.SCHED_OTHER, os.sched_param(0)),
                     )
             finally:
@@ -138,18 +137,18 @@ class BackgroundRecovery(Recovery):
 
 
 def yield_to_others() -> None:
-    """Use the disk only when nothing else does, and a tenth of a processor that others want.
+    """Use the disk only when nothing else does, and only about a tenth of a processor that other programs want.
 
-    Not SCHED_IDLE: with two busy programs its share of 0.3 % completes a log in a quarter of a minute.
+    SCHED_IDLE is not used: with two busy programs, its share of 0.3 % takes a quarter of a minute for a log.
     """
-    with suppress(PermissionError):  # a sandbox that forbids it must not leave the logs unfinished
+    with suppress(PermissionError):  # logs are completed even if a sandbox forbids this
         os.nice(NICE)
     if platform.machine() in IOPRIO_SET:
         ctypes.CDLL(None).syscall(IOPRIO_SET[platform.machine()], IOPRIO_WHO_PROCESS, 0, IOPRIO_CLASS_IDLE)
 
 
 def limit_resources(logs: int) -> None:
-    """Exceeding a limit raises MemoryError or TimeoutError. logs: how many are to be completed."""
+    """Limit memory and time: exceeding them raises MemoryError or TimeoutError. logs: number of logs to complete."""
 
     def out_of_time(number: int, frame: FrameType | None) -> NoReturn:
         raise TimeoutError(f"it takes more than {CPU_S} s of the processor, the limit")
@@ -161,7 +160,7 @@ def limit_resources(logs: int) -> None:
 
 
 def allow_time_for_a_log() -> None:
-    """Exceeding the time from now on raises TimeoutError."""
+    """Restart the time allowed: exceeding it from now on raises TimeoutError."""
     _, hard_s = resource.getrlimit(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CPU, (min(math.ceil(time.process_time()) + CPU_S, hard_s), hard_s))
 

@@ -1,7 +1,7 @@
 """Access to I2C and serial devices: the interfaces that drivers use. `daq.linux_bus` implements them.
 
-Every transfer takes a bounded time. A failed transfer raises OSError with the kernel's number: 121 (EREMOTEIO) or
-6 (ENXIO) without acknowledge, 110 (ETIMEDOUT) when the bus hangs, 5 (EIO) when fewer bytes than requested were
+Every transfer takes a bounded time. A failed transfer raises OSError with the kernel's number: 121 (EREMOTEIO) or 6
+(ENXIO) when nothing acknowledges, 110 (ETIMEDOUT) when the bus hangs, 5 (EIO) when fewer bytes than requested were
 transferred.
 """
 
@@ -20,7 +20,7 @@ class I2CBus(Protocol):
         """Read one message of `count` bytes, without writing a register address before it."""
 
     def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        """A write and a read joined by a repeated start, as registers are read."""
+        """Write and then read, joined by a repeated start, which is how registers are read."""
 
 
 class BytePort(Protocol):

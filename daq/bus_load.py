@@ -1,26 +1,26 @@
-"""How much of a tick a bus needs, and what to do when it needs too much."""
+"""Measures how much of a tick a bus needs, and advises what to do when it needs too much."""
 
 from collections import deque
 from collections.abc import Mapping
 
 from flightpower.flight.messages import Event
 
-READINGS = 25  # of the whole bus, over which its need is found; and as many of a greater need before it is reported
-NEED_RANK = 22  # of the sorted durations: a tenth take longer
-SLOW_FRACTION, FAST_FRACTION = 0.75, 0.65  # of a tick: above the first the bus is slow, until it is below the second
-MOVED_FRACTION = 0.5  # the advice moves as many sensors as leave less than this
+READINGS = 25  # readings of the whole bus to find its need; a longer series of too great a need is reported
+NEED_RANK = 22  # rank among the sorted durations: a tenth of the readings take longer
+SLOW_FRACTION, FAST_FRACTION = 0.75, 0.65  # of a tick: a bus above the first is slow until it is below the second
+MOVED_FRACTION = 0.5  # the advice moves sensors until the rest needs less than this fraction of a tick
 
 
 class BusLoad:
-    """The time that a bus needs for a tick: what nine of ten of its latest readings stay below. name: of the bus."""
+    """The time that a bus needs in a tick: nine of ten of its latest readings take no longer. name: of the bus."""
 
     def __init__(self, name: str, period_ns: int):
         self._name, self._period_ns = name, period_ns
         self._latest: deque[Mapping[str, int]] = deque(maxlen=READINGS)
-        self._totals_ns: deque[int] = deque(maxlen=READINGS)  # of the same readings
+        self._totals_ns: deque[int] = deque(maxlen=READINGS)  # total durations of the same readings
         self._fast_in_a_row = 0
-        self._above = 0  # readings in a row since which the bus has been slow
-        self.slow = ""  # what to do, as one clause; empty while the bus is fast enough
+        self._above = 0  # number of successive readings with too great a need
+        self.slow = ""  # advice in one clause; empty while the bus is fast enough
 
     def add(self, durations_ns: Mapping[str, int]) -> list[Event]:
         """Take the durations of one reading, by sensor. Returns an event when the bus becomes slow or fast enough."""
@@ -41,7 +41,7 @@ class BusLoad:
         return [Event(sensor="daq", text=text)] if was_slow else []
 
     def _advice(self, need_ns: int) -> str:
-        """Names the slowest sensors, as many as have to be moved."""
+        """Name the slowest sensors, as many as must be moved."""
         names = self._latest[-1]
         means = {name: sum(each.get(name, 0) for each in self._latest) / READINGS for name in names}
         moved: list[str] = []

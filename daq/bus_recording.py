@@ -52,7 +52,7 @@ class BusRecording:
         return SensorRecording(name, self._clock, self._write)
 
     def close(self) -> str:
-        """Wait until everything is on the disk. Returns why that failed, or an empty string."""
+        """Wait until everything is on the disk. Returns the cause if that failed, or an empty string."""
         self._disk.close()
         return self._disk.error
 
@@ -69,11 +69,11 @@ class SensorRecording:
         self._write = write
 
     def buses(self, buses: Buses) -> Buses:
-        """These buses, with their traffic recorded."""
+        """Wrap these buses so that their traffic is recorded."""
         return _RecordedBuses(buses, self)
 
     def driver_factory(self, make: Callable[[], Sensor]) -> Callable[[], Sensor]:
-        """The driver factory, with a record of when each driver is made and read."""
+        """Wrap the driver factory so that the recording shows when each driver is made and read."""
 
         def make_recorded() -> Sensor:
             self.note({"do": "make"})

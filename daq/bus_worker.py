@@ -1,10 +1,11 @@
 """Reads the sensors of one bus, or of the serial ports, one after another, without holding up the other buses.
 
 A transfer on a hanging bus takes as long as its timeout, which is longer than a tick at 100 Hz, and a faulty bus driver
-in the kernel may take longer than its timeout. A non-blocking read of a serial line can take 300 ms on a busy machine.
-Therefore buses and ports are read in separate threads, which mostly wait for I/O. Readings that have not arrived by the
-deadline are returned in a later tick, with the number of the tick in which their read began. No new read of that bus
-begins until the pending one has returned; in each tick skipped for this reason all sensors of the bus time out.
+in the kernel may take longer than its timeout. Even a non-blocking read of a serial line can take 300 ms on a busy
+machine. Therefore buses and ports are read in separate threads, which mostly wait for I/O. Readings that have not
+arrived by the deadline are returned in a later tick, with the number of the tick in which their read began. No new read
+of that bus begins until the pending one has returned; in each tick skipped for this reason all sensors of the bus time
+out.
 """
 
 import threading
@@ -28,8 +29,8 @@ class BusReadings(NamedTuple):
     durations_ns: dict[str, int]  # by sensor
 
 
-# A read that follows one that ended late may begin until this share of a tick before the deadline: a bus that is busy
-# for nine tenths of each tick catches up within some ticks, and none of its sensors misses one.
+# A read that follows a late one may still begin up to this share of a tick before the deadline. So a bus that is busy
+# for nine tenths of each tick catches up within a few ticks, and none of its sensors misses a tick.
 LATEST_START = 0.5
 NO_READINGS = BusReadings([], [], {})
 
@@ -45,7 +46,7 @@ class BusWorker:
 
     @property
     def slow(self) -> str:
-        """What to do if the bus is too slow for the rate; otherwise empty."""
+        """Advice if the bus is too slow for the rate; otherwise empty."""
         return self._load.slow
 
     @property
@@ -54,14 +55,14 @@ class BusWorker:
         return False
 
     def start_reading(self, tick: int) -> None:
-        """Start reading for this tick, where that runs in another thread."""
+        """Start reading for this tick if reading runs in another thread."""
 
     def collect(self, deadline_ns: int) -> BusReadings:
-        """This tick's readings. Only workers with a thread keep `deadline_ns` (monotonic)."""
+        """Return this tick's readings. Only workers with a thread keep `deadline_ns` (monotonic)."""
         return self._with_load(self._read())
 
     def _with_load(self, readings: BusReadings) -> BusReadings:
-        """The readings, with an event if the bus turns out to be slow. A reading with a timeout is not counted."""
+        """The readings, with an event if the bus turns out to be slow. Readings with a timeout are not counted."""
         for supervisor in self._supervisors:
             if supervisor.timed_out:
                 return readings
@@ -100,11 +101,11 @@ class ThreadedBusWorker(BusWorker):
     def __init__(self, supervisors: Sequence[SensorSupervisor], clock: Clock, period_ns: int, *, blocking: bool):
         super().__init__(supervisors, clock, period_ns)
         self._blocking = blocking
-        self._latest_start_ns = round(LATEST_START * period_ns)  # before the deadline
+        self._latest_start_ns = round(LATEST_START * period_ns)  # time before the deadline
         self._start_signal, self._done_signal = (
             threading.Lock(),
             threading.Lock(),
-        )  # acquire waits for the signal, release sends it
+        )  # a signal: acquire waits for it, release sends it
         self._start_signal.acquire()
         self._done_signal.acquire()
         self._busy = False  # a read that missed its deadline has not returned yet
@@ -112,7 +113,7 @@ class ThreadedBusWorker(BusWorker):
         self._tick = self._started_tick = 0  # the current tick, and the tick of the latest read
         self._result = NO_READINGS
         self._late_readings = NO_READINGS
-        self._skipped_samples: list[Sample] = []  # logged after the late readings of the earlier tick
+        self._skipped_samples: list[Sample] = []  # of skipped ticks; logged after the late readings
         self._hang_reported = False
         self._thread = threading.Thread(target=self._work, name=f"bus worker {self.name}", daemon=True)
         self._thread.start()
@@ -133,7 +134,7 @@ class ThreadedBusWorker(BusWorker):
         self._start_signal.release()
 
     def _done_by(self, end_ns: int) -> bool:
-        """Wait for the end of the read, until that time at most. Returns whether it has ended."""
+        """Wait for the read to end, but no longer than until `end_ns`. Returns whether it has ended."""
         return self._done_signal.acquire(timeout=max(0.0, (end_ns - self._clock.now_ns()) / 1e9))
 
     def collect(self, deadline_ns: int) -> BusReadings:
@@ -163,7 +164,7 @@ class ThreadedBusWorker(BusWorker):
         return BusReadings(samples, events, {})
 
     def _take_late_readings(self) -> None:
-        """Take over a read that returned after its deadline."""
+        """Collect a read that returned after its deadline."""
         self._busy = False
         result = self._measured(self._result)
         events = result.events
@@ -187,7 +188,7 @@ class ThreadedBusWorker(BusWorker):
 def bus_workers(
     supervisors: Sequence[SensorSupervisor], clock: Clock, period_ns: int, *, threaded: bool
 ) -> list[BusWorker]:
-    """Workers for all sensors, in their order. threaded: one thread for each bus, and one for all ports together."""
+    """Workers for all sensors, in the sensors' order. threaded: a thread for each bus, and one for all ports."""
     if not threaded:
         return [BusWorker(group, clock, period_ns) for group in _by_device(supervisors)]
     buses = _by_device([supervisor for supervisor in supervisors if supervisor.blocking])

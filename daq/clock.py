@@ -5,13 +5,13 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What the sampling loop needs of a clock. A simulated clock advances instead of waiting."""
+    """The clock functions that the sampling loop needs. A simulated clock advances instead of waiting."""
 
     def now_ns(self) -> int:
         """Monotonic time [ns], from an arbitrary zero."""
 
     def sleep_until_ns(self, due_ns: int) -> None:
-        """Return at `due_ns`; at once if that has passed."""
+        """Return at `due_ns`, or at once if that time has passed."""
 
     def unix_ns(self) -> int:
         """Unix time of the system clock [ns]; may be wrong and may jump."""

@@ -1,4 +1,4 @@
-"""Whether the computer itself is fit to record: its supply, and the speed of its card. For `daq check`."""
+"""Checks for `daq check` whether the computer itself is fit to record: its supply, and the speed of its card."""
 
 import os
 import tempfile
@@ -6,25 +6,26 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-# The driver raspberrypi-hwmon of Linux: 1 after the supply was below 4.63 V, cleared when it is read.
+# File of Linux's driver raspberrypi-hwmon: 1 if the supply was below 4.63 V since the last reading, which clears it.
 PI_VOLTAGE = "rpi_volt"
 ALARM = "in0_lcrit_alarm"
 TEST_BYTES = 4 * 2**20
-BLOCK_BYTES = 2**18  # as the daemon writes
-# A log grows by 10 kB/s at 25 Hz. A card of class A1 writes 10 MB/s; one below this is failing or nearly full.
+BLOCK_BYTES = 2**18  # the daemon writes blocks of this size
+# A log grows by 10 kB/s at 25 Hz. A card of class A1 writes 10 MB/s; a card slower than this limit is failing or nearly
+# full.
 LEAST_BYTES_PER_S = 1e6
-LONGEST_BLOCK_S = 2.0  # the daemon reports a disk that takes longer
+LONGEST_BLOCK_S = 2.0  # the daemon reports a disk that takes longer than this
 
 
 class ComputerFact(NamedTuple):
-    """Whether a part of the computer is in order, and the finding, with advice if it is not."""
+    """The result of a check: status `ok` and the finding, or another status and advice."""
 
     ok: bool
     text: str
 
 
 def supply_check(hwmon: Path = Path("/sys/class/hwmon")) -> ComputerFact | None:
-    """The Pi's own undervoltage detector; None on another computer."""
+    """Read the Pi's own undervoltage detector; None on another computer."""
     for monitor in sorted(hwmon.glob("*")):
         try:
             if (monitor / "name").read_text().strip() != PI_VOLTAGE:
@@ -41,7 +42,7 @@ def supply_check(hwmon: Path = Path("/sys/class/hwmon")) -> ComputerFact | None:
 
 
 def card_check(directory: Path) -> ComputerFact | None:
-    """Write speed of the disk of `directory` with a sync after each block; None if nothing can be written there."""
+    """Measure how fast the disk of `directory` writes, with a sync after each block; None if it cannot be written."""
     slowest_s = 0.0
     try:
         with tempfile.TemporaryFile(dir=directory) as stream:

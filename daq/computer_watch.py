@@ -1,4 +1,4 @@
-"""What a Raspberry Pi suffers from in flight: a supply that is too low, and heat. It is read in its own thread."""
+"""Watches a Raspberry Pi for a low supply and heat in flight. The readings are taken in a separate thread."""
 
 import enum
 import threading
@@ -12,10 +12,11 @@ from flightpower.daq.process_setup import use_every_processor
 from flightpower.flight.messages import Event
 
 CHECK_EVERY_S = 1.0
-HELD_S = 10.0  # a dip lasts milliseconds; it is reported for so long
+HELD_S = 10.0  # a dip lasts milliseconds, but is reported for this long
 CELSIUS_K = 273.15
-HOT_K = 80 + CELSIUS_K  # where the firmware begins to slow a Pi 3, 4 and 5 down (documentation of frequency management)
-# Bits of get_throttled of the firmware: at this moment. Sixteen bits higher: since power-on.
+HOT_K = 80 + CELSIUS_K  # the firmware slows a Pi 3, 4 or 5 down from here on (documentation of frequency management)
+# Bits of the firmware's get_throttled for the present moment. Sixteen bits higher are those for the time since
+# power-on.
 LOW_SUPPLY, CAPPED, THROTTLED, HOT = 0x1, 0x2, 0x4, 0x8
 GET_THROTTLED = "devices/platform/soc*/soc*:firmware/get_throttled"
 TEMPERATURE = "class/thermal/thermal_zone0/temp"  # [m°C]
@@ -29,15 +30,15 @@ class Strain(enum.Enum):
 
 
 class Computer(NamedTuple):
-    """The state of the computer; None where it is not known."""
+    """The state of the computer; fields are None if unknown."""
 
     supply_low: bool | None = None
-    slowed: bool | None = None  # by heat, or by the supply
-    temperature_K: float | None = None  # of the processor
+    slowed: bool | None = None  # whether heat or the supply slows it down
+    temperature_K: float | None = None  # temperature of the processor
 
 
 def read_computer(sysfs: Path) -> Computer:
-    """Reads supply and heat from a Pi's firmware, or from its drivers."""
+    """Read supply and temperature from a Pi's firmware, or from its drivers."""
     supply = supply_check(sysfs / "class/hwmon")
     low = None if supply is None else not supply.ok
     slowed = temperature_K = None
@@ -56,19 +57,19 @@ def read_computer(sysfs: Path) -> Computer:
 
 
 class ComputerWatch:
-    """Looks at the computer once a second. `start` does so in a thread; without it, `check` has to be called."""
+    """Checks the computer once a second: in a thread after `start`; without that, call `check`."""
 
     def __init__(self, sysfs: Path = Path("/sys")):
         self._sysfs = sysfs
         self.latest = Computer()
-        self._last_s: dict[Strain, float] = {}  # when it was seen
+        self._last_s: dict[Strain, float] = {}  # when each strain was last seen
         self._notified: dict[Strain, str] = {}
         self._events: deque[Event] = deque()
         self._stop = threading.Event()
 
     @property
     def trouble(self) -> list[str]:
-        """Conditions that the crew should know, one clause each."""
+        """Conditions that the crew should know about, one clause each."""
         return list(self._notified.values())
 
     def start(self) -> None:
@@ -103,6 +104,6 @@ class ComputerWatch:
         self._notified = {strain: texts[strain] for strain in strained}
 
     def _work(self) -> None:
-        use_every_processor(whole_process=False)  # the firmware takes its time, and must not hold up the sampling
+        use_every_processor(whole_process=False)  # reading the firmware takes long, and must not hold up the sampling
         while not self._stop.wait(CHECK_EVERY_S):
             self.check(time.monotonic())

@@ -25,7 +25,7 @@ from flightpower.flight.messages import DOUBLED, SECOND, TYPE_OF_TOPIC
 
 Address = Annotated[int, Meta(ge=0x03, le=0x77)]
 ZERO_FILE = "zero.json"
-# The rates that serial lines have names for (termios(3)): another one is a slip of the pen.
+# The rates for which termios(3) has names: any other rate is a typing mistake.
 Baud = Literal[
     1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 1000000, 1500000, 2000000
 ]  # fmt: skip
@@ -34,7 +34,7 @@ FullDiskPolicy = Literal["stop", "delete_oldest"]
 
 
 def parse_port(port: str) -> tuple[str, int]:
-    """Host and port number of udp:HOST:PORT."""
+    """Return host and port number of udp:HOST:PORT."""
     _, host, number = port.split(":")
     return host, int(number)
 
@@ -49,8 +49,8 @@ def _check_udp(port: str) -> None:
 class SensorTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, tag_field="driver"):
     """Base of all sensor tables. topics: the topics that the sensor writes.
 
-    Drivers of other packages derive theirs from `BusSensorTable` or `PortSensorTable`, with a tag that is the name of
-    the driver, and with `make_driver`.
+    Drivers of other packages derive their tables from `BusSensorTable` or `PortSensorTable`, with the driver's name as
+    tag, and define `make_driver`.
     """
 
     @property
@@ -73,26 +73,26 @@ class SensorTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         return str(self.__struct_config__.tag)
 
     def make_driver(self, buses: Buses, period_s: float) -> Sensor:
-        """A new driver on the opened bus or port, for drivers of other packages. period_s: of the ticks.
+        """Make a driver on the opened bus or port; drivers of other packages define this. period_s: tick period.
 
         Raises OSError if bus or port cannot be opened.
         """
         raise NotImplementedError
 
     def identify(self, buses: Buses) -> str:
-        """The part that answers, for `daq check`; of drivers of other packages. Raises OSError if none does."""
+        """Name the part that answers, for `daq check`. Drivers of other packages define this. Raises OSError."""
         return self.driver
 
     blocking: ClassVar[bool] = False  # whether a read waits for the sensor's answer
 
 
 def topic_of(topic: str, *, second: bool) -> str:
-    """The topic that a sensor writes: the first of its kind, or the second one beside it."""
+    """The topic that a sensor writes, which depends on whether it is the first or the second of its kind."""
     return topic + SECOND if second else topic
 
 
 class BusSensorTable(SensorTable, frozen=True):
-    """A sensor on an I2C bus; give it an `address`."""
+    """A sensor on an I2C bus; a subclass adds the field `address`."""
 
     bus: str
     blocking: ClassVar[bool] = True
@@ -140,7 +140,7 @@ class Mpu9250Config(BusSensorTable, frozen=True, tag="mpu9250"):
 
 
 class Ak8963Config(BusSensorTable, frozen=True, tag="ak8963"):
-    axes: tuple[str, str, str] = ("x", "y", "z")  # of the MPU9250 that contains it
+    axes: tuple[str, str, str] = ("x", "y", "z")  # axes of the MPU9250 that contains it
     address: ClassVar[int] = 0x0C
     topics: ClassVar[tuple[str, ...]] = ("/mag",)
 
@@ -215,7 +215,7 @@ class HoneywellConfig(_TransducerConfig, frozen=True, tag="honeywell"):
 
 
 SOLUTION_BITS = 1000  # NAV-PVT is 100 bytes, of ten bits each on a serial line
-LINE_SHARE = 0.8  # of a line's time; the rest is for answers, and for the receiver, which sends each a little late
+LINE_SHARE = 0.8  # usable share of a line's time; the rest is for answers, and for solutions that are a little late
 BAUDS = (9600, 19200, 38400, 57600, 115200)
 
 
@@ -258,8 +258,8 @@ class EscCounterConfig(PortSensorTable, frozen=True, tag="esc_counter"):
 
 class AutopilotConfig(PortSensorTable, frozen=True, tag="autopilot"):
     baud: Baud = 57600
-    rpm: bool = False  # take motor speed from its RPM or RAW_RPM
-    battery: bool = True  # take the battery from it; false where a power monitor measures
+    rpm: bool = False  # whether to take motor speed from its messages RPM or RAW_RPM
+    battery: bool = True  # whether to take the battery's values from it; false if a power monitor measures them
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -277,11 +277,11 @@ class _PowerMonitorConfig(BusSensorTable, frozen=True):
 
 
 class Ina226Config(_PowerMonitorConfig, frozen=True, tag="ina226"):
-    """Up to 36 V and 82 mV at the shunt."""
+    """The INA226, which measures up to 36 V, and up to 82 mV at the shunt."""
 
 
 class Ina228Config(_PowerMonitorConfig, frozen=True, tag="ina228"):
-    """Up to 85 V and 164 mV at the shunt."""
+    """The INA228, which measures up to 85 V, and up to 164 mV at the shunt."""
 
 
 class Ads1115Config(BusSensorTable, frozen=True, tag="ads1115"):
@@ -324,11 +324,11 @@ SensorConfig = (
 
 
 DRIVERS = tuple(str(table.__struct_config__.tag) for table in get_args(SensorConfig))
-DRIVER_GROUP = "flightpower.drivers"  # entry points of other packages: name of the driver, and its table
+DRIVER_GROUP = "flightpower.drivers"  # group of other packages' entry points: name of the driver, and its table
 
 
 def installed_drivers() -> dict[str, str]:
-    """The drivers that a tray file may name, each with the package that brings it; empty for those of this one."""
+    """The drivers that a tray file may name, each with the package that provides it (empty for this package)."""
     others = {point.name: _package(point) for point in metadata.entry_points(group=DRIVER_GROUP)}
     return others | dict.fromkeys(DRIVERS, "")
 
@@ -338,7 +338,7 @@ def load_driver(point: metadata.EntryPoint) -> type[SensorTable]:
     failed = f"driver {point.name} of {_package(point)}"
     try:
         table = point.load()
-    except Exception as error:  # of another package: anything may be wrong with it
+    except Exception as error:  # code of another package may raise anything
         raise InputError(f"{failed} cannot be loaded ({type(error).__name__}: {error})") from None
     if not (isinstance(table, type) and issubclass(table, SensorTable)):
         raise InputError(
@@ -354,7 +354,7 @@ def _package(point: metadata.EntryPoint) -> str:
 
 
 class FilesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """When a new log is started, and what happens when the card is nearly full."""
+    """Settings for when to start a new log, and what to do when the card is nearly full."""
 
     new_after_min: Annotated[float, Meta(gt=0)] = 60.0
     new_after_MB: Annotated[float, Meta(ge=1)] = 256.0
@@ -365,7 +365,8 @@ class FilesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 class ArmSwitchConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A switch on the transmitter, read as a pulse width on /controls.
 
-    seen_at: among the receiver's channels (RC_CHANNELS, or a Navio2's inputs) or the autopilot's servo outputs.
+    seen_at: whether the channel is one of the receiver's (RC_CHANNELS, or a Navio2's inputs) or a servo output of the
+    autopilot.
     """
 
     channel: Annotated[int, Meta(ge=1, le=18)]
@@ -380,23 +381,23 @@ class TelemetryConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     to: str  # udp:HOST:PORT, or a serial device
     baud: Baud = 57600
     rate_Hz: Annotated[float, Meta(ge=1, le=10)] = 4.0
-    vehicle: bool | None = None  # whether to appear as the aircraft itself; default: without an autopilot in the tray
-    system_id: Annotated[int, Meta(ge=1, le=255)] | None = None  # default: 25, or that of the autopilot
+    vehicle: bool | None = None  # whether to appear as the aircraft itself; default: only if the tray has no autopilot
+    system_id: Annotated[int, Meta(ge=1, le=255)] | None = None  # default: the autopilot's, or 25 without an autopilot
 
     def __post_init__(self) -> None:
         _check_udp(self.to)
 
 
 class LightConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A lamp, and a button if there is one, at lines of a GPIO chip."""
+    """A lamp, and an optional button, on lines of a GPIO chip."""
 
-    led: Annotated[int, Meta(ge=0, le=255)]  # number of the line; on a Pi that of the GPIO
-    button: Annotated[int, Meta(ge=0, le=255)] | None = None  # to ground
+    led: Annotated[int, Meta(ge=0, le=255)]  # number of the line; on a Pi the number of the GPIO
+    button: Annotated[int, Meta(ge=0, le=255)] | None = None  # line of a button that connects it to ground
     chip: Annotated[str, Meta(pattern="^/dev/")] = "/dev/gpiochip0"
 
 
 class InstallationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Name of the installation of probe, tubes and tray, where the aircraft file does not give it."""
+    """Name of the installation of probe, tubes and tray, if the aircraft file does not give it."""
 
     name: str
 
@@ -422,8 +423,8 @@ class TrayFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 class Tray(TrayFile, frozen=True, kw_only=True):
     """The configuration of a recording. Relative paths have been resolved against the tray file's folder."""
 
-    text: str  # of the file, for the log's attachment
-    zero: str  # path of the still-air zero, beside the tray file
+    text: str  # text of the tray file, to be attached to the log
+    zero: str  # path of the still-air zero, next to the tray file
 
 
 def load_tray(path: str | Path) -> Tray:
@@ -437,7 +438,7 @@ def load_tray(path: str | Path) -> Tray:
 
 
 def check_places(tray: Tray, where: str) -> None:
-    """Raises InputError if the logs' folder cannot be one, or a host has no address here. where: the tray file."""
+    """Raises InputError if the logs' path cannot be a folder, or a host has no address here. where: the tray file."""
     folder = Path(tray.directory)
     for part in (folder, *folder.parents):
         if part.exists():
@@ -476,7 +477,7 @@ def parse_tray(text: str, where: str, folder: Path) -> Tray:
 
 
 def _tray_type(document: Any) -> type[TrayFile]:
-    """TrayFile, with the tables of the drivers of other packages that the document names."""
+    """`TrayFile`, extended by the tables of those drivers of other packages that the document names."""
     sensors = document.get("sensors") if isinstance(document, dict) else None
     tables = sensors if isinstance(sensors, list) else []
     names = {name for table in tables if isinstance(table, dict) and isinstance(name := table.get("driver"), str)}
@@ -507,7 +508,7 @@ def _with_key(error: msgspec.ValidationError, document: Any) -> str:
 
 
 def _permitted(key: str, document: Any) -> tuple[int, ...]:
-    """The numbers that a key such as sensors[2].range_g or telemetry.baud may have; none where they are not listed."""
+    """The numbers allowed for a key such as sensors[2].range_g or telemetry.baud; empty if they are not listed."""
     table, _, name = key.rpartition(".")
     kind: Any = TelemetryConfig
     if number := re.fullmatch(r"sensors\[(\d+)\]", table):
@@ -522,7 +523,7 @@ def _resolve(path: str | None, folder: Path) -> str | None:
 
 
 def _resolve_name(aircraft: str | None, folder: Path) -> str | None:
-    """A name without suffix is a shipped aircraft; anything else is a path."""
+    """Resolve a path, which has a suffix, against the folder; leave the name of a shipped aircraft as it is."""
     return str(folder / aircraft) if aircraft and Path(aircraft).suffix else aircraft
 
 

@@ -1,6 +1,6 @@
-"""The crew's light: a lamp that says from afar whether the daemon records, and a button that begins a new log.
+"""The crew's light: a lamp that shows from afar whether the daemon records, and a button that begins a new log.
 
-A lamp that stays on or off means that no daemon runs, so a hung computer is not mistaken for a recording.
+A lamp that stays on or off means that no daemon runs; so a hung computer is not mistaken for a recording one.
 """
 
 import enum
@@ -14,11 +14,11 @@ from flightpower.daq.gpio import GpioLine, LineFlag
 from flightpower.daq.recording_status import NO_NEWS_S, RecordingState, RecordingStatus
 from flightpower.flight.messages import Event
 
-STEP_S = 0.05  # between two looks at lamp and button; a button that bounces has settled by the next one
+STEP_S = 0.05  # time between two updates of lamp and button; by the next update a bouncing button has settled
 
 
 class Light(enum.Enum):
-    """What the lamp says. value: how long it is on and off [s]."""
+    """The lamp's signals. value: how long the lamp is on and off [s]."""
 
     RECORDING = (1.0, 1.0)
     FAULT = (0.1, 0.1)
@@ -30,18 +30,18 @@ class Light(enum.Enum):
 
 
 def light_of(status: RecordingStatus | None, age_s: float) -> Light:
-    """The lamp's signal for a status of this age. Before the first one there is nothing to trust."""
+    """The lamp's signal for a status of this age. It is FAULT before the first status."""
     if status is None or not status.well or age_s > NO_NEWS_S:
         return Light.FAULT
     return Light.RECORDING if status.state is RecordingState.RECORDING else Light.WAITING
 
 
 class CrewLight:
-    """Lamp and button, in a thread. on_press: called from it. A chip that fails costs the light, and is reported."""
+    """Runs lamp and button in a thread, which calls `on_press`. If the chip fails, an event reports it."""
 
     def __init__(self, config: LightConfig, *, on_press: Callable[[], None]):
         self._config, self._on_press = config, on_press
-        self._status: tuple[RecordingStatus | None, float] = None, 0.0  # and when it was shown
+        self._status: tuple[RecordingStatus | None, float] = None, 0.0  # the latest status, and when `show` got it
         self._events: deque[Event] = deque()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="light", daemon=True)
@@ -56,7 +56,7 @@ class CrewLight:
         return [self._events.popleft() for _ in range(len(self._events))]
 
     def close(self) -> None:
-        """Switch the lamp off, and end."""
+        """Switch the lamp off and end the thread."""
         self._stop.set()
         self._thread.join(1.0)
 
@@ -90,7 +90,7 @@ class CrewLight:
             if button is None:
                 continue
             before, pressed = pressed, button.get()
-            if pressed is before and pressed is not was_pressed:  # the same twice: it does not bounce
+            if pressed is before and pressed is not was_pressed:  # two equal readings: the button is not bouncing
                 was_pressed = pressed
                 if pressed:
                     self._events.append(Event(sensor="light", text="the button was pressed: a new log begins"))

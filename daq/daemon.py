@@ -44,7 +44,7 @@ class RecordingResult(NamedTuple):
     paths: list[Path]  # the logs, in order
     ticks: int  # ticks recorded
     missed: int  # ticks skipped
-    errors: dict[str, int]  # messages without a measurement, by sensor
+    errors: dict[str, int]  # number of messages without a measurement, by sensor
     write_error: str  # why a part of the recording may be missing; empty when it is complete
 
     @property
@@ -75,15 +75,15 @@ class CycleListener(Protocol):
     def on_status(self, status: RecordingStatus) -> None: ...
 
     def run_news(self) -> RunNews:
-        """What is known of the runs: verdicts since the last call, and the progress of the one being flown."""
+        """News of the runs: verdicts since the last call, and the progress of the run being flown."""
 
 
 def sensor_supervisors(
     tray: Tray, buses: Buses, aircraft: Aircraft | None, bus_recording: BusRecording | None = None
 ) -> list[SensorSupervisor]:
-    """One supervisor for each sensor of the tray, in the tray's order.
+    """Make one supervisor for each sensor of the tray, in the tray's order.
 
-    Raises InputError when the configuration is incomplete.
+    Raises InputError if the configuration is incomplete.
     """
 
     def make(table: SensorTable) -> DriverFactory:
@@ -106,7 +106,7 @@ def sensor_supervisors(
 
 
 def open_devices(supervisors: list[SensorSupervisor], now_ns: int) -> None:
-    """Open the buses and ports. Raises NoDeviceOpened when none can be opened, DeviceInUse if they are in use."""
+    """Open the buses and ports. Raises NoDeviceOpened if none can be opened, DeviceInUse if they are in use."""
     errors = [error for supervisor in supervisors if (error := supervisor.open(now_ns)) is not None]
     if len(errors) < len(supervisors):
         return
@@ -120,7 +120,7 @@ def open_devices(supervisors: list[SensorSupervisor], now_ns: int) -> None:
 
 
 def check_configuration(tray: Tray, buses: Buses) -> None:
-    """Raises InputError when the tray or a file that it names is wrong. Opens no device."""
+    """Raises InputError if the tray, or a file that it names, is wrong. Opens no device."""
     if tray.card is not None:
         load_card(tray.card)
     sensor_supervisors(tray, buses, load_attachments(tray).aircraft)
@@ -160,8 +160,8 @@ def record(
 
     log_path: the first log; by default the next free log-NNNN.mcap in the tray's directory. new_file: when set, a new
     log is started and the flag is cleared. threaded: see `cycles`. bus_recording: receives every bus transaction.
-    Called from the sampling thread: progress, once a second of the clock, with the elapsed time [s]; report, as often,
-    with the status; on_event, with each event. light: shows the state.
+    The sampling thread calls `progress` with the elapsed time [s] and `report` with the status, each once a second of
+    the clock, and `on_event` with each event. light: shows the state.
     Raises InputError before anything is written (wrong configuration, unreadable file, existing log, devices in use),
     and NoDeviceOpened when no bus and no port can be opened.
     """
@@ -282,7 +282,7 @@ def record(
 
 
 def satellite_offset_ns(samples: list[Sample]) -> int | None:
-    """Unix time by the satellites minus monotonic time, from a tick's messages; None if it is not in them."""
+    """Unix time by the satellites minus monotonic time, from a tick's messages; None if they do not have it."""
     for topic, _, message, _ in reversed(samples):
         if topic == "/time" and isinstance(message, Time) and message.gps_utc_ns is not None:
             return None if message.monotonic_ns is None else message.gps_utc_ns - message.monotonic_ns
@@ -314,7 +314,7 @@ def write_header(
 
 
 def recording_state(log_files: LogFiles, *, armed: bool) -> RecordingState:
-    """Whether the daemon records. armed: by the arm switch, if there is one."""
+    """Whether the daemon records, and if not, why. armed: whether the arm switch, if any, permits recording."""
     if log_files.recording:
         return RecordingState.RECORDING
     return RecordingState.CARD_FULL if armed else RecordingState.WAITING

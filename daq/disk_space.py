@@ -1,4 +1,4 @@
-"""Keeps space free on the card, as the tray file asks: stops the recording, or deletes the oldest logs."""
+"""Keeps space free on the card as the tray file specifies: stops the recording, or deletes the oldest logs."""
 
 import fcntl
 import os
@@ -12,12 +12,12 @@ from flightpower.flight.log_index import MAGIC
 from flightpower.flight.messages import Event
 
 CHECK_EVERY_S = 2.0
-RESUME_FACTOR = 1.25  # recording resumes when this multiple of the space to be kept is free
+RESUME_FACTOR = 1.25  # recording resumes once this multiple of the space to keep free is free
 UNKNOWN = -1
 
 
 class DiskSpace:
-    """Watches the free space where `directory` lies. Everything it does is reported as an event.
+    """Watches the free space on the disk of `directory`. Everything it does is reported as an event.
 
     sufficient: whether there is enough space for recording. `check` may wait for the disk, so `start` runs it in a
     thread.
@@ -34,7 +34,7 @@ class DiskSpace:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Check every few seconds from now on, in a thread that only does I/O."""
+        """Check every few seconds from now on, in a thread that does nothing but I/O."""
         self._thread = threading.Thread(target=self._work, name="disk space", daemon=True)
         self._thread.start()
 
@@ -73,7 +73,7 @@ class DiskSpace:
             self.check()
 
     def _delete_oldest(self) -> bool:
-        """Whether a finished log could be deleted."""
+        """Delete the oldest finished log. Returns whether there was one that could be deleted."""
         for path in numbered_logs(self._directory):
             if is_finished(path):
                 size = path.stat().st_size

@@ -1,9 +1,9 @@
-"""Writes and syncs a file in its own thread that only does I/O.
+"""Writes and syncs a file in a thread that does nothing else.
 
 Python threads that compute delay each other; a thread that waits for a slow SD card does not delay the sampling.
 Data are kept in memory until they are synced, because after a failed sync the content of the card is unknown: Linux
-discards the pages and reports the error once (fsync(2), "NOTES" and "ERRORS"). A new file is tried with its first
-bytes: until they are synced nothing else is written, so that a card that fails is not filled with copies.
+discards the pages and reports the error once (fsync(2), "NOTES" and "ERRORS"). A new file is tested with its first
+bytes: nothing else is written until they are synced, so that a failing card is not filled with copies.
 """
 
 import enum
@@ -20,11 +20,11 @@ from flightpower.daq.process_setup import use_every_processor
 from flightpower.daq.sync_directory import sync_directory
 
 SYNC_EVERY_S = 0.25
-RETRY_EVERY_S = 1.0  # after a write error: space may be freed, a stalled card may recover
+RETRY_EVERY_S = 1.0  # interval of attempts after a write error: space may be freed, a stalled card may recover
 SLOW_CALL_S = 2.0  # a write or sync that takes longer is reported
-CLOSE_WITHIN_S = 8.0  # for a disk that does not answer; TimeoutStopSec of the systemd unit is longer
-WRITE_BYTES = 2**18  # per call: while these bytes are joined, the sampling thread cannot run
-TRIAL_BYTES = 4096  # of a new file, before its first sync: a page, the least that a card is given
+CLOSE_WITHIN_S = 8.0  # longest wait for a disk that does not answer; TimeoutStopSec of the systemd unit is longer
+WRITE_BYTES = 2**18  # most bytes per call: the sampling thread cannot run while they are joined
+TRIAL_BYTES = 4096  # bytes of a new file before its first sync: a page, the least that a card is given
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 # Errors of a card that may be fixed, freed or exchanged while the daemon waits; any other error is a mistake in the
 # tray file.
@@ -32,7 +32,7 @@ CARD_FAULTS = frozenset({errno.EIO, errno.EROFS, errno.ENODEV, errno.ENXIO, *FUL
 
 
 class Gone(enum.Enum):
-    """How a file has left its place while it was written."""
+    """How a file left its place while it was being written."""
 
     DELETED = "was deleted while it was written: what it held is lost"
     MOVED = "was moved away while it was written"
@@ -41,9 +41,9 @@ class Gone(enum.Enum):
 class DiskWriter:
     """A new file, written and synced in the background. Can be the stream of a `LogWriter`.
 
-    name: path for attempt 0, 1, …; an existing file is never overwritten. With `wait`, the file is created with the
-    first name before this returns; raises OSError if that fails. Without, the background thread tries until it
-    succeeds, with the next name if one exists already.
+    name: gives the path for attempt 0, 1, …; an existing file is never overwritten. With `wait`, the file is created
+    under the first name before this returns; raises OSError if that fails. Without it, the background thread tries
+    until it succeeds, with the next name if a file has the name already.
     """
 
     def __init__(self, name: Callable[[int], Path], *, wait: bool = True):
@@ -54,14 +54,14 @@ class DiskWriter:
         self._error = ""
         self._errno, self._cause = 0, ""
         self._failing_since_s: float | None = None
-        self._busy_since_s: float | None = None  # start of the write or sync that has not returned yet
+        self._busy_since_s: float | None = None  # start of the pending write or sync
         self.broken = False  # a sync failed, or the file is gone: nothing more is written to this file
         self.gone: Gone | None = None
-        self.syncs = 0  # that succeeded
-        self.synced_bytes = 0  # of the pieces that are on the disk as a whole
+        self.syncs = 0  # number of syncs that succeeded
+        self.synced_bytes = 0  # total size of the pieces that are completely on the disk
         self._handed_over = self._cut = self._remove = False
-        self._waiting: deque[bytes] = deque()  # not written yet, or the first one in part
-        self._head_written = 0  # bytes of the first one that are written
+        self._waiting: deque[bytes] = deque()  # pieces not written yet; the first may be written in part
+        self._head_written = 0  # bytes of the first piece that are written
         self._unsynced: deque[bytes] = deque()
         self._position = 0
         self._backlog_bytes = 0
@@ -74,7 +74,7 @@ class DiskWriter:
 
     @property
     def error(self) -> str:
-        """Why the disk cannot be written at the moment; empty when it can."""
+        """Why the disk cannot be written at the moment; empty if it can."""
         busy_s = self._busy_since_s
         if busy_s is not None and time.monotonic() - busy_s > SLOW_CALL_S:
             return f"{self.path or 'a new file'}: the disk does not answer"
@@ -82,7 +82,7 @@ class DiskWriter:
 
     @property
     def failing_s(self) -> float:
-        """How long writing has failed [s]; 0 if it works, or a full disk may take the rest later."""
+        """How long writing has failed [s]; 0 if it works, or if the disk is only full and may take the rest later."""
         since_s = self._failing_since_s
         waits = self._errno in FULL and not self.broken
         return 0.0 if since_s is None or waits else time.monotonic() - since_s
@@ -101,17 +101,17 @@ class DiskWriter:
         return len(data)
 
     def rename(self, path: Path) -> None:
-        """Give the file another name, before the next write. It keeps its name if the other one is not possible."""
+        """Give the file another name, before the next write. It keeps its name if the new name is not possible."""
         with self._changed:
             self._new_path = path
 
     def unsaved(self) -> list[bytes]:
-        """The data not known to be on the disk, in the pieces given to `write`."""
+        """The data that may not be on the disk yet, in the pieces given to `write`."""
         with self._changed:
             return [*self._unsynced, *self._waiting]
 
     def hand_over(self) -> list[bytes]:
-        """The unsaved data, which are for another file from now on: nothing more is written to this one."""
+        """Return the unsaved data for another file, and write nothing more to this one."""
         with self._changed:
             self._handed_over = self.broken = True
             self._changed.notify_all()
@@ -130,14 +130,14 @@ class DiskWriter:
             self._changed.notify_all()
 
     def cut_off(self, *, remove: bool) -> None:
-        """Close, and truncate data that were handed over and saved elsewhere. remove: delete the file as well."""
+        """Close the file and cut off data that were handed over and saved elsewhere. remove: also delete the file."""
         self._cut, self._remove = True, remove
         self.give_up()
 
     def close(self, within_s: float = CLOSE_WITHIN_S) -> None:
-        """Finish the file and wait for the disk: at most `within_s` without progress.
+        """Finish the file and wait for the disk, but at most `within_s` without progress.
 
-        After an error there is one more attempt. Afterwards `error` is set if the end of the file is missing.
+        After an error it makes one more attempt. `error` is then set if the end of the file is missing.
         """
         self.finish()
         remaining, progress_s = self._backlog_bytes, time.monotonic()
@@ -156,7 +156,7 @@ class DiskWriter:
         return not self._thread.is_alive()
 
     def _work(self) -> None:
-        use_every_processor(whole_process=False)  # what the kernel does for a write must not hold up the sampling
+        use_every_processor(whole_process=False)  # the kernel's work for a write must not hold up the sampling
         synced_s = 0.0
         while True:
             with self._changed:
@@ -197,7 +197,7 @@ class DiskWriter:
             self._leave()
 
     def _leave(self) -> None:
-        """Close the file, and cut off what is not to stay in it; an error changes nothing."""
+        """Close the file, and cut off data that should not stay in it; an error changes nothing."""
         try:
             if self._remove and self.path is not None and self._find_gone() is None:
                 self.path.unlink()
@@ -220,7 +220,7 @@ class DiskWriter:
                 if not take_next:
                     raise
                 self._attempt += 1
-            except FileNotFoundError:  # the folder could not be made at first, or was deleted since
+            except FileNotFoundError:  # the folder could not be made at first, or has been deleted since
                 if not take_next:
                     raise
                 path.parent.mkdir(parents=True)
@@ -249,7 +249,7 @@ class DiskWriter:
     def _write_some(self, most: int) -> None:
         """Write the waiting data and move what the disk has accepted to the unsynced data.
 
-        most: bytes of one call. Of a file without a sync that succeeded, there is one call only.
+        most: bytes of one call. Until a first sync has succeeded, there is only one call.
         """
         while True:
             with self._changed:
@@ -277,7 +277,7 @@ class DiskWriter:
                 return
 
     def _begin_again(self) -> None:
-        """Let the first bytes be written again, in the same place."""
+        """Prepare to write the first bytes again, in the same place."""
         with self._changed:
             self._waiting.extendleft(reversed(self._unsynced))
             self._unsynced.clear()
@@ -305,7 +305,7 @@ class DiskWriter:
             raise OSError(errno.ENOENT, self.gone.value)
 
     def _find_gone(self) -> Gone | None:
-        """Whether the file is no longer where it was begun."""
+        """Find out whether the file is no longer where it was begun."""
         try:
             ours = os.fstat(self._file)
             if not ours.st_nlink:
@@ -313,5 +313,5 @@ class DiskWriter:
             return None if os.path.samestat(ours, Path(self.path or "").stat()) else Gone.MOVED
         except (FileNotFoundError, NotADirectoryError):
             return Gone.MOVED
-        except OSError:  # a card that does not report it: the next write does
+        except OSError:  # the card cannot tell; the next write will
             return None

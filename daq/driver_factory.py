@@ -23,7 +23,7 @@ DriverFactory = Callable[[], Sensor]
 
 
 class _NoBuses:
-    """Buses of a computer that has none: for `check_drivers`."""
+    """The buses of a computer without buses, for `check_drivers`."""
 
     def i2c(self, device: str) -> NoReturn:
         raise OSError(f"{device}: not opened")
@@ -39,7 +39,7 @@ def check_drivers(tray: Tray, aircraft: Aircraft | None) -> None:
 
 
 def driver_factory(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircraft | None) -> DriverFactory:
-    """A function that opens the sensor's bus or port and returns a new driver on it. That function raises OSError.
+    """Return a function that opens the sensor's bus or port and makes a driver on it. That function may raise OSError.
 
     Raises InputError when the configuration lacks something that the driver needs.
     """
@@ -85,7 +85,7 @@ def driver_factory(table: SensorTable, tray: Tray, buses: Buses, aircraft: Aircr
                 topic=table.topics[0],
             )
         case config.Navio2Config():
-            from flightpower.daq.sensors.navio2 import Navio2Driver  # needs pymavlink too
+            from flightpower.daq.sensors.navio2 import Navio2Driver  # this module also needs pymavlink
 
             return lambda: Navio2Driver(buses.port(table.port, 0), aircraft=aircraft)
         case config.EscCounterConfig():

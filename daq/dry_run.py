@@ -13,7 +13,7 @@ from flightpower.daq.sampling_loop import cycles
 from flightpower.daq.sensors import Sample
 from flightpower.flight.errors import InputError
 
-SETTLING_S = 2.0  # for the sensors' startup; readings of this time are discarded
+SETTLING_S = 2.0  # time for the sensors to start; readings from this time are discarded
 
 
 class DryRun(NamedTuple):
@@ -22,16 +22,16 @@ class DryRun(NamedTuple):
     samples: list[Sample]
     ticks: int
     missed: int
-    late_ms: float  # of the latest tick
-    slow: list[str]  # what to do about buses that are too slow
+    late_ms: float  # delay of the latest tick
+    slow: list[str]  # advice on buses that are too slow
     troubles: dict[str, str] = {}  # noqa: RUF012  at the end, by topic: why a sensor failed, or what is wrong with it
 
 
 def check_devices_here(tray: Tray) -> None:
-    """Raises InputError where none of several device files of the tray exists: this is another computer."""
+    """Raises InputError if the tray has several device files and none exists, as on another computer."""
     devices = list(dict.fromkeys(table.device for table in tray.sensors))
     missing = [device for device in devices if device.startswith("/") and not Path(device).exists()]
-    if len(missing) == len(devices) > 1:  # where one is missing, it is unplugged
+    if len(missing) == len(devices) > 1:  # a single missing device is unplugged
         raise InputError(
             f"none of the tray's devices is here ({', '.join(missing)}): run this on the aircraft's computer, or"
             " correct `bus` and `port` in the tray file"

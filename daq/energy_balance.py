@@ -1,8 +1,8 @@
-"""Drag polar from the energy of runs, by least squares with sums that grow with each run.
+"""Fits a drag polar to the energy of runs, by least squares with sums that are updated by each run.
 
-Over a window of a run, the work of thrust less the gain of kinetic and potential energy is the work of drag
-(2.23)-(2.26). Divided by mass and by the distance flown it is the mean of drag over mass. It is regressed on
-C_D = A0 + A1 C_L + A2 C_L^2, with errors of the thrust's scale and of its slope over J as further unknowns. The
+Over a window of a run, the work of thrust minus the gain in kinetic and potential energy is the work of drag
+(2.23)-(2.26). Divided by mass and distance flown, this work is the mean of drag/mass. It is regressed on
+C_D = A0 + A1 C_L + A2 C_L^2, with the errors of thrust's scale and of its slope over J as further unknowns. The
 residuals give the noise. The scale of airspeed, which only the analysis determines, adds the uncertainty that the
 aircraft file states; other errors of the probe are not in the interval.
 """
@@ -17,31 +17,31 @@ from flightpower.flight.aircraft import Uncertainty
 from flightpower.flight.settings import NORMAL_95
 from flightpower.flight.units import GRAVITY_MPS2
 
-WINDOW_ROWS = 11  # longer than the smoothing: errors of speed at both ends are independent
+WINDOW_ROWS = 11  # longer than the smoothing, so that errors of speed at the two ends are independent
 UNKNOWNS = 5  # A0, A1, A2, thrust scale, thrust slope
 J_REFERENCE = 0.5
 STAND = {3: 1.0, 4: -J_REFERENCE}  # coefficients of the unknowns in the correction of thrust at J = 0
-# Relative change of power by that of airspeed, near the speed of least power: the thrust computed for a motor speed
-# falls with some power 2 to 2.5 of airspeed, and power is thrust times airspeed.
+# Relative error of power divided by that of airspeed, near the speed of least power: the thrust computed for a motor
+# speed falls with airspeed to the power of about 2 to 2.5, and power is thrust times airspeed.
 POWER_PER_AIRSPEED = 1.5
-LEAST_NOISE_MPS2 = 0.05  # of a window: speed from 0.2 m/s of noise
+LEAST_NOISE_MPS2 = 0.05  # lower limit for the noise of a window: speed with 0.2 m/s of noise
 FEWEST_WINDOWS = 8
 
 
 class PowerInterval(NamedTuple):
-    """Smallest power required over mass in the range of speeds flown, and its 95 % interval."""
+    """The speed of least power required in the range of speeds flown, and the power's 95 % interval."""
 
     speed_mps: float
-    half_width: float  # of the power, share of it
+    half_width: float  # relative half-width of the power's interval
 
 
 class EnergyBalance:
     """Normal equations of the polar. Each window adds some forty products."""
 
     def __init__(self, uncertainty: Uncertainty, static_thrust_excess: tuple[float, float] | None = None) -> None:
-        """uncertainty: of the aircraft file, which states the errors of thrust and airspeed. static_thrust_excess: of
-        `Aircraft`, the correction of thrust at J = 0 by a stand, and its standard deviation."""
-        self._prior_sigma = {3: uncertainty.thrust_scale_fraction, 4: uncertainty.thrust_slope}  # by unknown
+        """uncertainty: the aircraft file's, with the errors of thrust and airspeed. static_thrust_excess: the property
+        of `Aircraft`, the correction of thrust at J = 0 by a stand test, and its standard deviation."""
+        self._prior_sigma = {3: uncertainty.thrust_scale_fraction, 4: uncertainty.thrust_slope}  # by index
         self._stand = static_thrust_excess
         self._airspeed_sigma = uncertainty.airspeed_scale_fraction
         self.windows = 0
@@ -51,7 +51,7 @@ class EnergyBalance:
         self._weight = 0.0  # sum of rho S / m: q S / m = V^2 times half of its mean
 
     def add_run(self, rows: Sequence[Row]) -> None:
-        """Adds a run, window by window. Windows without thrust are left out."""
+        """Add a run, window by window. Windows without thrust are skipped."""
         intervals = len(rows) - 1
         windows = max(1, round(intervals / WINDOW_ROWS))
         ends = [intervals * i // windows for i in range(windows + 1)]
@@ -60,12 +60,12 @@ class EnergyBalance:
 
     def _add(self, rows: Sequence[Row]) -> None:
         sum_V = 0.0
-        sums = [0.0] * (UNKNOWNS + 1)  # of the unknowns, and of rho S/m
+        sums = [0.0] * (UNKNOWNS + 1)  # integrals for the unknowns, and for rho S/m
         for i, row in enumerate(rows):
             if row.drag is None:
                 return
             thrust, qS, CL, J = row.drag
-            step = row.V / 2 if i in (0, len(rows) - 1) else row.V  # trapezoids
+            step = row.V / 2 if i in (0, len(rows) - 1) else row.V  # trapezoidal rule
             sum_V += step
             beside = (qS, qS * CL, qS * CL * CL, -thrust, -thrust * (J - J_REFERENCE), 2 * qS / row.V**2)
             for j, value in enumerate(beside):
@@ -85,13 +85,13 @@ class EnergyBalance:
                 self._N[i][j] += x[i] * x[j]
 
     def polar(self) -> tuple[list[float], list[list[float]]] | None:
-        """The unknowns and their covariance (5, 5); None before enough was flown."""
+        """The unknowns (5,) and their covariance (5, 5); None until enough has been flown."""
         if self.windows < FEWEST_WINDOWS:
             return None
         noise2 = LEAST_NOISE_MPS2**2
         p: list[float] = []
         inverse: list[list[float]] | None = None
-        for _ in range(3):  # the prior's weight depends on the noise
+        for _ in range(3):  # repeated because the prior's weight depends on the noise
             N = [row[:] for row in self._N]
             for i, sigma in self._prior_sigma.items():
                 N[i][i] += noise2 / sigma**2
@@ -112,20 +112,20 @@ class EnergyBalance:
         return p, [[noise2 * value for value in row] for row in inverse or []]
 
     def power_W(self, V_mps: float, mass_kg: float) -> float | None:
-        """Power required in level flight; None before enough was flown."""
+        """Power required in level flight [W]; None until enough has been flown."""
         polar = self.polar()
         if polar is None:
             return None
         return mass_kg * sum(a * b for a, b in zip(self._gradient(V_mps), polar[0][:3], strict=True))
 
     def _gradient(self, V_mps: float) -> list[float]:
-        """Gradient of power over mass by A0, A1, A2, in level flight."""
+        """Gradient of power/mass in level flight with respect to A0, A1, A2."""
         qS_over_m = self._weight / self.windows / 2 * V_mps**2
         CL = GRAVITY_MPS2 / qS_over_m
         return [qS_over_m * V_mps * CL**i for i in range(3)]
 
     def at_endurance_speed(self, slowest_mps: float, fastest_mps: float) -> PowerInterval | None:
-        """The interval at the speed of least power between two speeds; None before enough was flown."""
+        """The interval at the speed of least power between two speeds; None until enough has been flown."""
         polar = self.polar()
         if polar is None:
             return None

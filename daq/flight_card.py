@@ -1,4 +1,4 @@
-"""The runs of a flight plan, ticked off while they are flown: the `card.toml` that `flightpower plan` writes."""
+"""The runs of a flight plan, from the `card.toml` that `flightpower plan` writes. Flown runs are ticked off."""
 
 from pathlib import Path
 from typing import Literal
@@ -8,11 +8,11 @@ import msgspec
 from flightpower.flight.errors import InputError
 from flightpower.flight.files import read_text
 
-COVERED = 0.7  # of the planned change of speed: a pilot turns a little early, and smoothing takes a part of each end
+COVERED = 0.7  # needed share of the planned change of speed: pilots turn a little early, and smoothing cuts both ends
 
 
 class PlannedRun(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """An acceleration or deceleration that the plan asks for so many times."""
+    """An acceleration or deceleration that the plan requires a number of times."""
 
     kind: Literal["acceleration", "deceleration"]
     from_mps: float
@@ -33,14 +33,14 @@ class CardFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class FlightCard:
-    """What is planned, and how often each run was flown well."""
+    """The planned runs, and how often each was flown well."""
 
     def __init__(self, planned: list[PlannedRun]):
         self._planned = planned
         self._flown = [0] * len(planned)
 
     def tick_off(self, kind: str, first_mps: float, last_mps: float) -> bool:
-        """Count a good run as the first planned one that it covers and that is still to be flown; whether there is."""
+        """Count a good run as the first planned run still to be flown that it covers. Returns whether there is one."""
         for i, planned in enumerate(self._planned):
             if self._flown[i] < planned.times and planned.flown_by(kind, first_mps, last_mps):
                 self._flown[i] += 1
@@ -49,7 +49,7 @@ class FlightCard:
 
     @property
     def text(self) -> str:
-        """How many are flown and which is next, for the pilot, at most 50 characters."""
+        """How many runs are flown and which is next, for the pilot; at most 50 characters."""
         done, all_ = sum(self._flown), sum(planned.times for planned in self._planned)
         left = zip(self._planned, self._flown, strict=True)
         following = next((planned for planned, flown in left if flown < planned.times), None)
@@ -59,7 +59,7 @@ class FlightCard:
 
     @property
     def lines(self) -> list[str]:
-        """One for each kind of run, for the page."""
+        """One line for each kind of run, for the status page."""
         return [
             f"{flown} of {planned.times}: {planned.kind} {planned.from_mps:.1f} to {planned.to_mps:.1f} m/s"
             for planned, flown in zip(self._planned, self._flown, strict=True)
@@ -67,7 +67,7 @@ class FlightCard:
 
 
 def load_card(path: str) -> FlightCard:
-    """Raises InputError naming the file when it cannot be read, or is no card."""
+    """Load a card. Raises InputError naming the file if it cannot be read, or is no card."""
     try:
         return FlightCard(msgspec.toml.decode(read_text(Path(path)), type=CardFile).run)
     except msgspec.MsgspecError as error:

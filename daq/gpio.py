@@ -1,4 +1,4 @@
-"""Lines of a GPIO chip, through the kernel's character device (linux/gpio.h, version 2): no library is needed."""
+"""Accesses lines of a GPIO chip through the kernel's character device (linux/gpio.h, version 2), without a library."""
 
 import fcntl
 import os

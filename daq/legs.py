@@ -1,6 +1,6 @@
-"""The smoothed motion of a flight, kept while it is measured and divided into legs of rising and falling speed.
+"""Keeps the smoothed motion of a flight as it is measured, and divides it into legs of rising and falling speed.
 
-The legs are those of `flight.runs`. In flight a leg is judged before it has ended, once speed is held.
+The legs are those of `flight.runs`. In flight a leg is judged even before it ends, once speed is held.
 """
 
 from typing import NamedTuple
@@ -8,13 +8,13 @@ from typing import NamedTuple
 from flightpower.flight import runs
 from flightpower.flight.runs import LEVEL_RUN
 
-JUDGED_AFTER_S = 4.0  # a leg whose fastest or slowest point is this old is judged before it has ended
-GOING_ON_S = 1.0  # gusts let smoothed speed stand still for so long within a run
-KEPT_ROWS = 600  # two minutes; what is older is forgotten
+JUDGED_AFTER_S = 4.0  # a leg whose last extreme of speed is this old is judged before it ends
+GOING_ON_S = 1.0  # gusts can hold smoothed speed constant for this long within a run
+KEPT_ROWS = 600  # two minutes; older rows are discarded
 
 
 class Row(NamedTuple):
-    """The smoothed motion at one time, and what was measured then."""
+    """The smoothed motion at one time, and whether all needed quantities were measured."""
 
     t_s: float
     V: float  # [m/s]
@@ -23,12 +23,12 @@ class Row(NamedTuple):
     bank: float  # [rad]
     height_m: float
     smooth_height_m: float
-    complete: bool  # whether everything was measured that drag needs
+    complete: bool  # whether all quantities that drag requires were measured
     drag: tuple[float, float, float, float] | None  # thrust/m [m/s^2], q S/m [m/s^2], C_L, J
 
 
 class Leg(NamedTuple):
-    """Rows from one turning point of speed to the next, or to the furthest one so far. sign: 1 for an acceleration."""
+    """Rows from one turning point of speed to the next, or to the extreme so far. sign: as in `flight.runs.Leg`."""
 
     sign: int
     kind: str
@@ -36,7 +36,7 @@ class Leg(NamedTuple):
     ended: bool
 
     def changing_part(self, changing_mps2: float) -> list[Row]:
-        """The rows in which speed changes, without those at either end in which it is held."""
+        """The rows in which speed changes, without the rows at either end in which it is held."""
         changing = [self.sign * row.Vdot > changing_mps2 for row in self.rows]
         return self.rows[runs.changing_part([row.V for row in self.rows], changing)]
 
@@ -47,11 +47,11 @@ class Legs:
     def __init__(self) -> None:
         self.rows: list[Row] = []
         self._legs = runs.Legs()
-        self._forgotten = 0  # rows
-        self._judged_at_mps: float | None = None  # speed at the end of the leg that was given before its end
+        self._forgotten = 0  # number of rows discarded
+        self._judged_at_mps: float | None = None  # last speed of a leg that was returned before it ended
 
     def add(self, row: Row) -> Leg | None:
-        """Adds a row. Returns the leg that ended with it, or in which speed is held now."""
+        """Add a row. Returns the leg that it ends, or a leg in which speed is now held."""
         self.rows.append(row)
         if len(self.rows) > 2 * KEPT_ROWS:
             del self.rows[:KEPT_ROWS]
@@ -71,19 +71,19 @@ class Legs:
         return None
 
     def end(self) -> Leg | None:
-        """The leg that ends with the stretch; None if speed never changed."""
+        """Return the leg that ends with the stretch; None if speed never changed."""
         last = self._legs.current()
         return self._with_rows(last, ended=True) if last else None
 
     def going_on(self) -> Leg | None:
-        """The leg whose furthest point is not older than a second; None while speed is held or comes back."""
+        """The leg whose extreme of speed is at most a second old; None while speed is held or returns."""
         leg = self._legs.current()
         if leg is None or self.rows[-1].t_s - self.rows[self._row_in_list(leg.last)].t_s > GOING_ON_S:
             return None
         return self._with_rows(leg, ended=False)
 
     def _row_in_list(self, index: int) -> int:
-        """The row of an index, or the oldest row kept."""
+        """The position of a row in the list of rows kept, or the position of the oldest."""
         return max(0, index - self._forgotten)
 
     def _with_rows(self, leg: runs.Leg, *, ended: bool) -> Leg:

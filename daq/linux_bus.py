@@ -1,7 +1,7 @@
-"""I2C buses, serial lines and UDP ports on Linux, with the interfaces of `daq.bus`.
+"""Opens I2C buses, serial lines and UDP ports on Linux, with the interfaces of `daq.bus`.
 
-The only module that imports smbus2 and pyserial. Devices are locked with flock(2) while they are open, because two
-readers of a bus spoil each other's readings; opening a locked one raises 16 (EBUSY).
+No other module imports smbus2 and pyserial. Devices are locked with flock(2) while they are open, because two readers
+of a bus spoil each other's readings; opening a locked one raises 16 (EBUSY).
 """
 
 import errno
@@ -20,27 +20,27 @@ from smbus2.smbus2 import I2C_RDWR, i2c_rdwr_ioctl_data
 from flightpower.daq.bus import IN_USE, BytePort, I2CBus
 
 RECEIVE_BYTES = 4096  # the kernel's buffer of a serial line (N_TTY_BUF_SIZE)
-# Of one read of a UDP port: ten times what an autopilot sends in a tick. A flood of datagrams costs its own port only.
+# Most bytes of one read of a UDP port: ten times what an autopilot sends in a tick. A flood harms only its own port.
 DATAGRAM_BYTES, DATAGRAMS = 65_536, 256
 I2C_RETRIES = 0x0701  # linux/i2c-dev.h
 I2C_TIMEOUT = 0x0702  # in units of 10 ms
-PREPARED_TRANSFERS = 128  # kept; the default tray needs about thirty, and one more for each length of FIFO read
+PREPARED_TRANSFERS = 128  # most kept; the default tray needs about thirty, and one for each length of FIFO read
 
 
 class Transfer(NamedTuple):
-    """A write, a read, or both joined by a repeated start, as smbus2's structures."""
+    """The smbus2 structures of a write, a read, or both joined by a repeated start."""
 
     request: i2c_rdwr_ioctl_data  # the argument of ioctl(I2C_RDWR)
-    messages: int  # how many
+    messages: int  # number of messages
     reply: Any  # pointer to where the kernel writes what it reads
-    message_structures: list[i2c_msg]  # what the kernel finds by address
+    message_structures: list[i2c_msg]  # kept alive, since the kernel finds them by address
 
 
 class LinuxI2C:
     """/dev/i2c-N through smbus2, with a timeout for each transfer (rounded up to 10 ms). Use it from one thread at a
     time.
 
-    smbus2 has no timeout, no lock, and no check of how many messages were transferred; they are added here. The same
+    smbus2 has no timeout, no lock, and no check of how many messages were transferred; this class adds them. The same
     transfers are repeated every tick. smbus2 would make their structures each time, which takes longer than the
     transfer, so prepared ones are kept.
     """
@@ -58,7 +58,7 @@ class LinuxI2C:
         except BlockingIOError:
             self.close()
             raise _in_use(device) from None
-        except OSError:  # such as a file that is no bus; smbus2 leaves it open
+        except OSError:  # for instance, a file that is no bus; smbus2 leaves it open
             self.close()
             raise
 
@@ -75,7 +75,7 @@ class LinuxI2C:
         self._bus.close()
 
     def _transfer(self, address: int, data: bytes, count: int) -> bytes:
-        """The bytes read. Raises OSError if the transfer is incomplete: the buffer then holds an old reading."""
+        """The bytes read. Raises OSError if the transfer is incomplete: the buffer then still holds an old reading."""
         request, messages, reply, _ = self._prepared(address, data, count)
         if fcntl.ioctl(self._file, I2C_RDWR, request) != messages:
             raise OSError(errno.EIO, os.strerror(errno.EIO))
@@ -93,8 +93,8 @@ def _prepare(address: int, data: bytes, count: int) -> Transfer:
 class LinuxSerial:
     """A serial line opened by pyserial, in raw mode, non-blocking.
 
-    Read without pyserial, which asks first whether there is something to read. With VMIN = 1 the kernel's answer shows
-    an empty line (EAGAIN) from an unplugged adapter (end of file).
+    Reading bypasses pyserial, which first asks whether there is something to read. With VMIN = 1 the kernel's answer
+    distinguishes an empty line (EAGAIN) from an unplugged adapter (end of file).
     """
 
     def __init__(self, device: str, baud: int):
@@ -115,8 +115,8 @@ class LinuxSerial:
         termios.tcsetattr(self._file, termios.TCSANOW, settings)
 
     def read_available(self) -> bytes:
-        # Read without asking for the number of bytes first: that takes a lock which the kernel holds while it fills the
-        # buffer, and has been seen to take 200 ms.
+        # Read without first asking for the number of bytes: asking needs a lock that the kernel holds while it fills
+        # the buffer, and has taken up to 200 ms.
         try:
             data = os.read(self._file, RECEIVE_BYTES)
         except BlockingIOError:
@@ -146,7 +146,7 @@ def _in_use(device: str) -> OSError:
 
 
 class UdpPort:
-    """UDP datagrams as a stream: receives on `udp:HOST:PORT`, sends to the address of the latest datagram."""
+    """UDP datagrams as a byte stream: receives on `udp:HOST:PORT`, and sends to the sender of the latest datagram."""
 
     def __init__(self, host: str, port: int):
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -181,7 +181,7 @@ class UdpPort:
 
 
 class PulseFiles:
-    """`rcio:DIRECTORY`: text files ch0, ch1, … with one pulse width [us] each, read as one line. Read only."""
+    """The port `rcio:DIRECTORY`: text files ch0, ch1, … with one pulse width [us] each, read as one line; read-only."""
 
     def __init__(self, directory: str):
         self._files = [path.open("rb", buffering=0) for path in sorted(Path(directory).glob("ch*"), key=_number)]
@@ -219,8 +219,8 @@ OpenPort = LinuxSerial | UdpPort | PulseFiles
 class LinuxBuses:
     """The device files of this computer.
 
-    A bus is opened once, under any of its names, and shared by its drivers. A port is closed and opened again on each
-    call, so that an adapter that was unplugged works again.
+    A bus is opened only once, even under several names, and its drivers share it. A port is closed and reopened on each
+    call, so that an adapter works again after it was unplugged.
     """
 
     def __init__(self) -> None:

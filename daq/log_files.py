@@ -20,10 +20,10 @@ from flightpower.daq.sensors import Sample
 from flightpower.flight.errors import InputError
 from flightpower.flight.messages import Event
 
-GIVE_UP_AFTER_S = 3.0  # a file that cannot be written or synced (unless the disk is full) is replaced after this time
-BACK_OFF_FACTOR = 2  # each further file gets this many times longer,
-MAX_PATIENCE_S = 60.0  # at most this, so that a failing card does not fill with files
-WELL_AFTER_S = 60.0  # a disk without an error for this long has earned the first patience again
+GIVE_UP_AFTER_S = 3.0  # a file that cannot be written or synced is replaced after this time, unless the disk is full
+BACK_OFF_FACTOR = 2  # each further file gets this many times as long,
+MAX_PATIENCE_S = 60.0  # but at most this time, so that a failing card does not fill with files
+WELL_AFTER_S = 60.0  # after this time without an error the patience is reset
 
 
 class FileLimits(NamedTuple):
@@ -36,10 +36,10 @@ class FileLimits(NamedTuple):
 class LogFiles:
     """The files of a recording. Only `open` and `close` wait for the disk.
 
-    name: path of file number 0, 1, …; begin: writes the header of a new file, given the recorder, the file's number,
-    its start in monotonic time [ns] and the path of the previous file. limits: when a new file is started.
-    satellite_offset_ns: set it once it is known (Unix time by the satellites minus monotonic time): numbered files are
-    then named by it.
+    name: gives the path of file number 0, 1, …; begin: writes the header of a new file, given the recorder, the file's
+    number, its start in monotonic time [ns] and the path of the previous file. limits: when a new file is started.
+    satellite_offset_ns: Unix time by the satellites minus monotonic time; once it is known and set, the names of
+    numbered files include their start.
     """
 
     def __init__(
@@ -55,24 +55,24 @@ class LogFiles:
         self._offset_ns, self._limits, self._disk_space = offset_ns, limits, disk_space
         self._compressor = ZstdCompressor()  # shared by all files: a second one would take half a megabyte more
         self._current: Recorder | None = None
-        self._closing: dict[int, Recorder] = {}  # finished and still being written, by file number
+        self._closing: dict[int, Recorder] = {}  # finished files that are still being written, by file number
         self._attempts = 0  # names used so far
         self._files = 0
         self._began_ns = 0
         self._previous: Path | None = None
         self._patience_s = GIVE_UP_AFTER_S
-        self._error = ""  # of the disk, until a sync has succeeded
+        self._error = ""  # error of the disk, kept until a sync has succeeded
         self._syncs_at_error = 0
         self._failed_s = -math.inf  # real time at which the disk failed last
-        self._replaced: dict[int, Recorder] = {}  # whose data another file has taken over and not saved yet, by number
-        self._saver: Recorder | None = None  # that one,
-        self._saved_at_bytes = 0  # and its size with them
-        self._deleted = False  # a file, since the last news that the log is being written
+        self._replaced: dict[int, Recorder] = {}  # files whose data `_saver` has not saved yet, by number
+        self._saver: Recorder | None = None  # the file that took over their data
+        self._saved_at_bytes = 0  # size of the saver with these data
+        self._deleted = False  # whether a file was deleted since the last report that the log is being written
         self._missing = ""  # why the end of a finished file is missing
-        self._new_file = False  # asked for, and not begun yet
-        self._announced: Path | None = None  # the path of the current file that was reported last
+        self._new_file = False  # requested, but not begun yet
+        self._announced: Path | None = None  # path of the file that was last reported as current
         self.satellite_offset_ns: int | None = None
-        self._renamed = -1  # number of the file that was given its name last
+        self._renamed = -1  # number of the file that was last renamed
         self._reported_error = ""
         self._dropped_before = 0  # messages dropped from earlier files
         self._reported_dropped = 0
@@ -80,9 +80,9 @@ class LogFiles:
         self._paths: dict[int, Path] = {}  # by file number; a file without a path is not open yet
 
     def open(self, now_ns: int, *, waits: bool = False) -> None:
-        """Start the first file; raises InputError when it cannot be created.
+        """Start the first file. Raises InputError if it cannot be created.
 
-        waits: for a card that is read-only, full or fails, the recording begins in memory instead.
+        waits: if the card is read-only or full, or fails, the recording begins in memory instead.
         """
         path = self._name(0)
         try:
@@ -97,7 +97,7 @@ class LogFiles:
 
     @property
     def paths(self) -> list[Path]:
-        """The files so far, in order."""
+        """The files created so far, in order."""
         return [path for _, path in sorted(self._paths.items())]
 
     @property
@@ -111,7 +111,7 @@ class LogFiles:
 
     @property
     def error(self) -> str:
-        """Why the disk cannot be written, until what waited for it is synced; empty when all is well."""
+        """Why the disk cannot be written, kept until the waiting data are synced; empty if all is well."""
         return self._error
 
     @property
@@ -131,7 +131,7 @@ class LogFiles:
     def update(self, now_ns: int, *, wanted: bool = True, new_file: bool = False) -> list[Event]:
         """Open, change or close the file as required; call once a tick. Returns the events to report.
 
-        wanted: whether to record at all. new_file: start a new file now.
+        wanted: whether to record at all. new_file: whether to start a new file now.
         """
         current, wanted = self._current, wanted and self._disk_space.sufficient
         self._new_file = self._new_file or new_file
@@ -188,7 +188,7 @@ class LogFiles:
         """Whether to try another file. A file that cannot be created is tried again automatically."""
         disk = current.disk
         if disk.gone is not None and self._patience_s == GIVE_UP_AFTER_S:
-            return True  # the card works
+            return True  # the file is gone, but the card works
         return disk.path is not None and disk.failing_s > self._patience_s
 
     def _replace_current(self, now_ns: int) -> None:
@@ -211,14 +211,14 @@ class LogFiles:
         self._patience_s = min(BACK_OFF_FACTOR * self._patience_s, MAX_PATIENCE_S)
 
     def _release_replaced(self) -> None:
-        """Truncates failed files where another file has saved their data, so that nothing is stored twice."""
+        """Truncate failed files once another file has saved their data, so that nothing is stored twice."""
         if self._replaced and self._saver is not None and self._saver.disk.synced_bytes >= self._saved_at_bytes:
             for failed in self._replaced.values():
                 failed.cut_off()
             self._replaced.clear()
 
     def _note_error(self) -> None:
-        """Keep an error until a sync has succeeded after it, and the data of files that failed are saved."""
+        """Keep an error until a later sync has succeeded, and the data of failed files are saved."""
         if self._current is None:
             self._error = ""
             return
@@ -238,7 +238,7 @@ class LogFiles:
         self._current = None
 
     def _name_by_start(self) -> None:
-        """Give the current file the name that says when it began, as soon as the satellites' time is known."""
+        """Rename the current file to include its start, as soon as the satellites' time is known."""
         path, number = self.path, self._files - 1
         if self._current is None or path is None or self.satellite_offset_ns is None or self._renamed == number:
             return
@@ -279,7 +279,7 @@ class LogFiles:
         return events
 
     def _closed_events(self) -> list[Event]:
-        """Forget the finished files that are on the disk. Returns the events on those whose end is missing."""
+        """Forget finished files that are closed. Returns an event for each file whose end is missing."""
         events = []
         for number, recorder in list(self._closing.items()):
             self._note_path(number, recorder)

@@ -1,4 +1,4 @@
-"""The logs of a folder: when each began, how long it is, whether it is complete. For `daq list`.
+"""Lists the logs of a folder for `daq list`: when each began, how long it is, whether it is complete.
 
 Only the index and one chunk of each log are read, so that a full card is listed in seconds.
 """
@@ -29,18 +29,18 @@ TIME_TOPIC = "/time"
 
 
 class ListedLog(NamedTuple):
-    """A log. begin: UTC by the satellites where `by_satellites`, else by the system clock; None: not known."""
+    """A log. begin: UTC by the satellites if `by_satellites`, else by the system clock; None if unknown."""
 
     path: Path
     bytes: int
     begin: datetime | None
     by_satellites: bool
     duration_s: float
-    state: str  # complete, CUT, empty, cannot be read: why
+    state: str  # complete, CUT, empty, or cannot be read and why
 
 
 def list_logs(directory: Path, latest: int | None = None) -> list[ListedLog]:
-    """The logs of a folder, numbered ones last and in order. latest: how many of them, None for all.
+    """The logs of a folder, with numbered logs last and in order. latest: number of logs from the end, None for all.
 
     Raises InputError if the folder cannot be read.
     """
@@ -51,7 +51,7 @@ def list_logs(directory: Path, latest: int | None = None) -> list[ListedLog]:
 
 
 def listed(path: Path) -> ListedLog:
-    """One log. Whatever is wrong with it is named in its state."""
+    """Describe one log. Its state names whatever is wrong with it."""
     size = 0
     try:
         size = path.stat().st_size
@@ -70,14 +70,14 @@ def listed(path: Path) -> ListedLog:
             return ListedLog(path, size, begin, offset_ns is not None, duration_s, "complete")
     except OSError as error:
         return ListedLog(path, size, None, False, 0.0, f"cannot be read: {error.strerror or error}")
-    except Exception as error:  # whatever a damaged index makes the decoders raise: the other logs are listed
+    except Exception as error:  # decoders raise various errors on a damaged index; the other logs are still listed
         return ListedLog(path, size, None, False, 0.0, f"cannot be read: {type(error).__name__}")
 
 
 def unfinished(path: Path, size: int) -> ListedLog:
-    """A log that is being recorded, or whose end is missing: from the first to the last whole chunk."""
+    """Describe a log that is being recorded, or whose end is missing, from its first to its last whole chunk."""
     chunks: list[_WholeChunk] = []
-    declared: list[tuple[int, int]] = []  # where the content of a channel's record begins, its length
+    declared: list[tuple[int, int]] = []  # start and length of each channel record's content
     with path.open("rb") as stream:
         offset = len(MAGIC)
         while offset + RECORD_HEAD.size + CHUNK_HEAD.size <= size:
@@ -102,7 +102,7 @@ def unfinished(path: Path, size: int) -> ListedLog:
 
 
 class _WholeChunk(NamedTuple):
-    """A chunk of a log without an index. content: where it begins; channels: that the records after it name."""
+    """A chunk of a log without an index. content: where it begins; channels: those named by the records after it."""
 
     begin_ns: int
     end_ns: int
@@ -116,7 +116,7 @@ def _offset_of_unfinished_ns(
 ) -> int | None:
     """What to add to the log's times to get UTC [ns], from the last chunk that has /time; None without GPS.
 
-    declared: places of the records of channels. Also None if one of them or that chunk is damaged.
+    declared: start and length of the channel records. The result is also None if one of them or that chunk is damaged.
     """
 
     def content(offset: int, length: int) -> bytes:
@@ -131,7 +131,7 @@ def _offset_of_unfinished_ns(
                 return _offset_ns(chunk_of(content(chunk.content, chunk.length))[1], of_time)
     except OSError:
         raise
-    except Exception:  # whatever damaged records make the decoders raise: begin and length are known without them
+    except Exception:  # decoders raise various errors on damaged records; begin and length are known without them
         pass
     return None
 

@@ -1,4 +1,4 @@
-"""Names of logs: log-NNNN.mcap, and the start by satellites' time as soon as it is known.
+"""Names of logs: log-NNNN.mcap, and also the start by satellite time as soon as it is known.
 
 log-0007.mcap becomes log-0007_2026-11-22_143002Z.mcap. The number alone gives the order and is never used twice.
 """
@@ -26,7 +26,7 @@ def numbered_logs(directory: Path) -> list[Path]:
 
 
 def all_logs(directory: Path) -> list[Path]:
-    """The MCAP files of a directory: those of other names first, by name, then the numbered ones in order."""
+    """The MCAP files of a directory: first files with other names, by name, then the numbered logs in order."""
     files = (path for path in directory.glob("*.mcap") if not path.name.startswith("."))
     return sorted(files, key=lambda path: (log_number(path), path.name))
 
@@ -34,12 +34,12 @@ def all_logs(directory: Path) -> list[Path]:
 def numbered_names(directory: Path) -> Callable[[int], Path]:
     """Names log-NNNN.mcap after the highest number in use. Raises InputError if the directory is unusable.
 
-    A card that fails or is read-only may work later; creating the file will show it.
+    A card that fails or is read-only raises nothing, because it may work later; creating the file will show it.
     """
     taken: list[int] = []
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        # Names such as log-0007.mcap.part also count: somebody is copying or renaming that log.
+        # Names such as log-0007.mcap.part also count, because somebody is copying or renaming that log.
         taken = [log_number(Path(path.name.partition(".mcap")[0] + ".mcap")) for path in directory.glob("log-*.mcap*")]
     except OSError as error:
         if error.errno not in CARD_FAULTS:
@@ -54,7 +54,7 @@ def part_names(path: Path) -> Callable[[int], Path]:
 
 
 def name_with_start(path: Path, start_unix_ns: int) -> Path:
-    """The name of a numbered log whose first tick was at this time; any other name unchanged."""
+    """The name of a numbered log whose first tick was at this time; any other name is returned unchanged."""
     if log_number(path) < 0:
         return path
     start = datetime.fromtimestamp(round(start_unix_ns / 1e9), UTC)

@@ -24,16 +24,17 @@ from flightpower.flight.log_index import MAGIC, RECORD_HEAD, LogIndex
 from flightpower.flight.log_writer import INDEX_ENTRY, MESSAGE_HEAD, message_index
 from flightpower.flight.messages import Event
 
-MAX_RECORD_BYTES = 32 * 2**20  # of a record that is complete; those of this program are below 1 MB
-# Synced data are intact: a power cut can only damage the last second, two or three chunks. Verifying the checksums of
-# ten times as many takes little time; verifying all would delay the recording after power-on by seconds.
+MAX_RECORD_BYTES = 32 * 2**20  # limit of a complete record; this program's records are below 1 MB
+# Synced data are intact: a power cut can only damage the last second, which is two or three chunks. Verifying the
+# checksums of ten times as many chunks takes little time; verifying all would delay the recording after power-on by
+# seconds.
 VERIFIED_CHUNKS = 32
 
 
 class RecoveredLog(NamedTuple):
-    """A log that was completed, the bytes kept of it, and the damaged bytes removed from its end.
+    """A completed log, with the number of bytes kept, and of damaged bytes removed from its end.
 
-    Of a file without a byte nothing is kept: it is removed.
+    An empty file is removed.
     """
 
     path: Path
@@ -53,10 +54,10 @@ def unfinished_logs(paths: Iterable[Path]) -> Iterator[Path]:
 
 
 def recovery_event(path: Path) -> Event | None:
-    """Complete one log; the event that reports this, or why it failed. None when there was nothing to do."""
+    """Complete one log. Returns the event that reports success or failure, or None if there was nothing to do."""
     try:
         done = recover(path)
-    except Exception as error:  # whatever a damaged file makes the decoders raise: the other logs are completed
+    except Exception as error:  # decoders raise various errors on a damaged file; the other logs are still completed
         return failure_event(path, cause_of(error))
     if done is None:
         return None
@@ -82,10 +83,10 @@ def cause_of(error: Exception) -> str:
 def recover(path: Path) -> RecoveredLog | None:
     """Complete one log if it is unfinished; otherwise return None. A file that is not a log is not changed.
 
-    A file without a byte is removed: a power cut after its name was written and before its first bytes leaves it, and
-    it would stay among the logs as one that nothing can read.
+    An empty file is removed. It is left by a power cut between the writing of its name and of its first bytes, and
+    would stay among the logs as an unreadable one.
 
-    Raises LogTooLarge, OSError on I/O errors, and whatever damaged records make the decoders raise. The file is then
+    Raises LogTooLarge, OSError on I/O errors, and the various errors of decoders on damaged records. The file is then
     unchanged, except after an I/O error.
     """
     with path.open("rb") as stream:
@@ -95,7 +96,7 @@ def recover(path: Path) -> RecoveredLog | None:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            return None  # being recorded
+            return None  # this log is being recorded
         size = stream.seek(0, os.SEEK_END)
         if not size:
             path.unlink()
@@ -115,7 +116,7 @@ def recover(path: Path) -> RecoveredLog | None:
 
 
 def is_complete(stream: BinaryIO) -> bool:
-    """Whether a file ends as a finished log."""
+    """Whether a file ends like a finished log."""
     size = stream.seek(0, os.SEEK_END)
     if size < 2 * len(MAGIC):
         return False
@@ -157,7 +158,7 @@ def intact_length(stream: BinaryIO) -> int:
 
 
 def ending_of(stream: BinaryIO, length: int) -> bytes:
-    """The bytes to append to the first `length` bytes of a log, which are intact records, to make it a finished log."""
+    """The bytes that make a finished log if appended to a log's first `length` bytes, which are intact records."""
     index = LogIndex()
     position = len(MAGIC)
     stream.seek(position)
@@ -197,7 +198,7 @@ def chunk_of(content: bytes) -> tuple[Chunk, bytes]:
 def chunk_is_intact(content: bytes) -> bool:
     """Whether a chunk holds messages that decompress to its checksum. Raises LogTooLarge.
 
-    A checksum of 0 would mean "none" in MCAP; here it is the head of a chunk that zeros follow after a power cut.
+    In MCAP a checksum of 0 means "none"; here it is in the head of a chunk whose data a power cut left as zeros.
     """
     try:
         chunk, data = chunk_of(content)

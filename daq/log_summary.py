@@ -1,4 +1,4 @@
-"""The contents of a log in numbers: for `daq info`."""
+"""Summarizes the contents of a log in numbers, for `daq info`."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ class TopicSummary(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """General lines of text, and one row for each topic."""
+    """A log's summary: general lines of text, and one row for each topic."""
 
     lines: list[str]
     topics: list[TopicSummary]

@@ -1,8 +1,9 @@
-"""The few MAVLink messages that the daemon reads, and the command that requests them.
+"""Decodes the few MAVLink messages that the daemon reads, and encodes the command that requests them.
 
-pymavlink decodes every message of a dialect, a field at a time: with an autopilot's usual messages it took a third of
-the daemon's processor time, and half of its start. Here other messages are skipped by their length. The tests compare
-with pymavlink (https://mavlink.io/en/guide/serialization.html; fields and CRC_EXTRA: common.xml, ardupilotmega.xml).
+pymavlink decodes every message of a dialect, one field at a time; with an autopilot's usual messages it took a third of
+the daemon's processor time, and half of its startup time. Here other messages are skipped by their length. The tests
+compare the results with pymavlink's (https://mavlink.io/en/guide/serialization.html; fields and CRC_EXTRA: common.xml,
+ardupilotmega.xml).
 """
 
 import re
@@ -17,7 +18,7 @@ MARKER = re.compile(b"[\xfd\xfe]")
 HEAD_1, HEAD_2 = 6, 10  # bytes of the header
 CRC_BYTES, SIGNATURE_BYTES = 2, 13
 SIGNED = 0x01  # incompatibility flag
-REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))  # the bits of a byte in the other order
+REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))  # each byte with its bits in reverse order
 COMMAND_LONG, COMMAND_LONG_EXTRA = 76, 152
 COMMAND_FIELDS = struct.Struct("<7fHBBB")
 
@@ -39,22 +40,22 @@ class Attitude(NamedTuple):
 
 class ServoOutput(NamedTuple):
     port: int
-    pulses_us: tuple[int, ...]  # outputs 1 to 16; 0 for those that the sender does not have
+    pulses_us: tuple[int, ...]  # outputs 1 to 16; 0 for outputs that the sender does not have
 
 
 class RcChannels(NamedTuple):
-    channels: int  # how many are valid
+    channels: int  # number of valid channels
     pulses_us: tuple[int, ...]  # channels 1 to 18
 
 
 class BatteryStatus(NamedTuple):
     id: int
-    voltages: tuple[int, ...]  # of cells 1 to 10 [mV]
+    voltages: tuple[int, ...]  # voltages of cells 1 to 10 [mV]
     current_battery: int  # [cA]
 
 
 class MotorRpm(NamedTuple):
-    """RPM (its first sensor) or RAW_RPM."""
+    """Motor speed from RPM (its first sensor) or RAW_RPM."""
 
     rpm: float
     sensor: int
@@ -64,7 +65,7 @@ Content = Heartbeat | SysStatus | Attitude | ServoOutput | RcChannels | BatteryS
 
 
 class Kind(NamedTuple):
-    """How a message is decoded. payload: its fields on the wire, from the first to the last one that is needed."""
+    """Describes how a message is decoded. payload: its fields on the wire, from the first to the last needed field."""
 
     crc_extra: int
     payload: struct.Struct
@@ -93,7 +94,7 @@ class Received(NamedTuple):
 
 
 class MavlinkParser:
-    """Finds messages in a stream of bytes, of protocols 1 and 2. Those that are not in KINDS are skipped.
+    """Finds messages of protocols 1 and 2 in a stream of bytes. Messages that are not in KINDS are skipped.
 
     rejected: number of bytes outside valid frames. Signatures are not checked.
     """
@@ -118,7 +119,7 @@ class MavlinkParser:
             if size - offset < head:
                 break
             flags = buffer[offset + 2] if head == HEAD_2 else 0
-            if flags & ~SIGNED:  # of a later protocol, or no frame
+            if flags & ~SIGNED:  # a frame of a later protocol, or no frame
                 self.rejected += 1
                 offset += 1
                 continue
@@ -134,7 +135,7 @@ class MavlinkParser:
             kind = KINDS.get(number)
             if kind is not None:
                 intact = checksum(buffer[offset + 1 : end - CRC_BYTES], kind.crc_extra) == buffer[end - CRC_BYTES : end]
-            else:  # its CRC_EXTRA is not known here, but a frame ends where the next one begins
+            else:  # its CRC_EXTRA is unknown here, but a frame ends where the next frame begins
                 intact = after == size or buffer[after] in (MARKER_1, MARKER_2)
             if not intact:
                 self.rejected += 1
@@ -150,7 +151,7 @@ class MavlinkParser:
 
 
 def checksum(body: bytes, crc_extra: int) -> bytes:
-    """CRC-16/MCRF4XX, as sent: that of crc_hqx, with the bits of each byte and of the result in the other order."""
+    """CRC-16/MCRF4XX, as sent: crc_hqx of the bytes with reversed bits, with the bits of the result reversed."""
     crc = crc_hqx((body + bytes([crc_extra])).translate(REVERSED), 0xFFFF)
     return bytes([REVERSED[crc >> 8], REVERSED[crc & 0xFF]])
 
@@ -158,7 +159,7 @@ def checksum(body: bytes, crc_extra: int) -> bytes:
 def command_frame(
     sequence: int, sender: tuple[int, int], target: tuple[int, int], command: int, parameters: tuple[float, ...]
 ) -> bytes:
-    """COMMAND_LONG (protocol 2). sender, target: system and component; parameters: up to 7."""
+    """Encode COMMAND_LONG (protocol 2). sender, target: system and component; parameters: up to 7."""
     values = (*parameters, *[0.0] * (7 - len(parameters)))
     payload = COMMAND_FIELDS.pack(*values, command, *target, 0).rstrip(b"\0")
     body = bytes([len(payload), 0, 0, sequence & 0xFF, *sender]) + COMMAND_LONG.to_bytes(3, "little") + payload

@@ -1,4 +1,4 @@
-"""News of ticks that were missed: other programs, or a kernel that was busy, kept the sampling thread waiting."""
+"""Reports missed ticks, for which other programs or a busy kernel kept the sampling thread waiting."""
 
 from collections import deque
 
@@ -6,8 +6,8 @@ from flightpower.daq.recording_status import RECENT_S, ticks_missed
 from flightpower.daq.sampling_loop import GridTick
 from flightpower.flight.messages import Event
 
-EVENT_SPACING_NS = 5_000_000_000  # at least, between two events
-STALL_NS = 5_000_000_000  # so long without a tick is a stall: a run has a hole that no interpolation bridges
+EVENT_SPACING_NS = 5_000_000_000  # least time between two events
+STALL_NS = 5_000_000_000  # this long without a tick is a stall: a hole in a run that no interpolation can bridge
 
 
 class MissedTicks:
@@ -17,10 +17,10 @@ class MissedTicks:
         self._period_ns = period_ns
         self._unreported = self._longest = 0
         self._reported_ns: int | None = None
-        self._latest: deque[tuple[int, int]] = deque()  # when, and how many were missed
+        self._latest: deque[tuple[int, int]] = deque()  # times, and numbers of ticks missed
 
     def add(self, tick: GridTick, now_ns: int) -> list[Event]:
-        """Take a tick; returns an event when missed ones are to be reported."""
+        """Count a tick. Returns an event if missed ticks are to be reported."""
         if tick.missed:
             self._latest.append((now_ns, tick.missed))
         self._unreported += tick.missed
@@ -36,7 +36,7 @@ class MissedTicks:
         return [Event(severity="error" if stalled else "warning", sensor="daq", text=text)]
 
     def recent(self, now_ns: int) -> int:
-        """How many were missed in the last RECENT_S."""
+        """Number of ticks missed in the last RECENT_S."""
         while self._latest and now_ns - self._latest[0][0] > RECENT_S * 1e9:
             self._latest.popleft()
         return sum(missed for _, missed in self._latest)

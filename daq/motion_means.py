@@ -1,4 +1,4 @@
-"""Speed, height, bank and forces of the aircraft from means of the readings, for `daq.run_monitor`."""
+"""Computes speed, height, bank and forces of the aircraft from means of the readings, for `daq.run_monitor`."""
 
 import math
 from collections import deque
@@ -13,9 +13,9 @@ from flightpower.flight.units import GAS_CONSTANT_AIR, GRAVITY_MPS2, LAPSE_RATE
 
 STEP_S = MEAN_OVER_NS / 1e9
 HEIGHT_EXPONENT = GAS_CONSTANT_AIR * LAPSE_RATE / GRAVITY_MPS2
-REST_ROWS = 5  # a second, within which means at rest differ by less than the spread allowed
+REST_ROWS = 5  # rows in a second, within which means at rest differ by less than the allowed spread
 GROUND_S = 2.0
-PLAUSIBLE = 0.5, 1.2  # static pressure over that on the ground
+PLAUSIBLE = 0.5, 1.2  # bounds of static pressure divided by the ground's
 ZEROED = ("q_c_Pa", "dp_alpha_Pa", "dp_beta_Pa", "p_radps", "q_radps", "r_radps")
 STEADY = {
     **dict.fromkeys(("p_radps", "q_radps", "r_radps"), STANDING.rate_spread_radps),
@@ -25,7 +25,7 @@ STEADY = {
 
 
 class Motion(NamedTuple):
-    """The motion during one interval of means. drag: thrust/m [m/s^2], q S/m [m/s^2], C_L, J; None if not known."""
+    """The motion during one interval of means. drag: thrust/m [m/s^2], q S/m [m/s^2], C_L, J; None if unknown."""
 
     t_s: float
     V: float
@@ -36,7 +36,7 @@ class Motion(NamedTuple):
 
 
 class MotionFromMeans:
-    """Takes zeros and ground pressure from the standing aircraft, then gives motion while it flies."""
+    """Takes zeros and ground pressure from the standing aircraft, and then computes the motion while it flies."""
 
     def __init__(
         self, aircraft: Aircraft, probe: ProbeMaps | None, thrust: ThrustTable | None, zeros: dict[str, float]
@@ -48,18 +48,18 @@ class MotionFromMeans:
         self._zeros = dict.fromkeys(ZEROED, 0.0) | zeros
         self._recent: deque[Means] = deque(maxlen=REST_ROWS)
         self._rest_rows = 0
-        self._ground: list[tuple[float, float]] = []  # pressure, temperature
+        self._ground: list[tuple[float, float]] = []  # pressures and temperatures on the ground
         self._flown = False
         self._bank: float | None = None
         self._v: float | None = None  # lateral speed
 
     @property
     def ground_known(self) -> bool:
-        """Whether the first means are of the standing aircraft."""
+        """Whether means of the standing aircraft were received."""
         return self._rest_rows > 0
 
     def at(self, means: Means) -> Motion | None:
-        """The motion; None on the ground, and without pressures."""
+        """Return the motion; None on the ground, or without pressures."""
         motion = self._in_flight(means)
         if motion is None:
             self._bank = self._v = None
@@ -91,7 +91,7 @@ class MotionFromMeans:
         return Motion(means.t_s, V, height_m, bank, complete, self._drag(means, V, alpha, qbar, rho))
 
     def _take_zeros(self, means: Means) -> None:
-        """Adds the oldest of the last means to the zeros if the aircraft stood still throughout these."""
+        """Average the oldest of the latest means into the zeros if the aircraft stood still throughout all of these."""
         self._recent.append(means)
         if len(self._recent) < REST_ROWS or any((m.n_revps or 0.0) > STANDING.motor_revps for m in self._recent):
             return
@@ -107,7 +107,7 @@ class MotionFromMeans:
                 self._zeros[name] = before + (value - before) / self._rest_rows
 
     def _flow(self, means: Means, q_c: float) -> tuple[float, float, float]:
-        """Angles of attack and sideslip, dynamic pressure; zero angles without a calibration."""
+        """Angles of attack and sideslip, and dynamic pressure; the angles are zero without a calibration."""
         if self._probe is None or means.dp_alpha_Pa is None:
             return 0.0, 0.0, q_c
         dp_alpha = means.dp_alpha_Pa - self._zeros["dp_alpha_Pa"]
@@ -116,7 +116,7 @@ class MotionFromMeans:
         return flow.alpha_rad, flow.beta_rad, q_c / flow.q_ratio
 
     def _banked(self, means: Means, V: float, alpha: float, beta: float) -> float:
-        """Bank angle from the lateral balance of forces (3.7) and the roll rate, as analysis.air.air."""
+        """Bank angle from the lateral balance of forces (3.7) and the roll rate, as in analysis.air.air."""
         if means.ay_mps2 is None or means.p_radps is None or means.r_radps is None:
             return self._bank or 0.0
         p, r = means.p_radps - self._zeros["p_radps"], means.r_radps - self._zeros["r_radps"]
@@ -132,7 +132,7 @@ class MotionFromMeans:
     def _drag(
         self, means: Means, V: float, alpha: float, qbar: float, rho: float
     ) -> tuple[float, float, float, float] | None:
-        """What the energy balance needs; None without thrust or load factor."""
+        """The quantities that the energy balance needs (`Motion.drag`); None without thrust or load factor."""
         n = means.n_revps
         if self._thrust is None or n is None or n <= STANDING.motor_revps or means.az_mps2 is None:
             return None

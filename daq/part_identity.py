@@ -1,6 +1,6 @@
 """Identifies each part for `daq check`, after the drivers have started the parts.
 
-Serial lines are opened again for this and read for a few seconds, independently of the sampling loop.
+Serial lines are reopened for this, and read for a few seconds, independently of the sampling loop.
 """
 
 import errno
@@ -26,7 +26,7 @@ MPU_WHO_AM_I = 0x75
 MPU_NAMES = {0x71: "MPU-9250", 0x73: "MPU-9255"}
 AK8963_WIA, AK8963_ID = 0x00, 0x48
 MON_VER = b"\x0a\x04"  # UBX-MON-VER: software, hardware, then any number of extensions
-SOFTWARE, HARDWARE, EXTENSION = 30, 10, 30  # bytes, padded with zeros
+SOFTWARE, HARDWARE, EXTENSION = 30, 10, 30  # lengths [bytes]; texts are padded with zeros
 LISTEN_EVERY_NS = 20_000_000
 RECEIVER_S = 1.5  # the receiver may be busy with a solution
 COUNTER_S = 1.0
@@ -34,14 +34,14 @@ AUTOPILOT_S = 2.5  # a heartbeat is sent once a second
 
 
 class PartIdentity(NamedTuple):
-    """One line: the part and its place; for a part that does not answer, the error."""
+    """A line of text with the part and its place, or with the error if the part does not answer."""
 
     text: str
-    in_use: bool = False  # by another program
+    in_use: bool = False  # whether another program uses the device
 
 
 def identify(table: SensorTable, buses: Buses, clock: Clock) -> PartIdentity:
-    """Which part answers. Raises nothing for a part that does not."""
+    """Identify the part that answers. A part that does not answer raises nothing."""
     try:
         return PartIdentity(f"{_identify(table, buses, clock)}, {_place(table)}")
     except SensorFailure as failure:
@@ -112,7 +112,7 @@ def _receiver(port: BytePort, clock: Clock) -> str:
 
 
 def receiver_version(payload: bytes) -> str:
-    """Software, hardware, and those extensions that name module, firmware and protocol."""
+    """Software, hardware, and the extensions that name module, firmware and protocol."""
     fields = [payload[:SOFTWARE], payload[SOFTWARE : SOFTWARE + HARDWARE]]
     fields += [payload[start : start + EXTENSION] for start in range(SOFTWARE + HARDWARE, len(payload), EXTENSION)]
     software, hardware, *extensions = (field.partition(b"\0")[0].decode("ascii", "replace") for field in fields)
@@ -121,13 +121,13 @@ def receiver_version(payload: bytes) -> str:
 
 
 def _counter(port: BytePort, clock: Clock, *, framed: bool) -> str:
-    """The variant of the frames that the pulse counter sends, and their rate, independent of the configuration."""
+    """Find which variant of frames the pulse counter sends, and their rate, whatever is configured."""
     frames = {True: 0, False: 0}
     parsers: dict[bool, FramedParser | LegacyParser] = {True: FramedParser(), False: LegacyParser()}
     for data in _receive(port, clock, COUNTER_S):
         for variant, parser in parsers.items():
             frames[variant] += len(parser.feed(data))
-    framed_found = frames[True] > 0  # a correct CRC is not a coincidence
+    framed_found = frames[True] > 0  # a correct CRC is no coincidence
     if not frames[framed_found]:
         return "pulse counter (no frames)"
     mismatch = "" if framed_found == framed else f", but the tray says framed = {str(framed).lower()}"
@@ -138,7 +138,7 @@ FRAMES = {True: "framed", False: "legacy"}
 
 
 def _autopilot(port: BytePort, clock: Clock) -> str:
-    """The contents of a heartbeat, and AUTOPILOT_VERSION if the autopilot sends it on request."""
+    """Describe the autopilot by its heartbeat, and by AUTOPILOT_VERSION if it sends that on request."""
     link = mavlink.MAVLink(None, srcSystem=OUR_SYSTEM, srcComponent=OUR_COMPONENT)
     link.robust_parsing = True
     heartbeat = None

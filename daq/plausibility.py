@@ -1,7 +1,7 @@
-"""Whether readings that are each in order can be true together: one can lie while its status is `ok`.
+"""Checks whether readings contradict each other: a reading can be wrong although its status is `ok`.
 
-The sampling thread keeps the latest readings, and compares them once a second. What is wrong for some seconds is
-reported (event, state, ground station, page) and so marked in the log; no reading is changed.
+The sampling thread keeps the latest readings, and compares them once a second. A contradiction that lasts some seconds
+is reported (event, state, ground station, page), and is thereby marked in the log; no reading is changed.
 """
 
 import math
@@ -44,34 +44,34 @@ TOPICS = frozenset(
     )
 )
 M = TypeVar("M")
-DENSITY_KGPM3 = 1.2  # 10 % of it is 5 % of airspeed, far less than the wind
-# Airspeed and speed over the ground differ by the wind at most; nobody flies tests in more than this.
+DENSITY_KGPM3 = 1.2  # an error of 10 % in it is 5 % of airspeed, far less than the wind
+# Airspeed and speed over the ground differ by no more than the wind; nobody flies tests in more wind than this.
 STRONGEST_WIND_MPS = 10.0
 MAX_SPEED_ACCURACY_MPS = 1.0  # in flight; `daq check` demands half of it
-IDLE_CURRENT_A = 3.0  # receiver, servos and computer stay below
-# Angle of attack and attitude less climb differ by the mounting of probe and autopilot, upwash and vertical gusts, as
-# means over 20 s of steady flight; exchanged lines of the probe reverse the sign of the angle of attack. While speed
-# changes, an autopilot's attitude is wrong by up to 10 deg.
+IDLE_CURRENT_A = 3.0  # receiver, servos and computer draw less
+# Averaged over 20 s of steady flight, angle of attack and attitude minus flight-path angle differ by the mounting of
+# probe and autopilot, upwash and vertical gusts; exchanged lines of the probe reverse the sign of the angle of attack.
+# While speed changes, an autopilot's attitude is wrong by up to 10 deg.
 MAX_ALPHA_DIFFERENCE_RAD = math.radians(6.0)
 MEAN_OF_COMPARISONS = 20
-STEADY_OVER, STEADY_MPS = 5, 1.0  # comparisons within which airspeed changes by less
-LEAST_AIRSPEED_MPS, LARGEST_BANK_RAD = 8.0, math.radians(25.0)  # where angle of attack follows from attitude
-MAX_SECOND_DIFFERENCE_MPS = 3.0  # of speed by two sensors: places on the aircraft, turns, position errors
+STEADY_OVER, STEADY_MPS = 5, 1.0  # flight is steady if airspeed changes by less over so many comparisons
+LEAST_AIRSPEED_MPS, LARGEST_BANK_RAD = 8.0, math.radians(25.0)  # limits of comparing alpha with attitude
+MAX_SECOND_DIFFERENCE_MPS = 3.0  # speeds by two sensors differ by their places on the aircraft, turns, position errors
 COMPARE_EVERY_NS, MAX_AGE_NS = 1_000_000_000, 2_000_000_000
-WRONG_FOR_NS = 5_000_000_000  # before it is reported; and right for as long, before it is plausible again
+WRONG_FOR_NS = 5_000_000_000  # how long readings are wrong before a report, and right before they are plausible again
 
 
 class Values(msgspec.Struct, frozen=True, kw_only=True):
-    """The latest readings whose values the crew knows; None where missing."""
+    """The latest readings of quantities that the crew can judge; None if missing."""
 
-    airspeed_mps: float | None = None  # of q_c, without calibration and zero
+    airspeed_mps: float | None = None  # from q_c, without calibration and zero
     height_msl_m: float | None = None
     satellites: int | None = None
     motor_speed_revps: float | None = None
 
 
 class Plausibility:
-    """Compares the readings of all sensors with one another. probe, zero: of the tray, for the angle of attack."""
+    """Compares the readings of all sensors with one another. probe, zero: the tray's, for the angle of attack."""
 
     def __init__(self, probe: ProbeMaps | None = None, zero: Zero | None = None) -> None:
         self._probe = probe
@@ -84,7 +84,7 @@ class Plausibility:
         self._alpha_differences: deque[float] = deque(maxlen=MEAN_OF_COMPARISONS)
         self._latest: dict[str, tuple[int, object]] = {}
         self._due_ns = 0
-        self._changed_ns: dict[Comparison, int] = {}  # since when it has not been as it was last reported
+        self._changed_ns: dict[Comparison, int] = {}  # since when the result differs from the last report
         self._notified: dict[Comparison, str] = {}
 
     @property
@@ -94,12 +94,12 @@ class Plausibility:
 
     @property
     def mean_alpha_difference_rad(self) -> float | None:
-        """Angle of attack by the probe less that by attitude and climb, over the latest comparisons; None of few."""
+        """Angle of attack by the probe minus that by attitude, averaged over the latest comparisons; None if few."""
         differences = self._alpha_differences
         return sum(differences) / len(differences) if len(differences) == MEAN_OF_COMPARISONS else None
 
     def add(self, samples: Iterable[Sample], now_ns: int) -> list[Event]:
-        """Take a tick's messages; returns an event for each comparison that has become wrong, or right again."""
+        """Process a tick's messages. Returns an event for each comparison that has become wrong, or right again."""
         for topic, time_ns, message, _ in samples:
             if topic in TOPICS and (message.status is OK or isinstance(message, Gps)):
                 self._latest[topic] = (time_ns, message)
@@ -133,7 +133,7 @@ class Plausibility:
         )
 
     def _compared(self, now_ns: int) -> dict[Comparison, str]:
-        """What is wrong with each; empty where nothing is, or a reading is missing, which its status shows."""
+        """What is wrong by each comparison; empty if nothing is, or if a reading is missing, as its status shows."""
         return {
             Comparison.AIRSPEED: self._airspeed_problem(now_ns),
             Comparison.ANGLE_OF_ATTACK: self._alpha_problem(now_ns),
@@ -156,7 +156,7 @@ class Plausibility:
         return math.hypot(gps.velocity_north_mps, gps.velocity_east_mps)
 
     def _difference_Pa(self, topic: str, now_ns: int) -> float | None:
-        """A pressure difference less its zero."""
+        """A pressure difference minus its zero."""
         reading = self._fresh(DifferentialPressure, topic, now_ns)
         if reading is None or reading.differential_pressure_Pa is None:
             return None
@@ -179,7 +179,7 @@ class Plausibility:
         )
 
     def _alpha_difference_rad(self, now_ns: int) -> float | None:
-        """Angle of attack by the probe less that by attitude and flight path, which neglects the vertical wind."""
+        """The probe's angle of attack minus that from attitude and flight path, which neglects the vertical wind."""
         attitude, gps = self._fresh(Attitude, "/attitude", now_ns), self._fresh(Gps, "/gps", now_ns)
         dp_alpha, q_c = self._difference_Pa("/probe/alpha", now_ns), self._difference_Pa("/probe/airspeed", now_ns)
         if self._probe is None or attitude is None or gps is None or dp_alpha is None or q_c is None or q_c <= 0:
@@ -220,7 +220,7 @@ class Plausibility:
         if baro is None or static is None or baro.pressure_Pa is None or static.pressure_Pa is None:
             return ""
         q_c = self._fresh(DifferentialPressure, "/probe/airspeed", now_ns)
-        # The pressure in the fuselage differs from the static one by a part of q.
+        # The pressure in the fuselage differs from static pressure by a fraction of q.
         allowed_Pa = MAX_BAROMETER_DIFFERENCE_PA + abs((q_c and q_c.differential_pressure_Pa) or 0.0)
         difference_Pa = baro.pressure_Pa - static.pressure_Pa
         if abs(difference_Pa) <= allowed_Pa:
@@ -248,6 +248,6 @@ class Plausibility:
         return ""
 
     def _fresh(self, kind: type[M], topic: str, now_ns: int) -> M | None:
-        """The latest message, if it is not old."""
+        """The latest message, if it is recent."""
         time_ns, message = self._latest.get(topic, (0, None))
         return message if isinstance(message, kind) and now_ns - time_ns <= MAX_AGE_NS else None

@@ -1,4 +1,4 @@
-"""Settings of the daemon's process for low latency."""
+"""Sets up the daemon's process for low latency."""
 
 import ctypes
 import gc
@@ -22,11 +22,11 @@ def prepare_process() -> None:
     """Set up for low latency: no garbage collection of permanent objects, locked memory, small thread stacks."""
     gc.collect()
     gc.freeze()
-    threading.stack_size(THREAD_STACK_BYTES)  # all of a thread's stack is locked in memory
+    threading.stack_size(THREAD_STACK_BYTES)  # the whole stack of a thread is locked in memory
     sys.setswitchinterval(SWITCH_S)
     libc = ctypes.CDLL(None)
-    if hasattr(libc, "mallopt"):  # glibc
-        libc.mallopt(M_ARENA_MAX, 1)  # one heap for all threads, instead of a growing one for each
+    if hasattr(libc, "mallopt"):  # only glibc has it
+        libc.mallopt(M_ARENA_MAX, 1)  # one heap for all threads, instead of a growing heap for each
         # Large blocks are returned to the system when freed; by default, glibc keeps larger and larger ones.
         libc.mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
     # Fails without the permission (LimitMEMLOCK); then memory is not locked.
@@ -36,7 +36,7 @@ def prepare_process() -> None:
 def raise_priority() -> None:
     """Use the real-time priority that the systemd unit gives to `run`, if permitted.
 
-    Without it, other programs' load can look like a hanging bus.
+    Without this priority, other programs' load can look like a hanging bus.
     """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(UNIT_PRIORITY))
@@ -48,8 +48,9 @@ def use_one_processor() -> bool:
     """Pin the calling thread, and threads it starts later, to one processor. Returns whether that was done.
 
     Python computes in one thread at a time. On one processor the threads take turns without waking another processor;
-    this saves a fifth of the daemon's processor time. Only with real-time priority, or another program's load would
-    delay them there. The last processor, because a Pi handles interrupts on the first.
+    this saves a fifth of the daemon's processor time. This is done only with real-time priority, since another
+    program's load on that processor would otherwise delay the threads. The last processor is used, because a Pi handles
+    interrupts on the first.
     """
     try:
         if os.sched_getscheduler(0) not in REAL_TIME:
@@ -66,11 +67,11 @@ def use_every_processor(*, whole_process: bool) -> None:
     for task in tasks:
         try:
             os.sched_setaffinity(task, PROCESSORS)
-        except OSError:  # it has ended
+        except OSError:  # the thread has ended
             continue
 
 
 def computes_while_it_waits(device: str) -> bool:
-    """Whether a bus is driven by the processor itself (i2c-gpio), which nothing else can use during a transfer."""
+    """Whether the processor itself drives the bus (i2c-gpio), so that nothing else can use it during a transfer."""
     adapter = Path("/sys/bus/i2c/devices", Path(device).resolve().name).resolve()
     return (adapter.parent / "driver").resolve().name == "i2c-gpio"

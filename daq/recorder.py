@@ -1,4 +1,4 @@
-"""One log file: messages are encoded by the sampling thread and written by the disk thread."""
+"""Writes one log file: the sampling thread encodes messages, and the disk thread writes them."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ from flightpower.daq.disk_writer import DiskWriter
 from flightpower.daq.sensors import Sample
 from flightpower.flight.log_writer import LogWriter
 
-CHUNK_EVERY_NS = 400_000_000  # of the log's time; with the disk's SYNC_EVERY_S, the most that a power cut can cost
+CHUNK_EVERY_NS = 400_000_000  # of the log's time; with the disk's SYNC_EVERY_S it limits the loss by a power cut
 BACKLOG_BYTES = 8 * 2**20  # several minutes of the default tray; messages are dropped beyond it
 NEVER_BY_SIZE = 2**30  # chunks are closed by time, not by size
 
@@ -20,7 +20,7 @@ class Recorder:
 
     name, wait: see `DiskWriter`. offset_ns: Unix time minus monotonic time, fixed for the whole recording.
     compressor: see `LogWriter`.
-    When the disk is too slow, whole chunks are dropped, so that the file stays valid; `dropped` counts their messages.
+    If the disk is too slow, whole chunks are dropped, so that the file stays valid; `dropped` counts their messages.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Recorder:
         self.offset_ns = offset_ns
         self.dropped = 0
         self.ticks = 0
-        self._header_bytes = 0  # written before the first message
+        self._header_bytes = 0  # size of the bytes before the first message
         self.log = LogWriter(self.disk, chunk_bytes=NEVER_BY_SIZE, compressor=compressor)  # type: ignore[arg-type]
         self._chunk_due_ns = float("-inf")  # the first tick is written at once
         self._in_chunk = 0
@@ -67,11 +67,11 @@ class Recorder:
 
     @property
     def holds_messages(self) -> bool:
-        """Whether the file holds more than its header, safe on the disk."""
+        """Whether more than the file's header is safely on the disk."""
         return self.disk.synced_bytes > self._header_bytes
 
     def cut_off(self) -> None:
-        """Leave the file with what is safe in it; without a message it is removed. The rest is in another file."""
+        """Close the file with the data safe in it; remove it if it has no message. Another file has the rest."""
         self.disk.cut_off(remove=not self.holds_messages)
 
     def finish(self) -> None:

@@ -1,4 +1,4 @@
-"""The state of a recording, once a second: a line for the terminal and systemd, a file for the status page."""
+"""The state of a recording, issued once a second: a line for the terminal and systemd, a file for the status page."""
 
 import enum
 import time
@@ -13,9 +13,9 @@ from flightpower.daq.terminal import print_error
 from flightpower.flight.messages import Event, State
 
 LATEST_EVENTS = 20
-NO_NEWS_S = 3.0  # a status is written once a second; an older one does not show the present
-LEAST_RATE = 0.9  # of the tray's rate
-RECENT_S = 10.0  # ticks missed this long ago are reported
+NO_NEWS_S = 3.0  # a status is written once a second; a status older than this is out of date
+LEAST_RATE = 0.9  # as a fraction of the tray's rate
+RECENT_S = 10.0  # missed ticks are reported for this long
 
 
 def ticks_missed(number: int) -> str:
@@ -24,7 +24,7 @@ def ticks_missed(number: int) -> str:
 
 
 def readable(text: str) -> str:
-    """A text that can be written everywhere: names of files may hold bytes that are no characters (PEP 383)."""
+    """A text that can be written everywhere: file names may contain bytes that are not characters (PEP 383)."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
@@ -40,32 +40,32 @@ IN_ORDER = frozenset({SensorState.OK, SensorState.WAITING})
 
 
 class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """What the daemon does at the moment."""
+    """What the daemon is doing at the moment."""
 
     state: RecordingState
-    log: str  # name of the file; empty while there is none
+    log: str  # name of the log; empty while there is none
     elapsed_s: float
     ticks: int
     missed: int
-    rate_Hz: float  # of the ticks since the last status
+    rate_Hz: float  # rate of the ticks since the last status
     free_bytes: int | None
-    error: str  # why the disk cannot be written; empty when it can
-    sensors: dict[str, SensorState]  # by name
-    slow: list[str]  # what to do about buses that are too slow
-    implausible: list[str] = []  # readings that cannot be true together
-    recent_missed: int = 0  # ticks, in the last RECENT_S
-    trouble: list[str] = []  # what else is wrong, such as a supply that is too low
-    supply_low: bool | None = None  # of the computer; None where it is not known
+    error: str  # why the disk cannot be written; empty if it can
+    sensors: dict[str, SensorState]  # states by name
+    slow: list[str]  # advice on buses that are too slow
+    implausible: list[str] = []  # readings that contradict each other
+    recent_missed: int = 0  # ticks missed in the last RECENT_S
+    trouble: list[str] = []  # other problems, such as a low supply
+    supply_low: bool | None = None  # supply of the computer; None if unknown
     processor_temperature_K: float | None = None
-    age_s: float = 0.0  # for a reader: how long ago this was written
+    age_s: float = 0.0  # filled in by a reader: how long ago this was written
     values: Values = Values()
     run: str = ""  # progress of the run that is being flown
-    card: list[str] = []  # planned runs, and how many of them are flown
-    reached: str = ""  # runs, speeds and interval of power so far
+    card: list[str] = []  # planned runs, and how many of each are flown
+    reached: str = ""  # number of runs, speeds, and interval of power so far
 
     @property
     def failing(self) -> list[str]:
-        """The sensors that do not work, by state: "imu, gps failed"."""
+        """The sensors that do not work, listed by state: "imu, gps failed"."""
         by_state: dict[SensorState, list[str]] = {}
         for name, state in self.sensors.items():
             if state not in IN_ORDER:
@@ -74,12 +74,12 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def grid_Hz(self) -> float:
-        """The rate that the tray asks for: ticks and missed ones over the time since the first."""
+        """The tray's rate, from the time since the first tick and the number of ticks, including missed ones."""
         return (self.ticks + self.missed - 1) / self.elapsed_s if self.elapsed_s > 0 else 0.0
 
     @property
     def late(self) -> list[str]:
-        """What was not sampled in time lately."""
+        """Which samples were late or missed lately."""
         messages = []
         if self.rate_Hz < LEAST_RATE * self.grid_Hz:
             messages.append(f"{self.rate_Hz:.1f} of {self.grid_Hz:.1f} Hz")
@@ -113,7 +113,7 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def line(self) -> str:
-        """All of it in one line, for the terminal and systemd."""
+        """The whole state in one line, for the terminal and systemd."""
         log = "to memory" if self.error or not self.log else self.log
         state = f"recording {log}" if self.state is RecordingState.RECORDING else str(self.state)
         free = "" if self.free_bytes is None else f", {self.free_bytes / 1e9:.1f} GB free"
@@ -136,7 +136,7 @@ class RecordingStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunNews(msgspec.Struct, frozen=True, kw_only=True):
-    """Verdicts on runs, the progress of the one that is being flown, the card, and what is reached, as texts."""
+    """News of the runs as texts: verdicts, progress of the run being flown, the card, and the results so far."""
 
     verdicts: list[Event] = []
     progress: str = ""
@@ -145,7 +145,7 @@ class RunNews(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PublishedEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """An event, and when the daemon told it, by the system clock."""
+    """An event, and the time of its report by the system clock."""
 
     unix_s: float
     event: Event
@@ -159,7 +159,7 @@ class PublishedStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StatusFile:
-    """Replaces a file with the latest status. The file has to be on a file system in memory, such as /run."""
+    """Replaces a file with the latest status. The file must be on a file system in memory, such as /run."""
 
     def __init__(self, path: Path):
         self._path = path
@@ -170,7 +170,7 @@ class StatusFile:
         self._events.appendleft(PublishedEvent(unix_s=time.time(), event=event))
 
     def write(self, status: RecordingStatus) -> None:
-        """Replace the file. If it cannot be written, only the page is lost, not the recording; stderr says so once."""
+        """Replace the file. If it cannot be written, the recording continues without the page; stderr says so once."""
         beside = self._path.with_name(f"{self._path.name}.new")
         try:
             beside.write_bytes(msgspec.json.encode(PublishedStatus(status=status, events=list(self._events))))

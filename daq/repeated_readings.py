@@ -1,8 +1,9 @@
-"""Finds a part that repeats one value although it cannot: in flight every measurement has noise above its resolution.
+"""Detects a part that repeats one value, which is impossible in flight, where noise exceeds the resolution of all
+parts.
 
-A part or an autopilot that hangs may go on answering, with a right checksum and its last value. What is the same for
-too long becomes `stale`, if the same part's values changed all the time before; a value that never changed shows
-nothing. Servo pulses, the battery and analog inputs may stand still.
+A part or an autopilot that hangs may keep answering with a correct checksum and its last value. A value that repeats
+for too long becomes `stale`, if the part's values changed all the time before; a value that never changed proves
+nothing. Servo pulses, the battery and analog inputs may stay constant.
 """
 
 from collections.abc import Sequence
@@ -23,15 +24,15 @@ from flightpower.flight.messages import (
     Status,
 )
 
-AIRBORNE_PA, AIRBORNE_MPS = 40.0, 12.0  # 8 m/s by the pitot tube; over the ground, faster than the wind blows
+AIRBORNE_PA, AIRBORNE_MPS = 40.0, 12.0  # 8 m/s by the pitot tube; a speed over the ground that exceeds the wind
 SIGNS = frozenset({"/probe/airspeed", "/probe/airspeed/2", "/gps", "/gps/2"})
-LANDED_AFTER_NS = 5_000_000_000  # without a sign of flight
-LEARNED_NS = 4_000_000_000  # of changing values, before a repetition shows anything
+LANDED_AFTER_NS = 5_000_000_000  # time without a sign of flight
+LEARNED_NS = 4_000_000_000  # time of changing values before a repetition proves anything
 
 
 class Repetition(NamedTuple):
-    """The fields of a message type that are compared. It is stale when the same for `limit_ns`, if it otherwise lasted
-    for `usual_ns` at most on average.
+    """The fields of a message type that are compared. A value is stale if it repeats for `limit_ns`, provided that
+    earlier values lasted at most `usual_ns` on average.
     """
 
     fields: tuple[str, ...]
@@ -41,12 +42,12 @@ class Repetition(NamedTuple):
 
 SECOND_NS, CHANGING_NS = 1_000_000_000, 60_000_000
 COMPARED: dict[type[Message], Repetition] = {
-    # Six means of eight counts each: the same twice is no coincidence.
+    # A message has six means of some eight counts each: two equal messages are no coincidence.
     Imu: Repetition(tuple(f"{part}_{axis}_counts" for part in ("accel", "gyro") for axis in "xyz"), 0, 41_000_000),
     Magnetometer: Repetition(("x_counts", "y_counts", "z_counts"), SECOND_NS, CHANGING_NS),
     AbsolutePressure: Repetition(("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
     DifferentialPressure: Repetition(("pressure_counts", "temperature_counts"), SECOND_NS, CHANGING_NS),
-    Gps: Repetition(  # without the time, which a receiver may go on counting
+    Gps: Repetition(  # without the time, which a hung receiver may keep counting
         (
             "velocity_north_mps",
             "velocity_east_mps",
@@ -64,7 +65,7 @@ COMPARED: dict[type[Message], Repetition] = {
 
 
 class RepeatedReadings:
-    """The messages of one kind on one topic."""
+    """Detects repetition in the messages of one kind on one topic."""
 
     def __init__(self, kind: type[Message]):
         self.kind = kind
@@ -72,14 +73,14 @@ class RepeatedReadings:
         self._first = attrgetter(self._compared.fields[0])
         self._all = attrgetter(*self._compared.fields)
         self._latest: Message | None = None
-        self._latest_value: float | None = None  # its first field, which nearly always changes
+        self._latest_value: float | None = None  # the latest message's first field, which nearly always changes
         self._since_ns = 0  # when the latest values were first read
-        self._changes = 0  # in flight, and the time that they lasted
+        self._changes = 0  # changes in flight, and how long the values lasted
         self._lasted_ns = 0
         self._stale = False
 
     def is_stale(self, message: Message, now_ns: int, *, in_flight: bool) -> bool:
-        """Whether a measurement repeats the one before although it cannot. It stays stale until it changes."""
+        """Whether a measurement repeats an earlier one for impossibly long. It stays stale until it changes."""
         value = self._first(message)
         latest = self._latest
         if value != self._latest_value or latest is None or self._all(message) != self._all(latest):
@@ -96,14 +97,14 @@ class RepeatedReadings:
 
 
 class RepeatedReadingsOfSensor:
-    """The messages of one sensor."""
+    """Detects repetition in the messages of one sensor."""
 
     def __init__(self) -> None:
         self._readings: dict[str, RepeatedReadings] = {}
-        self.stale = False  # some reading was, and may still be when the aircraft has landed
+        self.stale = False  # whether a reading became stale, which may last after landing
 
     def marked(self, samples: list[Sample], now_ns: int, *, in_flight: bool) -> list[Sample]:
-        """The samples; those that repeat an old value have none, and are stale."""
+        """The samples; those that repeat an old value are marked stale and have no values."""
         for i, (topic, time_ns, message, tick) in enumerate(samples):
             kind = type(message)
             if message.status is not OK or kind not in COMPARED:
@@ -118,7 +119,7 @@ class RepeatedReadingsOfSensor:
 
 
 class InFlight:
-    """Whether the aircraft flies, by the latest measurements of the tube and the receiver."""
+    """Tracks whether the aircraft is flying, by the latest measurements of pitot tube and receiver."""
 
     def __init__(self) -> None:
         self._seen_ns: int | None = None
@@ -133,7 +134,7 @@ class InFlight:
 
 
 def is_sign_of_flight(message: Message) -> bool:
-    """Whether an aircraft that measures this is in the air."""
+    """Whether this measurement shows that the aircraft is in the air."""
     if isinstance(message, Gps):
         north, east = message.velocity_north_mps or 0.0, message.velocity_east_mps or 0.0
         return north * north + east * east >= AIRBORNE_MPS**2

@@ -1,4 +1,4 @@
-"""Whether readings are those of an aircraft at rest on the ground, for `daq check`."""
+"""Checks for `daq check` whether readings fit an aircraft at rest on the ground."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,18 +18,19 @@ from flightpower.flight.units import GRAVITY_MPS2
 
 THREE_DIMENSIONAL = 3  # fix
 OPEN_SKY = "give the antenna a clear view of the sky and wait a minute"
-FORCE_TOLERANCE = 0.1  # of 1 g: zero-g output of the MPU-9250 is within 0.08 g, its scale within 3 % (PS 3.2)
-MAX_TILT_DEG = 45.0  # of a parked aircraft; a wrong axis is 90 or 180 deg off
-# MS5611-01BA03 within 1.5 mbar, MS5805-02BA01 within 2 mbar at room temperature, and some for the sun on the tray.
+FORCE_TOLERANCE = 0.1  # fraction of 1 g: the MPU-9250's zero-g output is within 0.08 g, its scale within 3 % (PS 3.2)
+MAX_TILT_DEG = 45.0  # limit for a parked aircraft; a wrong axis is 90 or 180 deg off
+# MS5611-01BA03 within 1.5 mbar, MS5805-02BA01 within 2 mbar at room temperature, plus a margin for sun on the tray.
 MAX_BAROMETER_DIFFERENCE_PA = 500.0
-EARTH_FIELD_T = (20e-6, 70e-6)  # 22 to 67 uT at the surface (World Magnetic Model), and some for the aircraft's own
-# Pressure at sea level is 950 to 1050 hPa but in storms: 550 m of height in the standard atmosphere. GPS: some tens.
+EARTH_FIELD_T = (20e-6, 70e-6)  # 22 to 67 uT at the surface (World Magnetic Model), plus the aircraft's own field
+# Pressure at sea level is 950 to 1050 hPa except in storms: 550 m of height in the standard atmosphere. GPS adds tens
+# of meters.
 MAX_HEIGHT_DIFFERENCE_M = 650.0
 
 
-# The trajectory needs the velocity to some tenths of a meter per second; a receiver under open sky states 0.1 to 0.3.
+# The trajectory needs velocity within a few tenths of a meter per second; under open sky a receiver states 0.1 to 0.3.
 MAX_SPEED_ACCURACY_MPS = 0.5
-MIN_SATELLITES = 6  # four make a solution, more make it one that a wrong pseudorange cannot spoil unseen
+MIN_SATELLITES = 6  # four give a solution; with more, a wrong pseudorange cannot spoil it unnoticed
 
 
 def is_finite(message: Message) -> bool:
@@ -87,7 +88,7 @@ def receiver_problem(messages: Sequence[Message]) -> str:
 
 
 def field_problem(messages: Sequence[Message]) -> str:
-    """Why the mean flux density is not the earth's, with advice; empty if it can be."""
+    """Why the mean flux density cannot be the earth's, with advice; empty if it can be."""
     fields = [
         (m.field_x_T or 0.0, m.field_y_T or 0.0, m.field_z_T or 0.0)
         for m in messages
@@ -102,7 +103,7 @@ def field_problem(messages: Sequence[Message]) -> str:
 
 
 def height_comparison(messages: Mapping[str, Sequence[Message]]) -> tuple[bool, str] | None:
-    """Whether the static pressure fits the height of the GPS, and a sentence; None unless both measure."""
+    """Whether static pressure fits the height by GPS, and a sentence about it; None unless both measure."""
     heights_m = [
         m.height_msl_m
         for m in messages.get("/gps", ())
@@ -132,7 +133,7 @@ def pressures_Pa(messages: Sequence[Message]) -> list[float]:
 
 
 def barometer_comparison(messages: Mapping[str, Sequence[Message]]) -> tuple[bool, str] | None:
-    """Whether the two barometers agree, and a sentence; None unless both measure."""
+    """Whether the two barometers agree, and a sentence about it; None unless both measure."""
     pressures = [pressures_Pa(messages.get(topic, ())) for topic in ("/baro", "/static")]
     if not all(pressures):
         return None

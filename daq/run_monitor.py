@@ -1,7 +1,7 @@
-"""Says during the flight how long to hold a run, whether it was good, and how narrow the power's interval is so far.
+"""Tells the pilot in flight how long to hold a run, whether it was good, and how narrow the power's interval is so far.
 
-A run is a level acceleration or deceleration, by the criteria of `flight.runs`, which the analysis uses, too; speed and
-height come from means over 0.2 s, smoothed as there. Runs in the process of `daq.telemetry`.
+A run is a level acceleration or deceleration by the criteria of `flight.runs`, which the analysis also uses; speed and
+height come from means over 0.2 s, smoothed as in the analysis. This module runs in the process of `daq.telemetry`.
 """
 
 import math
@@ -21,7 +21,8 @@ from flightpower.flight.runs import LEVEL_RUN, Rejection, RunMeasures, RunReject
 STEP_S = MEAN_OVER_NS / 1e9
 HALF = round(LEVEL_RUN.smoothing_s / STEP_S / 2 - 0.5)  # rows on each side of a fit
 
-# Local quadratic over 2 HALF + 1 rows: value and slope in the middle (Savitzky and Golay, Anal. Chem. 36, 1964).
+# Weights for value and slope in the middle of a quadratic fit to 2 HALF + 1 rows (Savitzky and Golay, Anal. Chem. 36,
+# 1964).
 _INDEX = range(-HALF, HALF + 1)
 _NORM = (2 * HALF + 3) * (2 * HALF + 1) * (2 * HALF - 1)
 VALUE = [3 * (3 * HALF**2 + 3 * HALF - 1 - 5 * i**2) / _NORM for i in _INDEX]
@@ -36,7 +37,7 @@ class JudgedRun(NamedTuple):
     end_s: float
     first_mps: float
     last_mps: float
-    speed_change: float  # largest less smallest over mean speed
+    speed_change: float  # (largest - smallest)/mean speed
     rejection: Rejection | None
 
     @property
@@ -45,8 +46,8 @@ class JudgedRun(NamedTuple):
 
     @property
     def notified(self) -> bool:
-        """Whether the pilot gets a message. In turns no run is expected, and a small change of speed is not worth
-        repeating."""
+        """Whether the pilot gets a message. A turn is not meant to be a run, and a small change of speed needs no
+        repeat."""
         if self.rejection is None:
             return True
         enough = self.speed_change >= LEVEL_RUN.smallest_speed_change
@@ -54,12 +55,12 @@ class JudgedRun(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """Why it is not a run, in a few words; empty if it is."""
+        """Why the stretch is not a run, in a few words; empty if it is one."""
         return "" if self.rejection is None else _short_text(self.rejection, self.end_s - self.start_s)
 
     @property
     def text(self) -> str:
-        """Text for the pilot, at most 50 characters; empty if there is none."""
+        """Text for the pilot, at most 50 characters; empty if there is no message."""
         if not self.notified:
             return ""
         if not self.good:
@@ -69,7 +70,7 @@ class JudgedRun(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """State of the current stretch. more_s: how much longer it must last to be a run; 0 if it already is."""
+    """State of the current stretch. more_s: how much longer it must last to be a run; 0 if it already is one."""
 
     kind: str  # acceleration, deceleration
     more_s: float
@@ -81,7 +82,7 @@ class Progress(NamedTuple):
 
 
 def _short_text(rejection: Rejection, seconds: float) -> str:
-    """The reason in few words. seconds: duration of the stretch."""
+    """The reason in a few words. seconds: duration of the stretch."""
     reason, measured, limit, _ = rejection
     texts = {
         RunRejected.TOO_GENTLE: "too gentle",
@@ -99,7 +100,7 @@ def _short_text(rejection: Rejection, seconds: float) -> str:
 
 
 class RunMonitor:
-    """Fed with means, gives verdicts; `texts` is what the pilot reads."""
+    """Judges runs from means of the readings; `texts` gives the pilot's messages."""
 
     def __init__(
         self,
@@ -108,7 +109,8 @@ class RunMonitor:
         zeros: dict[str, float] | None = None,
         card: FlightCard | None = None,
     ):
-        """zeros: of `daq zero`, by field of `Means`; those at rest before the flight replace them. card: the plan's."""
+        """zeros: of `daq zero`, by field of `Means`; zeros at rest before the flight replace them. card: of the
+        plan."""
         self.card = card
         self._ticked_off: JudgedRun | None = None
         name = aircraft.propulsion.propeller
@@ -120,11 +122,11 @@ class RunMonitor:
         self._window: deque[Motion] = deque(maxlen=2 * HALF + 1)
         self._legs = Legs()
         self._turning_or_steep = False
-        self._early: JudgedRun | None = None  # on a leg that had not ended
+        self._early: JudgedRun | None = None  # verdict on a leg that had not ended
         self._measured_thrust = thrust is not None
 
     def add(self, means: Means) -> list[JudgedRun]:
-        """Verdicts that became possible with these means."""
+        """Add means. Returns the verdicts that they make possible."""
         motion = self.motion.at(means)
         if motion is None or (self._window and motion.t_s - self._window[-1].t_s > 1.5 * STEP_S):
             self._window.clear()
@@ -144,13 +146,13 @@ class RunMonitor:
         return verdicts + (self._verdicts(leg) if leg else [])
 
     def interval_text(self) -> str:
-        """Runs, speeds covered, and the interval of the smallest power by the energy of the runs; ≤ 50 characters."""
+        """Number of runs, speeds covered, and interval of least power by the runs' energy balance; ≤ 50 characters."""
         covered = f"{self.runs} runs, {self.slowest_mps:.1f} to {self.fastest_mps:.1f} m/s"
         power = self.energy.at_endurance_speed(self.slowest_mps, self.fastest_mps) if self.runs else None
         return f"{covered}: power +-{100 * power.half_width:.1f} %" if power else covered
 
     def texts(self, means: Means) -> list[tuple[str, str]]:
-        """Severity and text for the pilot."""
+        """Severities and texts for the pilot."""
         texts = []
         for verdict in self.add(means):
             if verdict.good:
@@ -170,9 +172,10 @@ class RunMonitor:
         return [self.card.text]
 
     def progress(self) -> Progress | None:
-        """On the stretch that is being flown; None if it is none, or cannot become a run any more.
+        """Progress of the stretch being flown; None if there is none, or if it cannot become a run any more.
 
-        Known once speed has changed by an eighth. A second late, as smoothed speed is: the time shown is too long.
+        It is known once speed has changed by an eighth. Like smoothed speed it is a second late, so the time shown is
+        too long.
         """
         leg = self._legs.going_on()
         if leg is None:
@@ -204,7 +207,7 @@ class RunMonitor:
         return self._verdicts(leg) if leg else []
 
     def _verdicts(self, leg: Leg) -> list[JudgedRun]:
-        """The verdict on a leg; none if it is that already given before the leg's end."""
+        """The verdict on a leg; empty if it repeats the verdict given before the leg's end."""
         early, verdict = self._early, self._judged(leg)
         self._early = None if leg.ended else verdict
         if verdict is None or (early is not None and early.good == verdict.good and _same(early, verdict)):
@@ -220,7 +223,7 @@ class RunMonitor:
         self.energy.add_run(rows)
 
     def _judged(self, leg: Leg) -> JudgedRun | None:
-        """None for a stretch that is too short to mention, or in which speed was held."""
+        """Judge a leg. Returns None if it is too short to mention, or if speed was held."""
         rows = leg.changing_part(LEVEL_RUN.changing_mps2 * self._scale)
         measures = self._measures(leg.sign, rows)
         if measures.negligible(self._scale):

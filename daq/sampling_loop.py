@@ -12,12 +12,12 @@ from flightpower.daq.sensors import Sample
 from flightpower.flight.messages import FIRST_UTC_NS, LAST_UTC_NS, Event, Gps, Tick, Time
 
 TIME_EVERY_NS = 1_000_000_000
-STARTING_NS = 5_000_000_000  # sensors are being brought up: a late bus is no sign of trouble
-DEADLINE_TICKS = 0.8  # readings have to be there by then; the rest of the tick is for encoding them
+STARTING_NS = 5_000_000_000  # time to start the sensors, in which a late bus is no sign of trouble
+DEADLINE_TICKS = 0.8  # deadline of the readings; the rest of the tick is for encoding them
 
 
 class StopFlag(Protocol):
-    """Ends the loop when set: a `threading.Event`, or anything like it."""
+    """A flag that ends the loop when set: a `threading.Event`, or anything like it."""
 
     def is_set(self) -> bool: ...
 
@@ -38,11 +38,11 @@ class Cycle(NamedTuple):
     samples: list[Sample]
     events: list[Event]
     slow: list[str] = []  # noqa: RUF012  what to do about buses that are too slow
-    autopilot_system: int | None = None  # MAVLink system of the autopilot, once it was heard
+    autopilot_system: int | None = None  # MAVLink system of the autopilot, once it has been heard
 
 
 def grid_ticks(period_ns: int, clock: Clock, stop: StopFlag, until_ns: int | None = None) -> Iterator[GridTick]:
-    """Ticks on a fixed grid that starts now. Missed ticks are counted and skipped, not repeated.
+    """Yield ticks on a fixed grid that starts now. Missed ticks are counted and skipped, not made up for.
 
     until_ns: monotonic time of the end; a tick at exactly this time is not produced.
     """
@@ -68,13 +68,13 @@ def cycles(
 ) -> Iterator[Cycle]:
     """Read all sensors at each tick. Every cycle ends with /daq/tick; /time is added once a second.
 
-    threaded: buses and ports are read by threads of their own, within DEADLINE_TICKS; needs a real clock. Readings that
-    arrive later come with a later cycle and name their own tick.
+    threaded: separate threads read buses and ports within DEADLINE_TICKS; this needs a real clock. Readings that arrive
+    later come with a later cycle and carry the number of their own tick.
     """
     time_due_ns = clock.now_ns()
     period_ns = round(1e9 / rate_Hz)
     gps_utc: tuple[int, int] | None = None  # (UTC, monotonic) of the latest solution with date and time
-    # Until a bus is late: what holds it up in the kernel may hold up the other threads on that processor.
+    # Only until a bus is late: the cause in the kernel may also hold up the other threads on that processor.
     devices = {supervisor.device for supervisor in supervisors if supervisor.blocking}
     one_processor = threaded and not any(map(computes_while_it_waits, devices)) and use_one_processor()
     workers = bus_workers(supervisors, clock, period_ns, threaded=threaded)
@@ -121,7 +121,7 @@ def cycles(
 
 
 def time_message(clock: Clock, gps_utc: tuple[int, int] | None) -> Time:
-    """One instant on every clock. GPS time is extrapolated from the latest solution, late by the receiver's latency."""
+    """One instant on every clock. GPS time is extrapolated from the latest solution; it lags by its latency."""
     now_ns = clock.now_ns()
     utc_ns = None if gps_utc is None else gps_utc[0] + now_ns - gps_utc[1]
     return Time(monotonic_ns=now_ns, system_ns=clock.unix_ns(), gps_utc_ns=utc_ns)

@@ -1,4 +1,4 @@
-"""The state of a sensor, derived from its statuses, and the events that report changes of state."""
+"""Derives a sensor's state from its statuses, and makes the events that report changes of state."""
 
 import enum
 from collections import Counter
@@ -8,20 +8,20 @@ from flightpower.flight.messages import Event, Status
 
 class SensorState(enum.StrEnum):
     STARTING = "starting"
-    WAITING = "waiting"  # it has sent nothing yet, which is normal while the motor is stopped
+    WAITING = "waiting"  # has sent nothing yet, which is normal while the motor is stopped
     OK = "ok"
-    DEGRADED = "degraded"  # it answers, but without measurements, or not as it is set
-    FAILED = "failed"  # it does not answer, or is another part than configured
-    RECOVERING = "recovering"  # it answers again, but not yet for RECOVERED_AFTER_NS
+    DEGRADED = "degraded"  # answers, but without measurements, or not as configured
+    FAILED = "failed"  # does not answer, or is not the configured part
+    RECOVERING = "recovering"  # answers again, but not yet for RECOVERED_AFTER_NS
 
 
 UNTRIED = frozenset({SensorState.STARTING, SensorState.WAITING})
 GOOD_STATUSES = frozenset({Status.OK, Status.BUSY})
 SILENT = frozenset({Status.NO_DATA})
-EVENT_SPACING_NS = 5_000_000_000  # at least, between two events of one sensor
-RECOVERED_AFTER_NS = 500_000_000  # of good readings after a failure
-STARTUP_NS = 2_000_000_000  # failures are not reported at power-on: the magnetometer has to wait for the IMU
-DEGRADED_AFTER_NS = 500_000_000  # of readings without a measurement; single stale readings are normal
+EVENT_SPACING_NS = 5_000_000_000  # least time between two events of one sensor
+RECOVERED_AFTER_NS = 500_000_000  # time of good readings after a failure
+STARTUP_NS = 2_000_000_000  # no reports of failures before this time: the magnetometer must wait for the IMU
+DEGRADED_AFTER_NS = 500_000_000  # time of readings without a measurement; single stale readings are normal
 SEVERITY = {SensorState.DEGRADED: "warning", SensorState.FAILED: "error"}
 
 
@@ -29,7 +29,7 @@ class SensorHealth:
     """Tracks the state of one sensor: counts its statuses and reports changes of state, with limited frequency."""
 
     def __init__(self, sensor: str, *, silent_at_rest: bool = False):
-        """silent_at_rest: it sends nothing until the motor turns."""
+        """silent_at_rest: whether the sensor sends nothing until the motor turns."""
         self.sensor = sensor
         self._may_wait = silent_at_rest
         self.state = SensorState.STARTING
@@ -41,7 +41,7 @@ class SensorHealth:
         self._reported = SensorState.STARTING
         self._reported_ns: int | None = None
         self._unreported = 0
-        self._settled = False  # the state is OK, and that was reported
+        self._settled = False  # whether the state is OK and was reported as OK
 
     @property
     def errors(self) -> int:
@@ -57,11 +57,11 @@ class SensorHealth:
 
     @property
     def settled(self) -> bool:
-        """Whether the sensor works, and another good reading changes nothing."""
+        """Whether the sensor works and its state was reported, so that another good reading changes nothing."""
         return self._settled and self._bad_since_ns is None
 
     def failed(self, cause: str, now_ns: int) -> Event | None:
-        """The driver raised an error."""
+        """Note that the driver raised an error."""
         self._good_since_ns = None
         self._cause = cause
         self._first_ns = now_ns if self._first_ns is None else self._first_ns
@@ -70,12 +70,12 @@ class SensorHealth:
         return self._move(SensorState.FAILED, now_ns)
 
     def read(self, statuses: list[Status], now_ns: int, complaint: str = "") -> Event | None:
-        """The driver returned messages with these statuses; the list may be empty. complaint: see `daq.sensors`."""
+        """Note that the driver returned messages with these statuses, possibly none. complaint: see `daq.sensors`."""
         if complaint and GOOD_STATUSES.issuperset(statuses):
             self._may_wait, self._good_since_ns = False, None
             self._bad_since_ns = now_ns if self._bad_since_ns is None else self._bad_since_ns
             if complaint != self._cause and self.state is SensorState.DEGRADED:
-                self._reported = SensorState.OK  # another trouble is news
+                self._reported = SensorState.OK  # a different problem is reported again
             self._cause = complaint
             return self._move(SensorState.DEGRADED, now_ns)
         if not statuses:
@@ -106,13 +106,13 @@ class SensorHealth:
         return event
 
     def _event(self, now_ns: int) -> Event | None:
-        """An event if a change is unreported and the last event is at least EVENT_SPACING_NS old."""
+        """Return an event if a change is unreported and the last event is at least EVENT_SPACING_NS old."""
         if self.state in (self._reported, SensorState.RECOVERING, SensorState.WAITING):
             return None
         if self._reported_ns is not None and now_ns - self._reported_ns < EVENT_SPACING_NS:
             return None
         more = f" ({self._unreported} changes since the last report)" if self._unreported > 2 else ""
         text = "works" if self.state is SensorState.OK else f"{self.state}: {self._cause}"
-        first = self._reported is SensorState.STARTING and self.state is SensorState.OK  # does not put off a trouble
+        first = self._reported is SensorState.STARTING and self.state is SensorState.OK  # must not delay a problem
         self._reported, self._reported_ns, self._unreported = self.state, None if first else now_ns, 0
         return Event(severity=SEVERITY.get(self.state, "info"), sensor=self.sensor, text=f"{self.sensor} {text}{more}")

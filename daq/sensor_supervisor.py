@@ -1,6 +1,6 @@
 """Starts one sensor, reads it, and restarts it when it fails.
 
-The only place where drivers' exceptions are caught: a failed sensor costs its own data and nothing else.
+Drivers' exceptions are caught only here: a failed sensor loses its own data and nothing else.
 """
 
 import errno
@@ -22,10 +22,10 @@ TIMEOUTS = frozenset({errno.ETIMEDOUT, errno.EAGAIN})
 class SensorSupervisor:
     """Runs one sensor for the sampling loop.
 
-    device: the bus or port it is connected to; after a timeout the other sensors on it are skipped in that tick.
-    make: opens the bus or port and returns a new driver; may raise OSError. topics: what the driver writes. blocking:
-    whether a transfer waits for the sensor (a bus), or takes what has arrived (a port). silent_at_rest: see
-    `SensorHealth`.
+    device: the sensor's bus or port; after a timeout the other sensors on it are skipped in that tick. make: opens the
+    bus or port and returns a new driver; may raise OSError. topics: the topics that the driver writes. blocking:
+    whether a transfer waits for the sensor (on a bus), or returns the bytes that have arrived (on a port).
+    silent_at_rest: see `SensorHealth`.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class SensorSupervisor:
         self.health = SensorHealth(name, silent_at_rest=silent_at_rest)
         self.in_flight = False  # set by the sampling loop
         self._repeated = RepeatedReadingsOfSensor()
-        self.skipped = 0  # messages of ticks in which the sensor was skipped
+        self.skipped = 0  # number of messages for ticks in which the sensor was skipped
         self._skipped_ns: deque[int] = deque(maxlen=2)  # times of the latest skipped ticks
         self.events: list[Event] = []  # emptied by the bus worker
         self._make = make
@@ -57,7 +57,7 @@ class SensorSupervisor:
         self._failures = 0
 
     def open(self, now_ns: int) -> OSError | None:
-        """Try to open the bus or port. Returns the error where that fails."""
+        """Try to open the bus or port. Returns the error if that fails."""
         try:
             self._begin()
         except OSError as error:
@@ -110,11 +110,11 @@ class SensorSupervisor:
 
     @property
     def system_id(self) -> int | None:
-        """MAVLink system of an autopilot that was heard; None for any other sensor."""
+        """MAVLink system of an autopilot that has been heard; None for any other sensor."""
         return getattr(self._sensor, "system_id", None)
 
     def _is_ready(self, now_ns: int) -> bool:
-        """Whether the sensor can be read now. Continues its startup when the next step is due."""
+        """Whether the sensor can be read now. Continues its startup if the next step is due."""
         if self._sensor is not None and self._startup is None:
             return True
         if self._resume_ns is not None and now_ns < self._resume_ns:
@@ -135,7 +135,7 @@ class SensorSupervisor:
         self._resume_ns = None
 
     def _transfer_failed(self, now_ns: int, status: Status, cause: str) -> list[Sample]:
-        """A single failed transfer is retried in the next tick. Several in a row, or one during startup, restart it."""
+        """Retry a single failed transfer in the next tick; after several, or one during startup, restart the sensor."""
         self._failures += 1
         if self._startup is None and self._sensor is not None and self._failures < TRANSFER_FAILURES_LIMIT:
             return self._absent(now_ns, status)
