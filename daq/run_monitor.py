@@ -46,8 +46,7 @@ class JudgedRun(NamedTuple):
 
     @property
     def notified(self) -> bool:
-        """Whether the pilot gets a message. A turn is not meant to be a run, and a small change of speed needs no
-        repeat."""
+        """Whether the pilot gets a message. Turns are not meant as runs; a small change of speed needs no repeat."""
         if self.rejection is None:
             return True
         enough = self.speed_change >= LEVEL_RUN.smallest_speed_change
@@ -109,8 +108,7 @@ class RunMonitor:
         zeros: dict[str, float] | None = None,
         card: FlightCard | None = None,
     ):
-        """zeros: of `daq zero`, by field of `Means`; zeros at rest before the flight replace them. card: of the
-        plan."""
+        """zeros: of `daq zero`, by field of `Means`; zeros at rest before flight replace them. card: of the plan."""
         self.card = card
         self._ticked_off: JudgedRun | None = None
         name = aircraft.propulsion.propeller

@@ -1,4 +1,5 @@
-"""A page for the phone at the airfield: is the daemon alive, what do the sensors do, which logs are there.
+"""Makes a page for the phone at the airfield, which shows whether the daemon is alive, the state of the sensors, and
+the logs.
 
 A WSGI application (PEP 3333) that only reads: the status file of the daemon, the folder of the logs, and the results of
 the last `daq zero` and `daq check`. It runs in its own process.
@@ -26,14 +27,14 @@ from flightpower.flight.errors import InputError
 
 SHOWN_LOGS = 5
 REFRESH_S = 2
-# Many connections that ask for nothing, as a phone that goes out of range leaves them, shut nobody out.
+# Many idle connections, such as a phone leaves when it goes out of range, must not shut anybody out.
 SERVER: dict[str, Any] = {
     "threads": 2,
     "ident": "",
     "connection_limit": 500,
     "channel_timeout": 10,  # seconds until an idle connection is closed
     "cleanup_interval": 5,
-    "asyncore_use_poll": True,  # select() takes 1,024 files at most
+    "asyncore_use_poll": True,  # select() accepts at most 1,024 files
 }
 HEADERS = [
     ("Content-Type", "text/html; charset=utf-8"),
@@ -79,7 +80,7 @@ def sources_of(tray: Tray, status: Path) -> Sources:
 
 
 def application(sources: Sources) -> Application:
-    """Answers GET and HEAD of / with the page, and anything else with an error."""
+    """A WSGI application that answers GET and HEAD of / with the page, and anything else with an error."""
 
     def answer(environ: dict[str, Any], start_response: StartResponse) -> Iterable[bytes]:
         if environ["REQUEST_METHOD"] not in ("GET", "HEAD"):
@@ -107,7 +108,7 @@ def page(sources: Sources, now_s: float) -> str:
     )
 
 
-Row = tuple[str, str, bool]  # name, value, whether it is in order
+Row = tuple[str, str, bool]  # name, value, whether the value is in order
 
 
 def _daemon(path: Path, now_s: float) -> tuple[str, bool, list[str]]:
@@ -211,7 +212,7 @@ def _section(title: str, rows: list[Row]) -> str:
 def serve(sources: Sources, host: str, port: int, *, show: Callable[[str], None]) -> None:
     """Serve the page until the process ends. show : receives the address, in lines for the user
 
-    Raises InputError without the server, or if the address is not free.
+    Raises InputError if the server is not installed, or the address is not free.
     """
     try:
         import waitress  # type: ignore[import-untyped]
@@ -219,7 +220,7 @@ def serve(sources: Sources, host: str, port: int, *, show: Callable[[str], None]
         raise InputError("the status page needs a web server: pip install 'flightpower[status]'") from None
     try:
         server = waitress.create_server(application(sources), host=host, port=port, **SERVER)
-    except (OSError, ValueError) as error:  # the latter for a name that has no address
+    except (OSError, ValueError) as error:  # ValueError: a name that has no address
         cause = error.strerror if isinstance(error, OSError) else None
         raise InputError(f"{host}:{port}: is not available ({cause or error})") from None
     show(f"http://{_reachable(host)}:{port}/\nThe status page is served until Ctrl-C.")
@@ -227,10 +228,10 @@ def serve(sources: Sources, host: str, port: int, *, show: Callable[[str], None]
 
 
 def _reachable(host: str) -> str:
-    """The host by which a browser reaches the page; if it listens on all networks, the address of the outward one."""
+    """The host by which a browser reaches the page; if it listens on all networks, the outward interface's address."""
     if host not in ("0.0.0.0", "::", "[::]"):
         return f"[{host}]" if ":" in host and not host.startswith("[") else host
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outward, suppress(OSError):
-        outward.connect(("192.0.2.1", 9))  # of nobody (RFC 5737); connecting sends nothing
+        outward.connect(("192.0.2.1", 9))  # nobody's address (RFC 5737); connecting sends nothing
         return str(outward.getsockname()[0])
     return socket.gethostname()

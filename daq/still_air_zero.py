@@ -1,4 +1,4 @@
-"""The still-air zero: readings of the differential transducers and gyroscopes at zero pressure and angular rate.
+"""Takes the still-air zero: readings of differential transducers and gyroscopes at zero pressure and angular rate.
 
 It is measured on the ground with the probe covered and the aircraft at rest, stored next to the tray file, and attached
 to every log. The daemon never subtracts it: logs contain raw readings, and the analysis may use the zero.
@@ -19,14 +19,14 @@ from flightpower.flight.files import JsonFormat
 from flightpower.flight.messages import DifferentialPressure, Imu, Rpm, Status
 
 FORMAT = "flightpower-zero-1"
-MINIMUM_FRACTION = 0.9  # of the ticks must have a measurement
+MINIMUM_FRACTION = 0.9  # least fraction of ticks with a measurement
 
 
 class RestCriteria(NamedTuple):
     """Limits of a quantity at rest.
 
-    spread: largest standard deviation. shift: largest difference between the means of the first and the second half,
-    beyond what the noise explains. offset: largest plausible zero; a larger mean is wind, motion or a broken part.
+    spread: largest standard deviation. shift: largest difference between the means of the first and the second half, in
+    excess of the noise. offset: largest plausible zero; a larger mean is due to wind, motion or a broken part.
     """
 
     spread: float
@@ -38,7 +38,7 @@ class RestCriteria(NamedTuple):
 
 # Bench noise is 0.005 rad/s, 0.06 m/s^2 (dissertation, Table 4.1); a hand on the wing gives several times that.
 # MPU-9250 zero-rate output is within 5 deg/s (PS 3.1). Zero of the transducers: MS4515DO total error 1 % of 4 inH2O,
-# SSC 2 % of 10 inH2O; a wind of 3 m/s gives 5.5 Pa, which cannot be distinguished from an offset: cover the probe.
+# SSC 2 % of 10 inH2O; a wind of 3 m/s gives 5.5 Pa, which looks like an offset: cover the probe.
 COVER = "cover the probe, keep it out of the wind, and let the transducers warm up for some minutes"
 REST = "put the aircraft down and do not touch it"
 PRESSURE = RestCriteria(spread=8.0, shift=1.0, offset=50.0, unit="Pa", advice=COVER)
@@ -62,9 +62,9 @@ class Zero(msgspec.Struct, frozen=True, kw_only=True):
     """The contents of zero.json. readings: by topic, then by field."""
 
     format: str
-    taken_unix_ns: int  # of the system clock
+    taken_unix_ns: int  # time by the system clock
     seconds: float
-    temperature_K: dict[str, float]  # by topic: mean temperature of the part, because the zero depends on it
+    temperature_K: dict[str, float]  # mean temperature of the part by topic, because the zero depends on it
     readings: dict[str, dict[str, ZeroReading]]
 
 
@@ -73,7 +73,7 @@ class NotStill(Exception):
 
 
 def zero_from_samples(samples: Iterable[Sample], *, ticks: int, seconds: float, unix_ns: int) -> Zero:
-    """The zero from the samples of `ticks` ticks. Raises NotStill when a limit was exceeded."""
+    """Compute the zero from the samples of `ticks` ticks. Raises NotStill if a limit was exceeded."""
     from statistics import fmean
 
     values: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
@@ -119,8 +119,8 @@ def rest_criteria(field: str) -> RestCriteria:
 
 
 def rest_problems(name: str, values: list[float], criteria: RestCriteria) -> list[str]:
-    """Why these values are not those of a sensor at rest; an empty list when they are within limits."""
-    from statistics import fmean, stdev  # it loads decimal and random: a tenth of the daemon's start
+    """Why these values do not fit a sensor at rest; an empty list if they are within limits."""
+    from statistics import fmean, stdev  # this import loads decimal and random, a tenth of the daemon's startup time
 
     half = len(values) // 2
     spread, first, second = stdev(values), fmean(values[:half]), fmean(values[half:])

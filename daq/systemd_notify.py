@@ -1,4 +1,4 @@
-"""Service notifications to systemd (sd_notify(3)): one datagram to $NOTIFY_SOCKET. Does nothing without systemd."""
+"""Sends service notifications to systemd (sd_notify(3)): datagrams to $NOTIFY_SOCKET. Does nothing without systemd."""
 
 import os
 import socket

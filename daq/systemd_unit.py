@@ -1,12 +1,12 @@
-"""The tray's drop-in of the systemd unit: the devices and network addresses that the sandbox permits."""
+"""Makes the tray's drop-in for the systemd unit, with the devices and network addresses that the sandbox permits."""
 
 import re
 
 from flightpower.daq.config import Tray, parse_port
 
 # systemd ignores a path that does not exist when the service starts. Devices that may appear later are therefore
-# permitted by number (Linux, Documentation/admin-guide/devices.txt), or by class where the number changes when they are
-# plugged in again. A class exists when its driver is loaded: the unit loads those of USB serial lines.
+# permitted by number (Linux, Documentation/admin-guide/devices.txt), or by class if the number changes when they are
+# plugged in again. A class exists once its driver is loaded; the unit loads the drivers of USB serial lines.
 NUMBERS = {r"/dev/i2c-(\d+)": (89, 0), r"/dev/ttyAMA(\d+)": (204, 64), r"/dev/ttyS(\d+)": (4, 64)}  # major, first minor
 USB_CLASSES = {r"/dev/ttyUSB\d+": "char-ttyUSB", r"/dev/ttyACM\d+": "char-ttyACM"}
 CLASSES = USB_CLASSES | {r"/dev/gpiochip\d+": "char-gpiochip"}
@@ -52,7 +52,7 @@ def _devices(device: str) -> list[str]:
 
 
 def _address(host: str) -> str:
-    """The value of IPAddressAllow: a numeric address or localhost; for other host names any."""
+    """The value of IPAddressAllow: a numeric address or localhost as it is, and `any` for other host names."""
     if host == "localhost" or re.fullmatch(r"[\d.]+", host):
         return host
     return "any"

@@ -34,20 +34,20 @@ from flightpower.flight.units import GAS_CONSTANT_AIR
 
 RESTART_AFTER_S = 5.0
 HEARTBEAT_PERIOD_S = 1.0
-STATE_PERIOD_S = 4.0  # of the state as a text: a ground station that joins knows it within 5 s
-CHUNK_BYTES = 50  # of a STATUSTEXT; longer texts go in several
-TEXT_LENGTH = 200  # characters of a text; a line in the pipe has to hold four
-KEPT_EVENTS = 20  # the latest events are kept while the pipe is full
-EVENTS_PER_LINE = 4  # a line has to fit into PIPE_BUF
-KEPT_MEANS = 25  # the same for means of the readings
+STATE_PERIOD_S = 4.0  # period of the state as a text, so that a ground station that joins knows the state within 5 s
+CHUNK_BYTES = 50  # length of a STATUSTEXT; a longer text is sent in several
+TEXT_LENGTH = 200  # characters of a text; a line in the pipe must hold four texts
+KEPT_EVENTS = 20  # number of latest events kept while the pipe is full
+EVENTS_PER_LINE = 4  # a line must fit into PIPE_BUF
+KEPT_MEANS = 25  # number of latest means of the readings kept while the pipe is full
 MEANS_PER_LINE = 6
 SEVERITIES = {"error": 3, "warning": 4, "info": 6}  # MAV_SEVERITY
 TOPICS = frozenset(
     ("/gps", "/static", "/rpm", "/controls", "/probe/alpha", "/probe/beta", "/probe/airspeed", "/attitude")
 )
 MAX_AGE_S = 2.0  # older readings are not sent
-VEHICLE_SYSTEM = 25  # without an autopilot
-AUTOPILOT_SYSTEM = 1  # of an autopilot that was not heard yet: the default of ArduPilot and PX4
+VEHICLE_SYSTEM = 25  # system number without an autopilot
+AUTOPILOT_SYSTEM = 1  # assumed until the autopilot has been heard: the default of ArduPilot and PX4
 
 
 # Bits of SYS_STATUS (MAV_SYS_STATUS_SENSOR) by topic.
@@ -68,11 +68,11 @@ SENSOR_BITS = {
     "/battery": 0x2000000,
 }
 LOGGING_BIT = 0x1000000
-ALL_BITS = 0xFFFFFFFF  # a missing sensor cannot fail: MAVProxy would say "fence breach"
+ALL_BITS = 0xFFFFFFFF  # missing sensors are reported as healthy, or MAVProxy would say "fence breach"
 
 
 class SensorBits(NamedTuple):
-    """Bits for SYS_STATUS: kinds of sensors present, and kinds of which none fails."""
+    """Bits for SYS_STATUS: the kinds of sensors present, and the kinds without a failed sensor."""
 
     present: int
     healthy: int
@@ -82,7 +82,7 @@ class Snapshot(msgspec.Struct, kw_only=True):
     """One line of JSON in the pipe: the latest good messages by topic, their ages, new means and new events."""
 
     elapsed_s: float
-    status: RecordingStatus | None = None  # of the last second
+    status: RecordingStatus | None = None  # status of the last second
     bits: SensorBits = SensorBits(0, 0)
     autopilot_system: int | None = None
     messages: dict[str, dict[str, Any]] = {}
@@ -130,15 +130,15 @@ class TelemetryLink:
         self._thread.start()
 
     def on_status(self, status: RecordingStatus) -> None:
-        """Keep the state of the recording, which each line carries until the next."""
+        """Keep the recording's state; each line carries it until the next state."""
         self._status = status
 
     def on_cycle(self, cycle: Cycle, events: list[Event]) -> None:
-        """Keep this cycle's good messages and events; write them to the pipe when a line is due."""
+        """Keep this cycle's good messages and events, and write them to the pipe if a line is due."""
         for topic, time_ns, message, _ in cycle.samples:
             if topic in TOPICS and message.status is OK:
                 self._latest[topic] = (time_ns, message)
-        for event in events:  # no more of the text than is sent
+        for event in events:  # a text is cut to the length that is sent
             self._events.append(Event(severity=event.severity, text=event.text[:TEXT_LENGTH]))
         means = self._tick_means.add(cycle.now_ns, cycle.samples)
         if means is not None:
@@ -174,21 +174,21 @@ class TelemetryLink:
         """Messages about runs from the other process since the last call."""
         try:
             data = os.read(self._news_end, select.PIPE_BUF)
-        except OSError:  # nothing has been said
+        except OSError:  # no news has come
             return self._last_news
         *lines, self._unfinished_news = (self._unfinished_news + data).split(b"\n")
         verdicts: list[Event] = []
         for line in lines:
             try:
                 news = msgspec.json.decode(line, type=RunNews)
-            except msgspec.MsgspecError:  # the end of a line, of a process that was started again
+            except msgspec.MsgspecError:  # a fragment of a line, after the process was restarted
                 continue
             verdicts += news.verdicts
             self._last_news = msgspec.structs.replace(news, verdicts=[])
         return msgspec.structs.replace(self._last_news, verdicts=verdicts)
 
     def close(self) -> None:
-        """End the other process; waits 1 s at most before killing it."""
+        """End the other process; wait at most 1 s before killing it."""
         self._closing.set()
         process = self._process
         if process is not None:
@@ -202,7 +202,7 @@ class TelemetryLink:
             os.close(end)
 
     def _keep_alive(self) -> None:
-        """Start the other process, and start it again whenever it has ended."""
+        """Start the other process, and restart it whenever it has ended."""
         while not self._closing.is_set():
             try:
                 self._process = subprocess.Popen(self._command, stdin=self._read_end, stdout=self._news_write_end)
@@ -218,14 +218,14 @@ class TelemetryLink:
 class MavlinkEncoder:
     """Encodes snapshots as MAVLink packets for one ground station.
 
-    Without an autopilot they come from component 1 of a fixed-wing aircraft: QGroundControl creates a vehicle for
-    component 1 only, and for no onboard computer (its MultiVehicleManager). With an autopilot they come from component
-    191 of its system, and belong to its vehicle. Speeds and position are then left to the autopilot: QGroundControl
-    does not distinguish which component sent VFR_HUD and GLOBAL_POSITION_INT.
+    Without an autopilot the packets come from component 1 of a fixed-wing aircraft: QGroundControl creates a vehicle
+    for component 1 only, and for no onboard computer (its MultiVehicleManager). With an autopilot they come from
+    component 191 of its system, and belong to its vehicle. The autopilot then reports speeds and position:
+    QGroundControl does not distinguish which component sent VFR_HUD and GLOBAL_POSITION_INT.
     """
 
     def __init__(self, telemetry: TelemetryConfig, probe: ProbeMaps | None, zero: Zero | None):
-        from pymavlink.dialects.v20 import ardupilotmega as mavlink  # the one that install.sh keeps
+        from pymavlink.dialects.v20 import ardupilotmega as mavlink  # the only dialect that install.sh keeps
 
         self._mavlink: Any = mavlink
         self._vehicle = telemetry.vehicle is not False
@@ -252,14 +252,14 @@ class MavlinkEncoder:
         boot_ms = round(snapshot.elapsed_s * 1e3) & 0xFFFFFFFF
         if self._heartbeat_s is None or snapshot.elapsed_s - self._heartbeat_s >= HEARTBEAT_PERIOD_S:
             self._heartbeat_s = snapshot.elapsed_s
-            # Of a generic autopilot QGroundControl expects no parameters.
+            # QGroundControl expects no parameters from a generic autopilot.
             kind = (
                 (m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_GENERIC)
                 if self._vehicle
                 else (m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_AUTOPILOT_INVALID)
             )
             yield link.heartbeat_encode(*kind, 0, 0, self._state_of(snapshot.status))
-            if self._vehicle and snapshot.status is not None:  # an autopilot sends its own
+            if self._vehicle and snapshot.status is not None:  # an autopilot sends its own heartbeat and status
                 yield self._sys_status(snapshot.bits)
         for event in snapshot.events:
             yield from self._text(event)
@@ -296,7 +296,7 @@ class MavlinkEncoder:
         return state
 
     def _sys_status(self, bits: SensorBits) -> Any:
-        """SYS_STATUS with the sensors; load, battery and errors of the link are unknown."""
+        """SYS_STATUS with the sensors' bits; load, battery and errors of the link are unknown."""
         return self._link.sys_status_encode(
             bits.present, bits.present, bits.healthy, 0, 0xFFFF, -1, -1, 0, 0, 0, 0, 0, 0
         )
@@ -366,7 +366,7 @@ class MavlinkEncoder:
 
 
 def sensor_bits(status: RecordingStatus, topics: Mapping[str, Sequence[str]]) -> SensorBits:
-    """The bits of SYS_STATUS. topics: of each sensor, by its name."""
+    """The bits of SYS_STATUS. topics: each sensor's topics, by the sensor's name."""
     present = LOGGING_BIT
     failed = 0 if status.state is RecordingState.RECORDING and not status.error else LOGGING_BIT
     for name, state in status.sensors.items():
@@ -390,7 +390,7 @@ def course_deg(north: float, east: float) -> float:
 
 
 def main(arguments: list[str]) -> None:
-    """Read snapshots from standard input until it ends, and send them. A port that fails is opened again."""
+    """Read snapshots from standard input until it ends, and send them. A port that fails is reopened."""
     drop_priority()
     telemetry = msgspec.json.decode(arguments[0], type=TelemetryConfig)
     probe = load_probe_maps(Path(arguments[1])) if arguments[1] else None
@@ -429,9 +429,10 @@ def main(arguments: list[str]) -> None:
 
 
 def run_news(monitor: RunMonitor, means: list[Means], *, before: Progress | None) -> tuple[RunNews, list[Event]]:
-    """News for the daemon, and events for the ground station, when `means` were added. before: the last progress.
+    """Add `means` to the monitor. Returns news for the daemon, and events for the ground station. before: the last
+    progress.
 
-    The ground station gets two messages on a run that is being flown: how long to hold it, and when it is long enough.
+    The ground station gets two messages on the run being flown: how long to hold it, and that it is long enough.
     """
     verdicts = [
         Event(severity=severity, sensor="runs", text=text) for each in means for severity, text in monitor.texts(each)
@@ -448,7 +449,7 @@ def run_news(monitor: RunMonitor, means: list[Means], *, before: Progress | None
 
 
 def run_monitor(aircraft: Aircraft, probe: ProbeMaps | None, zero: Zero | None, card: FlightCard | None) -> RunMonitor:
-    """The monitor of an aircraft's runs, with the zeros of `daq zero` and the card where there are any."""
+    """Make the monitor of an aircraft's runs, with the zeros of `daq zero` and the card, if any."""
     readings = zero.readings if zero else {}
     zeros = {
         name: readings[topic][field].mean
@@ -468,7 +469,7 @@ def drop_priority() -> None:
 
 
 def without_news(last: Snapshot, silent_s: float) -> Snapshot:
-    """What to send when nothing has been heard for so long [s] since the last snapshot."""
+    """The snapshot to send when nothing has come for `silent_s` [s] since the last snapshot."""
     status = last.status and msgspec.structs.replace(last.status, age_s=silent_s)
     bits = SensorBits(last.bits.present, last.bits.healthy & ~LOGGING_BIT)
     elapsed_s = last.elapsed_s + silent_s - (last.status.age_s if last.status else 0.0)
@@ -476,7 +477,7 @@ def without_news(last: Snapshot, silent_s: float) -> Snapshot:
 
 
 def newest_lines(file: int) -> Iterator[list[bytes]]:
-    """Whole lines as they arrive: each item holds all lines that have accumulated; none after NO_NEWS_S without."""
+    """Yield whole lines as they arrive: all that have accumulated, or an empty list after NO_NEWS_S without any."""
     rest, heard_s = b"", time.monotonic()
     while True:
         wait_s = HEARTBEAT_PERIOD_S if time.monotonic() - heard_s >= NO_NEWS_S else NO_NEWS_S

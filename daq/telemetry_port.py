@@ -1,4 +1,4 @@
-"""Where telemetry is sent to: a serial line, or one address by UDP."""
+"""Opens the port to which telemetry is sent: a serial line, or one UDP address."""
 
 import socket
 
@@ -17,7 +17,7 @@ class UdpSender:
     def write(self, data: bytes) -> None:
         try:
             self._socket.send(data)
-        except (BlockingIOError, ConnectionRefusedError):  # no receiver yet
+        except (BlockingIOError, ConnectionRefusedError):  # there is no receiver yet
             return
 
 

@@ -1,4 +1,4 @@
-"""What `daq run` shows on stderr: events, and a status line on a terminal."""
+"""Shows the output of `daq run` on stderr: events, and a status line on a terminal."""
 
 import os
 import shutil

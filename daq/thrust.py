@@ -1,4 +1,4 @@
-"""Thrust of a propeller from its table, for single values and without NumPy. `flight.propeller` has it for arrays."""
+"""Thrust of a propeller from its table, for single values and without NumPy. `flight.propeller` works on arrays."""
 
 import csv
 import re
@@ -10,14 +10,14 @@ from flightpower.flight.shipped_propellers import FOLDER
 
 
 class ThrustRow(NamedTuple):
-    """One speed of rotation of the table, in ascending J."""
+    """The table at one speed of rotation, in ascending J."""
 
     rpm: float
     J: list[float]
     cT: list[float]
 
     def at(self, J: float) -> float:
-        """Linear between points and beyond the last one; constant below the first."""
+        """Interpolate cT linearly between points and beyond the last point; it is constant below the first."""
         if J <= self.J[0]:
             return self.cT[0]
         i = min(bisect_right(self.J, J), len(self.J) - 1)
@@ -26,14 +26,14 @@ class ThrustRow(NamedTuple):
 
 
 class ThrustTable(NamedTuple):
-    """folding: the blades fold where thrust would be negative; the friction of folded blades is left out."""
+    """A propeller's table. folding: whether blades fold where thrust would be negative; their friction is neglected."""
 
     diameter_m: float
     rows: list[ThrustRow]
     folding: bool
 
     def thrust_N(self, V_mps: float, n_revps: float, rho: float) -> float:
-        """cT rho n^2 D^4 (3.48). n_revps must be positive."""
+        """Thrust [N]: cT rho n^2 D^4 (3.48). n_revps must be positive."""
         rpm, J = 60 * n_revps, V_mps / (n_revps * self.diameter_m)
         above = next((i for i, row in enumerate(self.rows) if row.rpm >= rpm), len(self.rows) - 1)
         below = max(above - 1, 0)
@@ -47,7 +47,7 @@ class ThrustTable(NamedTuple):
 
 
 def load_thrust(name_or_path: str, *, folding: bool) -> ThrustTable | None:
-    """The table of a shipped propeller, or of a file in our own format; otherwise None."""
+    """Load the table of a shipped propeller, or of a file in our own format; otherwise return None."""
     shipped = FOLDER / f"{name_or_path}.csv"
     try:
         text = (shipped if shipped.is_file() else Path(name_or_path)).read_text("utf-8")

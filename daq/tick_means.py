@@ -1,4 +1,4 @@
-"""Means of the readings over 0.2 s, made by the sampling thread: what runs are judged by in telemetry's process."""
+"""Averages the readings over 0.2 s in the sampling thread; the telemetry process judges runs by these means."""
 
 from collections.abc import Iterable
 
@@ -19,11 +19,11 @@ FIELDS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "/rpm": (("n_revps", "motor_speed_revps"),),
 }
-DIGITS = 5  # after the point: below the resolution of every part
+DIGITS = 5  # digits after the point: below the resolution of every part
 
 
 class Means(msgspec.Struct, array_like=True, kw_only=True):
-    """Means over MEAN_OVER_NS; None where nothing was measured. t_s: the middle, since the first tick."""
+    """Means over MEAN_OVER_NS; None where nothing was measured. t_s: middle of the interval, since the first tick."""
 
     t_s: float
     q_c_Pa: float | None = None
@@ -41,7 +41,7 @@ class Means(msgspec.Struct, array_like=True, kw_only=True):
 
 
 class TickMeans:
-    """Sums the readings of ticks."""
+    """Sums the readings of ticks to make means."""
 
     def __init__(self) -> None:
         self._start_ns: int | None = None
@@ -49,7 +49,7 @@ class TickMeans:
         self._sums: dict[str, tuple[float, int]] = {}
 
     def add(self, now_ns: int, samples: Iterable[Sample]) -> Means | None:
-        """Adds a tick that began at now_ns. Returns the means of the interval that this tick is the first one after."""
+        """Add a tick that began at now_ns. Returns the means of an interval if this is the first tick after it."""
         finished = None
         if self._start_ns is None:
             self._start_ns = self._begin_ns = now_ns

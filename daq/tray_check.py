@@ -1,4 +1,4 @@
-"""Checks whether the tray is fit to fly: reads it for a few seconds and judges every topic, with advice."""
+"""Checks whether the tray is fit to fly: reads it for a few seconds, and judges every topic and gives advice."""
 
 import tempfile
 from collections import Counter
@@ -23,11 +23,11 @@ from flightpower.daq.sensor_health import GOOD_STATUSES
 from flightpower.daq.sensors.autopilot import FAR_TOO_FEW
 from flightpower.flight.messages import SECOND, Message, Status
 
-LEAST_OF_RATE = 0.9  # of the rate that is set
+LEAST_OF_RATE = 0.9  # as a fraction of the configured rate
 EVERY_TICK = frozenset({"/imu", "/mag", "/baro", "/static", "/probe/alpha", "/probe/beta", "/probe/airspeed"})
-MINIMUM_GOOD_FRACTION = 0.95  # of a topic's messages must carry a measurement
+MINIMUM_GOOD_FRACTION = 0.95  # least fraction of a topic's messages that carry a measurement
 BYTES_PER_S = 16_000  # log of the default tray at 25 Hz: 550 to 640 bytes a tick
-MINIMUM_FREE_S = 2 * 3600.0  # of recording
+MINIMUM_FREE_S = 2 * 3600.0  # recording time
 # The values shown for each topic: field, factor to the displayed unit, unit.
 SHOWN_FIELDS: dict[str, tuple[tuple[str, float, str], ...]] = {
     "/imu": (("specific_force_z_mps2", 1, "m/s2 down"), ("angular_rate_y_radps", 57.29578, "deg/s pitch")),
@@ -71,15 +71,15 @@ MOTOR_STOPPED = "no frames, which is normal while the motor is stopped; run the 
 
 
 class TopicCheck(NamedTuple):
-    """The result for one topic. ok: None where it cannot be decided."""
+    """The result for one topic. ok: None if it cannot be decided."""
 
     topic: str
-    identity: str  # which part answers, and where
+    identity: str  # part that answers, and its place
     ok: bool | None
-    rate_Hz: float  # of messages with a measurement
-    values: list[str]  # mean and standard deviation
-    bus_errors: int  # transfers that failed
-    trouble: str  # statuses without a measurement, with their number
+    rate_Hz: float  # rate of messages with a measurement
+    values: list[str]  # texts with mean and standard deviation
+    bus_errors: int  # number of failed transfers
+    trouble: str  # statuses without a measurement, and their counts
     advice: str
 
 
@@ -94,8 +94,8 @@ class TrayCheck(NamedTuple):
     """The result for the whole tray."""
 
     lines: list[TopicCheck]
-    missed: int  # ticks
-    late_ms: float  # of the latest tick
+    missed: int  # number of missed ticks
+    late_ms: float  # delay of the latest tick
     free_s: float  # recording time for which there is space on the disk
     facts: list[SystemCheck]
 
@@ -163,7 +163,7 @@ def check_topic(
     part: PartIdentity = PartIdentity(""),
     slow: Sequence[str] = (),
 ) -> TopicCheck:
-    """Judge a topic from the messages of `seconds`. slow: what to do about buses that are too slow."""
+    """Judge a topic by the messages of `seconds`. slow: advice on buses that are too slow."""
     kind = topic.removesuffix(SECOND)
     statuses = Counter(message.status for message in messages)
     good = [message for message in messages if message.status is Status.OK and is_finite(message)]
@@ -193,7 +193,7 @@ def check_topic(
 
 
 def expected_rate_Hz(table: SensorTable, topic: str, tray: Tray) -> float | None:
-    """How many messages a second a topic has at least; None where it is not known."""
+    """Least number of messages per second expected on a topic; None if unknown."""
     match table:
         case config.UBloxConfig() | config.UBloxDdcConfig():
             return LEAST_OF_RATE * table.rate_Hz
@@ -205,8 +205,7 @@ def expected_rate_Hz(table: SensorTable, topic: str, tray: Tray) -> float | None
 def check_rate(
     line: TopicCheck, messages: list[Message], seconds: float, least_Hz: float | None, trouble: str
 ) -> TopicCheck:
-    """Checks the rate of a topic without faults so far, and reports its driver's complaint, `trouble`. least_Hz: see
-    `expected_rate_Hz`."""
+    """Check the rate of a topic without faults so far, and add its driver's complaint. least_Hz: `expected_rate_Hz`."""
     rate_Hz = sum(message.status in GOOD_STATUSES for message in messages) / seconds
     if line.ok and least_Hz is not None and rate_Hz < least_Hz:
         advice = trouble or (BUS_SLOW if line.topic.removesuffix(SECOND) in EVERY_TICK else LINE_SLOW)
@@ -238,12 +237,12 @@ def is_writable(directory: Path) -> bool:
 
 
 def check_file(tray: Tray) -> Path:
-    """The file with the result of the last check, next to the zero."""
+    """Path of the file with the result of the last check, next to the zero."""
     return Path(tray.zero).with_name("check.json")
 
 
 def save(report: TrayCheck, tray: Tray) -> None:
-    """Keep the result for the status page. Not an error if the folder cannot be written."""
+    """Save the result for the status page. It is not an error if the folder cannot be written."""
     path = check_file(tray)
     beside = path.with_name(f"{path.name}.new")
     try:
@@ -254,7 +253,7 @@ def save(report: TrayCheck, tray: Tray) -> None:
 
 
 def as_json(report: TrayCheck) -> str:
-    """The fields of the check as JSON, with `fit`."""
+    """Return the fields of the check as JSON, including `fit`."""
     lines = [line._asdict() for line in report.lines]
     facts_ = [fact._asdict() for fact in report.facts]
     return msgspec.json.encode({**report._asdict(), "lines": lines, "facts": facts_, "fit": report.fit}).decode()

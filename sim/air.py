@@ -1,4 +1,5 @@
-"""The air of a flight: pressure, temperature, wind with shear and veer, updrafts, turbulence by Dryden or von Karman.
+"""Models the air of a flight: pressure, temperature, wind with shear and veer, updrafts, Dryden or von Karman
+turbulence.
 
 The functions accept floats, arrays and CasADi symbols.
 """
@@ -15,7 +16,7 @@ from flightpower.flight.errors import InputError
 from flightpower.flight.number import Number, Vector
 
 FOOT_M = 0.3048
-# MIL-F-8785C sec. 3.7.3.4: the wind is given at 20 ft; roughness length 0.15 ft for all but the terminal phase.
+# MIL-F-8785C sec. 3.7.3.4: the wind is given at 20 ft; the roughness length is 0.15 ft for all but the terminal phase.
 WIND_HEIGHT_M = 20 * FOOT_M
 ROUGHNESS_M = 0.15 * FOOT_M
 # The boundary layer of the low-altitude model, 10 ft to 1,000 ft.
@@ -28,22 +29,22 @@ DRYDEN, VON_KARMAN = "dryden", "von-karman"
 
 @dataclass(frozen=True, kw_only=True)
 class Air:
-    """[air] of a plan."""
+    """The section [air] of a plan."""
 
     ground_pressure_Pa: float = 100_000.0
     ground_temperature_K: float = 290.15
     ground_elevation_m: float = 110.0
-    wind_mps: float = 0.0  # at 20 ft; other heights by the logarithmic profile
+    wind_mps: float = 0.0  # wind at 20 ft; other heights follow the logarithmic profile
     wind_from_rad: float = 0.0
     veer_rad: float = 0.0  # the wind's turn to the right from the ground to VEER_DEPTH_M; linear in height
-    turbulence_mps: float = 0.0  # W20
+    turbulence_mps: float = 0.0  # W20, the wind at 20 ft that sets the turbulence
     gust_spectrum: str = DRYDEN
     gust_length_factor: float = 1.0  # scale lengths are this many times those of the standard
-    convection_mps: float = 0.0  # rms of updrafts and sinks that vary from place to place
+    convection_mps: float = 0.0  # rms of updrafts and downdrafts that vary from place to place
     convection_length_m: float = 200.0
     convection_seed: int = 0
-    time_of_day_s: float = 34_200.0  # UTC, at the start; where the simulator flies, the sun rises at 10:09
-    thermal_mps: float = 0.0  # core updraft of one thermal
+    time_of_day_s: float = 34_200.0  # UTC at the start; the sun rises at 10:09 where the simulator flies
+    thermal_mps: float = 0.0  # updraft in the core of one thermal
     thermal_radius_m: float = 60.0
     thermal_north_m: float = 0.0
     thermal_east_m: float = 0.0
@@ -71,9 +72,9 @@ def ambient(air: Air, height_m: Number) -> Ambient:
 def mean_wind(
     air: Air, north_m: Number, east_m: Number, height_m: Number, updraft_mps: Number = 0.0
 ) -> tuple[Number, Number, Number]:
-    """(north, east, down) [m/s]: logarithmic profile (MIL-F-8785C sec. 3.7.3.4), updrafts, and one thermal.
+    """Mean wind (north, east, down) [m/s]: logarithmic profile (MIL-F-8785C sec. 3.7.3.4), updrafts, and one thermal.
 
-    Zero at the ground. The thermal is a Gaussian column. A wind that turns to the right with height is that of the
+    It is zero at the ground. The thermal is a Gaussian column. A wind that turns to the right with height occurs in the
     Ekman layer of the northern hemisphere (Stull, Boundary Layer Meteorology, sec. 6.6).
     """
     profile = np.log(np.maximum(height_m, ROUGHNESS_M) / ROUGHNESS_M) / np.log(WIND_HEIGHT_M / ROUGHNESS_M)
@@ -128,7 +129,7 @@ class Scales(NamedTuple):
 
 
 def gust_scales(W20_mps: Number, height_m: Number, length_factor: float = 1.0) -> Scales:
-    """Low-altitude intensities and lengths (MIL-F-8785C sec. 3.7.3.4.1); lateral as longitudinal."""
+    """Low-altitude intensities and lengths (MIL-F-8785C sec. 3.7.3.4.1); lateral values equal longitudinal ones."""
     h_ft = np.clip(height_m, LOWEST_M, HIGHEST_M) / FOOT_M
     shape = 0.177 + 0.000823 * h_ft
     sigma_w = 0.1 * W20_mps
@@ -139,9 +140,10 @@ def gust_scales(W20_mps: Number, height_m: Number, length_factor: float = 1.0) -
 def dryden(states: GustStates, white: Number, *, V: Number, span_m: float, scales: Scales) -> tuple[GustStates, Gust]:
     """Rates of change of the shaping filters, and the gusts they give (MIL-F-8785C sec. 3.7.1.2, Dryden form).
 
-    white: four noises of unit two-sided intensity [1/sqrt(s)], for u, v, w and p; constant over a step of dt, they are
-    standard normal numbers over sqrt(dt). V: airspeed [m/s]. The filters have the standard's spectra for frequencies
-    s = j Omega V: first order in u and p, (1 + sqrt3 T s)/(1 + T s)^2 in v and w. q and r follow from w and v.
+    white: four noises of unit two-sided intensity [1/sqrt(s)], for u, v, w and p; held over a step of dt, they are
+    standard normal numbers divided by sqrt(dt). V: airspeed [m/s]. The filters have the standard's spectra for
+    frequencies s = j Omega V: first order in u and p, (1 + sqrt3 T s)/(1 + T s)^2 in v and w. q and r follow from w and
+    v.
     """
     sigma_u, sigma_w, L_u, L_w = scales
     V = np.maximum(V, 5.0)  # the filters need a speed above zero
@@ -169,9 +171,9 @@ def dryden(states: GustStates, white: Number, *, V: Number, span_m: float, scale
 def rotation_rates(
     states: GustStates, v: Number, w: Number, n_p: Number, *, V: Number, span_m: float, scales: Scales
 ) -> tuple[Number, Number, Number]:
-    """Rates of change of the states p, q, r; the same for the spectra of Dryden and of von Karman."""
+    """Rates of change of the states p, q, r, for both Dryden and von Karman spectra."""
     _, sigma_w, _, L_w = scales
-    # Spectrum of p, integrated: variance 0.8 (pi/2) (pi/4b) (pi L_w/4b)^(1/3) sigma_w^2 / L_w.
+    # The integrated spectrum of p gives the variance 0.8 (pi/2) (pi/4b) (pi L_w/4b)^(1/3) sigma_w^2 / L_w.
     per_span = np.pi / (4 * span_m)
     sigma_p = sigma_w * np.sqrt(0.8 * np.pi / 2 * per_span / L_w * np.power(L_w * per_span, 1 / 3))
     T_p, T_r = 1 / (per_span * V), 3 * span_m / (np.pi * V)
@@ -179,20 +181,20 @@ def rotation_rates(
 
 
 def gust_of(states: GustStates, rates: GustStates, velocity: Vector, V: Number) -> Gust:
-    """A gradient along x is a rotation of the air: q_g = -dw_g/dx, r_g = +dv_g/dx, with d/dx = (d/dt)/V."""
+    """Return the gust. Gradients along x are rotations of the air: q_g = -dw_g/dx, r_g = dv_g/dx; d/dx = (d/dt)/V."""
     u, v, w = velocity
     return Gust(u, v, w, states.p, -rates.q / V, rates.r / V)
 
 
 WAVES = 6
-LENGTH_RATIO = 2.0  # the longest and the shortest wavelength over the middle one
+LENGTH_RATIO = 2.0  # ratio of longest to middle, and of middle to shortest wavelength
 
 
 def updraft(north_m: Number, east_m: Number, *, length_m: float, seed: int) -> Number:
-    """Updrafts and sinks as convection makes them in calm weather, of unit rms over all places, elementwise.
+    """Updrafts and downdrafts such as convection makes in calm weather, with unit rms over all places; elementwise.
 
-    A sum of plane waves of random direction and phase: its horizontal mean is zero, but the mean along one track is
-    not. At 40 m in a boundary layer of 1 km the vertical air motion has a standard deviation of 0.44 times the
+    They are a sum of plane waves of random direction and phase: its horizontal mean is zero, but its mean along one
+    track is not. At 40 m in a boundary layer of 1 km the vertical air motion has a standard deviation of 0.44 times the
     convective velocity (Lenschow et al. 1980, J. Atmos. Sci. 37, eq. for w variance), 0.5 to 2 m/s on a day with sun.
     length_m: the middle wavelength.
     """
@@ -213,9 +215,10 @@ def _waves(length_m: float, seed: int) -> NDArray[np.float64]:
 
 
 # Von Karman turbulence: filters whose spectra approximate those of MIL-F-8785C sec. 3.7.1.1. At high frequency they
-# fall as Omega^(-5/3), as measured in the atmosphere, where Dryden's fall as Omega^-2.
+# fall as Omega^(-5/3), as measured in the atmosphere, while Dryden's fall as Omega^-2.
 # Rational approximations of the spectra, over T s with T = L/V (those of MathWorks' continuous von Karman model):
-# longitudinal (1 + 0.25 Ts)/(1 + 1.357 Ts + 0.1987 (Ts)^2), lateral and vertical of second over third order.
+# longitudinal (1 + 0.25 Ts)/(1 + 1.357 Ts + 0.1987 (Ts)^2), lateral and vertical with numerator of second and
+# denominator of third order.
 LONGITUDINAL_ZERO, LONGITUDINAL_POLES = 0.25, (1.357, 0.1987)
 LATERAL_ZEROS, LATERAL_POLES = (2.7478, 0.3398), (2.9958, 1.9754, 0.1539)
 

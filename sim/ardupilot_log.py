@@ -1,4 +1,4 @@
-"""A simulated flight as ArduPlane would log it, at its default rates."""
+"""Writes a simulated flight as ArduPlane would log it, at its default rates."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -30,21 +30,22 @@ from flightpower.sim.telemetry_writer import write_telemetry
 BOOT_US = 81_000_000
 SLOW_HZ, IMU_HZ, GPS_HZ = 10.0, 25.0, 5.0
 IDLE_A = 0.05
-BAROMETER_K, AIRFLOW_K, KELVIN = 25.0, 2.0, 273.15  # above the air
+BAROMETER_K, AIRFLOW_K, KELVIN = 25.0, 2.0, 273.15  # temperatures above that of the air
 PARAMETERS = {"ARSPD_RATIO": 2.0, "AIRSPEED_CRUISE": 12.0, "AIRSPEED_MIN": 9.0, "AIRSPEED_MAX": 22.0,
               "SERVO3_FUNCTION": 70.0, "SERVO3_MIN": 1000.0, "SERVO3_MAX": 2000.0}  # fmt: skip
-AUTO, QLOITER = 10, 19  # of MODE
+AUTO, QLOITER = 10, 19  # mode numbers in MODE
 AT_START = ("MSG", "PARM")  # written at the beginning of each log
 ERASED_FLASH = b"\xff" * 4096
-AIRSPEED_S = 0.1  # over which ArduPilot averages the differential pressure
+AIRSPEED_S = 0.1  # time over which ArduPilot averages the differential pressure
 
 
 def write_ardupilot_log(
     path: Path, flight: Flight, sensors: SensorTruth, errors: DrawnErrors, faults: Collection[str] = ()
 ) -> None:
-    """Write a flight as dataflash log, its text (.log) or a ground station's recording (.tlog), by the file's name.
+    """Write a flight as a dataflash log, its text (.log) or a ground station's recording (.tlog), depending on the
+    file's name.
 
-    faults: of sim.log_faults.FAULTS. Raises OSError where it cannot be written.
+    faults: of sim.log_faults.FAULTS. Raises OSError if the file cannot be written.
     """
     kinds = _messages(flight, sensors, errors, faults)
     absent = {name for fault, name in (("no-airspeed", "ARSP"), ("no-gps", "GPS")) if fault in faults}
@@ -98,7 +99,7 @@ def _messages(
 
 
 def _airspeeds(pitot: AutopilotPitot, t_s: Array, seed: int, faults: Collection[str]) -> list[DataflashMessages]:
-    """The sensor in use, and with `second-airspeed` one that is connected to nothing, and not used."""
+    """The sensor in use, and with the fault `second-airspeed` also an unused sensor that is connected to nothing."""
     pressure = pitot.pressure_Pa(t_s, AIRSPEED_S)
     if "pressure-offset" in faults:
         pressure = np.round((pressure + RAW_OFFSET_PA) / RAW_STEP_PA) * RAW_STEP_PA
@@ -115,7 +116,7 @@ def _airspeeds(pitot: AutopilotPitot, t_s: Array, seed: int, faults: Collection[
 
 
 def _power(sensors: SensorTruth, t_s: Array, faults: Collection[str]) -> list[DataflashMessages]:
-    """The monitors: of propulsion and of avionics, of two packs, or the speed controller alone."""
+    """The power monitors: of propulsion and avionics, of two packs, or only the speed controller."""
     voltage, current = sensors.battery(t_s)
     current = current + HOVER_A * lifted(t_s, sensors.duration_s, faults)
     if "dead-meter" in faults:
@@ -161,7 +162,7 @@ def _gps(sensors: SensorTruth) -> DataflashMessages:
                                       "VZ": down})  # fmt: skip
 
 
-# Messages of 2014 firmware, by today's name: name, codes, and fields; fields missing today are filled in.
+# Messages of 2014 firmware, by today's name: name, codes and fields; fields that are missing today are filled in.
 OLD = {
     "MSG": ("MSG", "Z", ("Message",)),
     "PARM": ("PARM", "Nf", ("Name", "Value")),
@@ -175,7 +176,8 @@ OLD = {
 
 
 def as_in_2014(messages: DataflashMessages) -> DataflashMessages:
-    """Messages in the form of old firmware: a clock in ms, that of GPS in its field T; hundredths as whole numbers."""
+    """Convert messages to those of old firmware: a clock in ms, which GPS has in its field T; hundredths as
+    integers."""
     name, codes, fields = OLD[messages.name]
     columns, time_ms = dict(messages.columns), messages.time_us // 1000
     columns |= {"TimeMS": time_ms + (100_000_000 if name == "GPS" else 0), "T": time_ms}

@@ -1,4 +1,4 @@
-"""A simulated flight as PX4 or ArduPilot logs it."""
+"""Writes a simulated flight as PX4 or ArduPilot logs it."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from flightpower.sim.sensors.budget import DrawnErrors
 
 
 def faults_of(recorder: str | None, text: str) -> list[str]:
-    """The faults that --log-faults names. Raises InputError for what is unknown, or has no use."""
+    """The faults that --log-faults names. Raises InputError for a fault that is unknown, or does not apply."""
     names = [name.strip() for name in text.split(",") if name.strip()]
     if recorder is not None and recorder not in AUTOPILOT_LOGS:
         raise InputError(f"--as {recorder}: not known; give {' or '.join(AUTOPILOT_LOGS)}")

@@ -1,4 +1,4 @@
-"""The pitot of an autopilot, at the wing: it shows dynamic pressure, with the errors of the budget's airspeed."""
+"""The pitot tube of an autopilot, at the wing: it measures dynamic pressure, with the budget's airspeed errors."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from flightpower.sim.fly import Flight
 from flightpower.sim.sensors.budget import DrawnErrors
 from flightpower.sim.sensors.noise import white
 
-ZERO_SIGMA_PA = 1.5  # error left by the autopilot's own calibration before the flight
+ZERO_SIGMA_PA = 1.5  # error remaining after the autopilot's own calibration before the flight
 NOISE_S = 0.04  # the noise in the budget applies to means over this time
 
 
@@ -21,7 +21,7 @@ class AutopilotPitot:
         self._zero_Pa = ZERO_SIGMA_PA * float(white(errors.seed, "pitot zero", np.zeros(1))[0])
 
     def pressure_Pa(self, t_s: Array, averaged_s: float) -> Array:
-        """Differential pressure (n,), averaged over a time [s]."""
+        """Differential pressure [Pa] (n,), averaged over `averaged_s` [s]."""
         noise = self._errors.noise.airspeed_Pa * np.sqrt(NOISE_S / max(averaged_s, NOISE_S))
         return np.asarray(
             np.interp(t_s, self._t_s, self._shown_Pa) + self._zero_Pa + noise * white(self._errors.seed, "pitot", t_s)

@@ -1,5 +1,5 @@
-"""Segments on the ground that rehearse the calibrations: bursts, a water column, turning by hand, deflections, a
-strapped run-up of the motor, the tray on its six sides, weights on the probe's boom."""
+"""Ground segments that rehearse the calibrations: bursts, a water column, turning by hand, deflections, a motor run-up
+with the aircraft strapped down, the tray on its six sides, weights on the probe's boom."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ from flightpower.sim.propulsion import ThrustFactor, power_train
 
 LINES = ("alpha", "beta", "airspeed")
 SURFACES = ("elevator", "aileron", "rudder")
-REST_S, PRESS_S, HOLD_S, JITTER_S = 2.0, 1.0, 2.0, 0.2  # of a burst
-MOVE_S = 0.5  # of a surface from one angle to the next
+REST_S, PRESS_S, HOLD_S, JITTER_S = 2.0, 1.0, 2.0, 0.2  # phases of a burst
+MOVE_S = 0.5  # time to move a surface from one angle to the next
 HAND_ROLL_RAD, HAND_PITCH_RAD = 2.9, 1.3
 HAND_ROLL_S, HAND_PITCH_S, HAND_YAW_S, LIFT_S = 13.0, 9.7, 15.0, 4.0
 
@@ -36,7 +36,7 @@ class LineResponse(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class BenchSegment:
-    """Something that is done with the standing aircraft, motor off."""
+    """A procedure with the standing aircraft, with the motor off."""
 
     kind = "bench"
 
@@ -52,13 +52,13 @@ class BenchSegment:
         return stand(position, attitude, len(t))
 
     def columns(self, plant: Plant, t: Array) -> dict[str, Array]:
-        """Columns of the truth that differ from those of standing still, each (n,)."""
+        """Columns of the truth that differ from those of an aircraft that stands still, each (n,)."""
         return {}
 
 
 @dataclass(frozen=True, kw_only=True)
 class BurstsSegment(BenchSegment):
-    """Pressure on one line, held, and released at once; for `calibrate tubing`."""
+    """Pressure is applied to one line, held, and suddenly released; for `calibrate tubing`."""
 
     line: str
     pressure_Pa: float = 400.0
@@ -78,7 +78,8 @@ class BurstsSegment(BenchSegment):
     def response(self, t: Array, line: LineResponse, jitter: Array) -> Array:
         """Pressure [Pa] at the end of the line at times t (n,) from the start. jitter: of each burst, -1 to 1.
 
-        The sum of the responses to two ramps and a step for each burst, so that a burst is not tied to the times t.
+        For each burst it sums the responses to two ramps and a step, so that a burst need not start at one of the times
+        t.
         """
         total = np.zeros_like(t)
         for number, shift in enumerate(jitter.tolist()):
@@ -91,7 +92,7 @@ class BurstsSegment(BenchSegment):
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnSegment(BenchSegment):
-    """One pressure on all three lines, from a water column through a T-piece; for `calibrate transducers`."""
+    """One pressure acts on all three lines, from a water column through a T-piece; for `calibrate transducers`."""
 
     pressure_Pa: tuple[float, ...]
     hold_s: float = 8.0
@@ -177,9 +178,9 @@ class DeflectSegment(BenchSegment):
 
 @dataclass(frozen=True, kw_only=True)
 class RunUpSegment(BenchSegment):
-    """The motor is run up in steps of throttle, the aircraft strapped down; for `calibrate run-up`.
+    """The motor is run up in steps of throttle, with the aircraft strapped down; for `calibrate run-up`.
 
-    lean_rad : pitch by which the straps give at full throttle, nose down
+    lean_rad : nose-down pitch at full throttle, because the straps give
     """
 
     throttle: tuple[float, ...] = (0.45, 0.6, 0.8, 1.0, 0.8, 0.6, 0.45)
@@ -230,8 +231,8 @@ class RunUpSegment(BenchSegment):
 class BoomWeightsSegment(BenchSegment):
     """Weights are hung on the tip of the probe's boom, one after another; for `calibrate boom`.
 
-    carried_kg : mass that bends the boom in flight: that of the probe, and a third of the boom's
-    give_rad_per_N : pitch by which the aircraft on its gear gives, nose down
+    carried_kg : mass that bends the boom in flight: the probe's mass, and a third of the boom's
+    give_rad_per_N : nose-down pitch per unit of weight, because the landing gear gives
     """
 
     mass_kg: tuple[float, ...] = (0.1, 0.2, 0.3, 0.2, 0.1)
@@ -250,15 +251,15 @@ class BoomWeightsSegment(BenchSegment):
         return len(self.mass_kg) * (self.move_s + self.hold_s) + self.move_s
 
     def motion(self, position: Array, attitude: Array, t: Array) -> Motion:
-        """Whoever hangs a weight rocks the aircraft."""
+        """The motion of the aircraft, which rocks whenever a weight is hung."""
         hung = _steps(t, self.mass_kg, self.hold_s, self.move_s) * GRAVITY_MPS2
         since = t % (self.move_s + self.hold_s) / self.move_s
         rocking = np.where(since < 1, 0.03 * np.sin(pi * since) ** 2 * np.sin(8 * pi * since), 0.0)
         return _pitching(position, attitude, t, rocking - self.give_rad_per_N * hung)
 
     def tip_rad(self, boom_bending_rad: float) -> list[float]:
-        """What a level on the probe shows more than before, at rest, under each weight and without, nose up; for a boom
-        that bends by `boom_bending_rad` under each g of what it carries."""
+        """Change of a level's reading on the probe at rest, positive nose up, without weight, under each weight, and
+        without weight, for a boom that bends by `boom_bending_rad` per g of the mass that it carries."""
         per_kg = boom_bending_rad / self.carried_kg + self.give_rad_per_N * GRAVITY_MPS2
         return [-per_kg * mass for mass in (0.0, *self.mass_kg, 0.0)]
 
@@ -267,7 +268,7 @@ class BoomWeightsSegment(BenchSegment):
 class SixSidesSegment(BenchSegment):
     """The tray rests on each of its sides in turn, upright first; for `calibrate imu`.
 
-    tilt_rad : by which its nose and its tail point up and down less than a quarter turn
+    tilt_rad : angle by which nose up and nose down fall short of a quarter turn
     """
 
     hold_s: float = 12.0
@@ -280,7 +281,7 @@ class SixSidesSegment(BenchSegment):
         return 5 * (self.move_s + self.hold_s) + self.move_s
 
     def motion(self, position: Array, attitude: Array, t: Array) -> Motion:
-        """On its right side, its back, its left side; nose up and nose down."""
+        """The motion: onto the right side, the back, the left side; then nose up and nose down."""
         upright = pi / 2 - self.tilt_rad
         roll, pitch = (
             _steps(t, values, self.hold_s, self.move_s)
@@ -290,7 +291,7 @@ class SixSidesSegment(BenchSegment):
 
 
 def _turning(position: Array, attitude: Array, t: Array, roll_rad: Array, pitch_rad: Array) -> Motion:
-    """Held with this roll and pitch (n,) in addition, on the spot."""
+    """The motion of an aircraft held in place with these additional roll and pitch angles (n,)."""
     if len(t) < 2:
         return stand(position, attitude, len(t))
     angles = np.column_stack([roll_rad, pitch_rad, np.zeros(len(t))])
@@ -300,12 +301,12 @@ def _turning(position: Array, attitude: Array, t: Array, roll_rad: Array, pitch_
 
 
 def _pitching(position: Array, attitude: Array, t: Array, pitch_rad: Array) -> Motion:
-    """Standing, with this pitch (n,) in addition."""
+    """The motion of a standing aircraft with this additional pitch (n,)."""
     return _turning(position, attitude, t, np.zeros(len(t)), pitch_rad)
 
 
 def _steps(t: Array, values: Sequence[float], hold_s: float, move_s: float) -> Array:
-    """Zero, each of the values held, and zero again, with move_s between them; (n,)."""
+    """A history (n,) that starts at zero, holds each of the values, and returns to zero, with move_s between them."""
     begin = np.arange(len(values)) * (move_s + hold_s) + move_s
     times = np.column_stack([begin, begin + hold_s]).ravel()
     levels = np.repeat(values, 2)

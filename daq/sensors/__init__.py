@@ -1,4 +1,4 @@
-"""Drivers, one file for each device, with transactions, bit fields and conversions in separate functions.
+"""Drivers, with one file for each device, and separate functions for transactions, bit fields and conversions.
 
 A driver uses an open bus or port that it does not own. It is independent of other sensors, never sleeps and never
 catches an I/O error. States reported by the part (stale, fault, saturated) are data. OSError and `SensorFailure` are
@@ -14,7 +14,7 @@ from flightpower.flight.messages import Message, Status
 class Sample(NamedTuple):
     """A message, its topic, the time of the measurement (monotonic [ns]), and the tick in which its reading began.
 
-    tick: None for the current one; given when the answer came after the end of its tick.
+    tick: None for the current tick; set if the answer came after the end of its tick.
     """
 
     topic: str
@@ -27,7 +27,7 @@ class Sensor(Protocol):
     """The interface of a driver."""
 
     def start(self) -> Iterator[float]:
-        """Start the part. Each value is the time [s] to wait before the next step. Called once per driver object."""
+        """Start the part. Yields the time [s] to wait before each next step. It is called once per driver object."""
 
     def read(self, now_ns: int) -> list[Sample]:
         """This tick's messages; may be empty. now_ns: monotonic time at which this sensor's reading begins."""
@@ -36,13 +36,13 @@ class Sensor(Protocol):
 def complaint_of(sensor: object) -> str:
     """A fault of a part that still measures, such as a missed rate; empty if there is none.
 
-    A driver that audits its part has it in an attribute `complaint`.
+    A driver that audits its part keeps the text in its attribute `complaint`.
     """
     return getattr(sensor, "complaint", "")
 
 
 class SensorFailure(Exception):
-    """The part answers incorrectly and has to be started again. `status` is logged."""
+    """The part answers incorrectly and must be restarted. `status` is logged."""
 
     def __init__(self, status: Status, text: str):
         super().__init__(text)

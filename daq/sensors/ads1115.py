@@ -1,7 +1,7 @@
-"""TI ADS1115, an analog converter of four inputs and 16 bits (SBAS444D, sections in brackets).
+"""Driver of the TI ADS1115, an analog converter with four inputs and 16 bits (SBAS444D, sections in brackets).
 
-Each tick takes the result of the input that the tick before started, and starts the next: with n inputs each is read
-every n-th tick.
+Each tick reads the input whose conversion the preceding tick started, and starts the next input: each of n inputs is
+read every n-th tick.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,11 +14,11 @@ CONVERSION, CONFIG = 0x00, 0x01  # [8.1]
 START, SINGLE_SHOT, COMPARATOR_OFF = 0x8000, 0x0100, 0x0003  # [8.1.3]
 NOT_CONVERTING = 0x8000  # the same bit when read
 FIRST_INPUT = 0b100  # multiplexer code of AIN0 against ground
-FULL_SCALE_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256)  # by code of the amplifier
+FULL_SCALE_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256)  # range by code of the amplifier
 RATES_HZ = (8, 16, 32, 64, 128, 250, 475, 860)  # by code
 SLOWEST = 0.9  # the internal oscillator is within 10 % [7.5]
 WAKE_UP_S = 25e-6  # [9.4.2.1]
-FREE_SHARE = 0.9  # of a tick that a conversion may take
+FREE_SHARE = 0.9  # fraction of a tick that a conversion may take
 FULL_COUNT = 2**15
 
 
@@ -36,11 +36,11 @@ class ADS1115Driver:
         self._conversion_ns = round(conversion_s * 1e9)
         self._base = FULL_SCALE_V.index(full_scale_V) << 9 | SINGLE_SHOT | code << 5 | COMPARATOR_OFF
         self._next = 0
-        self._running: int | None = None  # input that is being converted
+        self._running: int | None = None  # input being converted
         self._started_ns = 0
 
     def start(self) -> Iterator[float]:
-        """Check that the part keeps what is written: it has no identity register."""
+        """Check that the part keeps what is written, since it has no identity register."""
         self._set(self._base)
         yield 0.0
         if self._config() & ~NOT_CONVERTING != self._base:

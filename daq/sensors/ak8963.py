@@ -1,4 +1,4 @@
-"""Asahi Kasei AK8963, the magnetometer inside the MPU-9250. Numbers in brackets: datasheet MS1356-E-02.
+"""Driver of the Asahi Kasei AK8963, the magnetometer in the MPU-9250. Numbers in brackets: datasheet MS1356-E-02.
 
 It has an I2C address of its own, accessible after the MPU-9250 has opened its bypass.
 """
@@ -19,9 +19,9 @@ DATA_READY, OVERFLOW = 0x01, 0x08  # [8.3.2, 8.3.6]
 TESLA_PER_COUNT = 4912e-6 / 32760  # at 16 bits [8.3.5]
 
 MODE_CHANGE_S = 0.1  # the datasheet requires 100 us [6.3]; with less than 100 ms, some parts are reported not to start
-BYPASS_OPENS_S = 0.25  # meanwhile the MPU-9250 is reset and configured
+BYPASS_OPENS_S = 0.25  # time for the MPU-9250 to be reset and configured
 BLOCK = struct.Struct("<B3hBB")  # ST1, x y z, ST2, CNTL1: ST2 must be read, or the part stops updating [6.4.3]
-JUMP_COUNTS = 100  # 15 uT in a tick: a turn in a second in the earth's field. More has to be read twice.
+JUMP_COUNTS = 100  # 15 uT per tick: a turn per second in the earth's field. A larger jump must be read twice.
 STALE_LIMIT = 12  # more stale reads in a row than this mean that the 100 Hz conversion has stopped
 
 
@@ -33,7 +33,7 @@ class AK8963Driver:
         self._axes = axes
         self._sensitivity = (1.0, 1.0, 1.0)
         self._stale = 0
-        self._counts: tuple[int, int, int] | None = None  # the latest that were believed, and those that jumped since
+        self._counts: tuple[int, int, int] | None = None  # the latest believed counts, and counts that jumped since
         self._odd: tuple[int, int, int] | None = None
 
     def start(self) -> Iterator[float]:
@@ -57,7 +57,7 @@ class AK8963Driver:
 
     def read(self, now_ns: int) -> list[Sample]:
         status, x, y, z, status2, control = self._block()
-        if control != CONTINUOUS_100_HZ_16_BIT:  # or a wrong bit in the reply
+        if control != CONTINUOUS_100_HZ_16_BIT:  # lost settings, or a wrong bit in the reply
             status, x, y, z, status2, control = self._block()
             if control != CONTINUOUS_100_HZ_16_BIT:
                 raise brown_out("AK8963")
@@ -90,13 +90,13 @@ class AK8963Driver:
 
 
 def is_near(counts: tuple[int, int, int], others: tuple[int, int, int]) -> bool:
-    """Whether the second can follow upon the first, a tick later."""
+    """Whether one reading can follow the other within a tick."""
     (x, y, z), (other_x, other_y, other_z) = counts, others
     return abs(x - other_x) <= JUMP_COUNTS and abs(y - other_y) <= JUMP_COUNTS and abs(z - other_z) <= JUMP_COUNTS
 
 
 def sensitivity(fuse: int) -> float:
-    """Scale factor of an axis from its fuse byte [8.3.11]."""
+    """Return the scale factor of an axis, from its fuse byte [8.3.11]."""
     return (fuse - 128) / 256 + 1
 
 

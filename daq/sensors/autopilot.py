@@ -1,8 +1,8 @@
-"""MAVLink autopilot: servo and stick pulse widths, attitude, battery, and optionally motor speed.
+"""Driver of a MAVLink autopilot: servo and stick pulse widths, attitude, battery, and optionally motor speed.
 
-Protocols 1 and 2, see `daq.mavlink_frames`. A line may carry other senders, too: a gimbal sends its own attitude, and a
-radio forwards other vehicles. The first autopilot heartbeat decides whose messages are read: only those of its system
-and component. It is then asked for the required messages (SET_MESSAGE_INTERVAL), and again when they stop.
+It reads protocols 1 and 2, see `daq.mavlink_frames`. A line may also carry other senders: a gimbal sends its own
+attitude, and a radio forwards other vehicles. The first autopilot heartbeat decides whose messages are read: only those
+of its system and component.
 """
 
 import math
@@ -25,22 +25,23 @@ from flightpower.flight.aircraft import Aircraft
 from flightpower.flight.messages import Attitude, Battery, Controls, Message, Rpm, Status
 
 SILENCE_NS = 500_000_000
-BATTERY_SILENCE_NS = 3_000_000_000  # sent a few times a second at most
-HEARTBEAT_NS = 2_500_000_000  # it is sent once a second, and before the first one nothing is read
-REQUEST_AGAIN_NS, REQUEST_SELDOM_NS, MOST_REQUESTS = 2_000_000_000, 20_000_000_000, 3  # after as many only seldom
-ANSWERED_NS, JUDGED_NS = 1_000_000_000, 2_000_000_000  # after a request: no rate is judged, then for so long
+BATTERY_SILENCE_NS = 3_000_000_000  # the battery is sent a few times a second at most
+HEARTBEAT_NS = 2_500_000_000  # a heartbeat comes once a second, and nothing is read before the first
+REQUEST_AGAIN_NS, REQUEST_SELDOM_NS, MOST_REQUESTS = 2_000_000_000, 20_000_000_000, 3  # after so many requests, rarely
+ANSWERED_NS, JUDGED_NS = 1_000_000_000, 2_000_000_000  # after a request: first no rate is judged, then over this time
 COMPLAINT_NS = 6_000_000_000  # a rate that was too low is reported for this long: more than the spacing of events
-# Of the requested rate. Below the first it is asked for again: an autopilot that starts again forgets it, and another
-# station can change it. Below the second it is reported; a line that is a little too slow for the rate stays above.
+# Fractions of the requested rate. Below the first the rate is requested again, since an autopilot that restarts forgets
+# it, and another station can change it. Below the second it is reported; a line that is slightly too slow for the rate
+# stays above.
 ENOUGH, FAR_TOO_FEW = 0.8, 0.4
-OUR_SYSTEM, OUR_COMPONENT = 255, 191  # of a ground station; MAV_COMP_ID_ONBOARD_COMPUTER
+OUR_SYSTEM, OUR_COMPONENT = 255, 191  # a ground station's system; MAV_COMP_ID_ONBOARD_COMPUTER
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID
 SET_MESSAGE_INTERVAL = 511  # MAV_CMD
 BATTERY_RATE_HZ = 2.0
 UNKNOWN_MILLIVOLT = 0xFFFF
 UNUSED_CHANNEL = 0xFFFF
-SERVO_PULSES_US = frozenset({0, *range(500, 2501)})  # of any servo; 0 means off
-LARGEST_ANGLE_RAD, LARGEST_YAW_RAD = math.pi + 0.01, 100.0  # some senders count the turns
+SERVO_PULSES_US = frozenset({0, *range(500, 2501)})  # possible pulses of any servo; 0 means off
+LARGEST_ANGLE_RAD, LARGEST_YAW_RAD = math.pi + 0.01, 100.0  # some senders' yaw accumulates turns
 PULSE_LOW_US, PULSE_SPAN_US = 1000.0, 1000.0
 
 
@@ -66,31 +67,31 @@ class AutopilotDriver:
             self._silence_ns["/battery"] = BATTERY_SILENCE_NS
         if rpm:
             self._silence_ns["/rpm"] = SILENCE_NS
-        self._sender: tuple[int, int] | None = None  # system and component of the autopilot, once it was heard
+        self._sender: tuple[int, int] | None = None  # system and component of the autopilot, once it has been heard
         self._last_ns: dict[str, int] = {}
         self._first_ns: int | None = None
         self._requested_ns: int | None = None
-        self._requests = 0  # in a row, with which the rates were still too low
-        self._received: dict[str, int] = {}  # messages by topic since a second after the latest judgment or request
+        self._requests = 0  # successive requests after which the rates were still too low
+        self._received: dict[str, int] = {}  # number of messages by topic since rates are counted again
         self._judged_from_ns = 0
         self._slow = False
         self._complaint_ns = 0
         self.complaint = ""
         self._has_battery_status = False
         self._sticks: list[int] | None = None
-        self._damaged = False  # damaged bytes were received since the last valid message
+        self._damaged = False  # whether damaged bytes came since the last valid message
 
     @property
     def system_id(self) -> int | None:
-        """MAVLink system of the autopilot, once it was heard."""
+        """MAVLink system of the autopilot, once it has been heard."""
         return None if self._sender is None else self._sender[0]
 
     def start(self) -> Iterator[float]:
-        """Nothing to wait for."""
+        """There is nothing to wait for."""
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
-        """The latest message on each topic. `no_data`, or `corrupt` after damaged bytes, when one is overdue."""
+        """The latest message on each topic. An overdue topic gets `no_data`, or `corrupt` after damaged bytes."""
         newest: dict[str, Message] = {}
         received = False
         rejected = self._parser.rejected
@@ -124,14 +125,14 @@ class AutopilotDriver:
         return [Sample(topic, now_ns, message) for topic, message in newest.items()]
 
     def _request_is_due(self, missing: bool, now_ns: int) -> bool:
-        """Whether the messages have to be requested. missing: some do not come as they were."""
+        """Whether the messages must be requested. missing: whether some are absent or too rare."""
         if self._requested_ns is None:
             return True
         spacing_ns = REQUEST_AGAIN_NS if self._requests < MOST_REQUESTS else REQUEST_SELDOM_NS
         return missing and now_ns - self._requested_ns >= spacing_ns
 
     def _judge_rates(self, now_ns: int) -> None:
-        """Compare how many messages came in two seconds with how many were requested. Silence has a status."""
+        """Compare the number of messages in two seconds with the number requested. Silence is shown by a status."""
         elapsed_ns = now_ns - self._judged_from_ns
         if self._requested_ns is None or elapsed_ns < 0:
             self._received.clear()
@@ -198,7 +199,7 @@ SILENT: dict[str, type[Message]] = {"/controls": Controls, "/attitude": Attitude
 
 
 def is_autopilot(received: Heartbeat) -> bool:
-    """Whether this is the autopilot's own heartbeat, not one that it forwards from a ground station or camera."""
+    """Whether this is the autopilot's own heartbeat, not one forwarded from a ground station or camera."""
     return received.autopilot != NO_AUTOPILOT
 
 
@@ -209,12 +210,12 @@ def pulses_us(received: ServoOutput) -> list[int]:
 
 
 def sticks_us(received: RcChannels) -> list[int]:
-    """Pulse widths of the receiver's channels; 0 for an unused channel, and for what is no pulse of a servo."""
+    """Pulse widths of the receiver's channels; 0 for an unused channel, or for a value that is no servo pulse."""
     return [pulse if pulse in SERVO_PULSES_US else 0 for pulse in received.pulses_us[: received.channels]]
 
 
 def attitude(received: mavlink_frames.Attitude) -> Attitude:
-    """The message for an attitude. NaN means "not estimated"; roll and pitch of more than half a turn are no angles."""
+    """The message for an attitude. NaN means "not estimated"; roll or pitch beyond half a turn is invalid."""
     if not all(map(math.isfinite, received)):
         return Attitude(status=Status.NO_DATA)
     if max(abs(received.roll), abs(received.pitch)) > LARGEST_ANGLE_RAD or abs(received.yaw) > LARGEST_YAW_RAD:
@@ -230,8 +231,8 @@ def motor_speed(rpm: float) -> Rpm:
 
 
 def servo_controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:
-    """`controls` of the outputs to the servos. Without values if an output that the aircraft uses has no pulse of a
-    servo, or none has one; another output of that kind is as if it were off.
+    """`controls` of the servo outputs. The message has no values if an output that the aircraft uses has no valid servo
+    pulse, or no output has one; other outputs without a valid pulse count as off.
     """
     if SERVO_PULSES_US.issuperset(pulse_us):
         return controls(pulse_us, aircraft)
@@ -269,13 +270,13 @@ def controls(pulse_us: list[int], aircraft: Aircraft | None) -> Controls:
 
 
 def battery(received: BatteryStatus) -> Battery:
-    """The voltage is the sum over all cells. A pack measured as a whole is reported as the first cell."""
+    """The message for a battery. Its voltage is the sum over cells; a pack measured as a whole counts as one cell."""
     cells = [cell for cell in received.voltages if cell != UNKNOWN_MILLIVOLT]
     return _battery(sum(cells) if cells else UNKNOWN_MILLIVOLT, received.current_battery)
 
 
 def _battery(millivolt: int, centiampere: int) -> Battery:
-    """A current of -1 and a voltage of 65535 mean "not measured"."""
+    """The message for raw values. A current of -1 or a voltage of 65535 means "not measured"."""
     voltage_V = None if millivolt == UNKNOWN_MILLIVOLT else millivolt / 1e3
     current_A = None if centiampere < 0 else centiampere / 1e2
     if voltage_V is None and current_A is None:

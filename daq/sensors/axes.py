@@ -1,12 +1,13 @@
 """The mounting of a chip in the aircraft: which of its axes lies along each body axis, with sign."""
 
-Axes = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]  # of body x, y, z: chip axis index and sign
+Axes = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]  # chip axis index and sign for each of body x, y, z
 BODY_AXES: Axes = ((0, 1), (1, 1), (2, 1))
 SIGNED = ("x", "y", "z", "-x", "-y", "-z")
 
 
 def parse_axes(names: tuple[str, ...]) -> Axes:
-    """("y", "-x", "z") means: body x is the chip's y, body y is minus the chip's x, body z is the chip's z.
+    """Parse axes: ("y", "-x", "z") means that body x is the chip's y, body y is minus the chip's x, body z is the
+    chip's z.
 
     Raises ValueError unless the three are a right-handed set.
     """

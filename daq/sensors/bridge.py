@@ -1,11 +1,13 @@
-"""Differential pressure transducers that answer a plain read with four bytes: TE MS45xxDO and Honeywell TruStability.
+"""Driver of differential pressure transducers that answer a plain read by four bytes: TE MS45xxDO, Honeywell
+TruStability.
 
 Both have the same kind of signal conditioner: two bits of status, 14 of pressure, 11 of temperature (TE application
 note "Interfacing to MEAS digital pressure modules"; Honeywell technical note "I2C communications with TruStability").
 A zero-length transfer or a repeated start makes the next transfer fail, so only plain reads are used.
 
-The reply has no checksum, and controllers shift it by a bit where a part stretches the clock. The temperature in it
-cannot jump, which shows it. A pressure that jumps is read again, and believed only if the second reading agrees.
+The reply has no checksum, and controllers shift it by a bit if a part stretches the clock. A jump of the temperature in
+the reply, which is impossible, reveals that. A pressure that jumps is read again, and believed only if the second
+reading agrees.
 """
 
 import enum
@@ -21,10 +23,10 @@ from flightpower.flight.messages import OK, DifferentialPressure, Status
 INCH_OF_WATER_PA = 249.08891  # conventional, water at 4 degC, as used by both manufacturers
 PSI_PA = 6894.757293
 FULL_COUNT = 2**14 - 1
-# 3 K, and what the tray's electronics warm up by in a second. Shifted by a bit, room temperature is 36 K off.
+# 3 K, and the warming of the tray's electronics per second. Shifted by a bit, room temperature is 36 K off.
 TEMPERATURE_STEP, TEMPERATURE_PER_S = 31.0, 0.2  # counts of 0.1 K
-BELIEVED_AFTER = 15_000  # readings: ten minutes. A second part that answers at the address agrees with itself.
-JUMP_PA = 10.0  # between two ticks: 0.5 m/s at 15 m/s. More is read a second time.
+BELIEVED_AFTER = 15_000  # number of readings: ten minutes. A second part at the same address agrees with itself.
+JUMP_PA = 10.0  # change between two ticks: 0.5 m/s at 15 m/s. A larger change is read again.
 FIRST_DATA_S = 0.01  # 8.4 ms after power-on (MS4515DO datasheet)
 
 
@@ -32,7 +34,7 @@ class FrameStatus(enum.IntEnum):
     """The two status bits of the part."""
 
     GOOD = 0
-    COMMAND = 1  # command mode: never in normal operation
+    COMMAND = 1  # command mode, which never occurs in normal operation
     STALE = 2  # this value has been read before
     FAULT = 3  # remains until the supply is switched off and on
 
@@ -73,20 +75,20 @@ class BridgeTransducerDriver:
         self._jump_counts = (
             JUMP_PA * (transfer.high_counts - transfer.low_counts) / (transfer.high_Pa - transfer.low_Pa)
         )
-        self._pressure_counts: int | None = None  # the latest that was believed
+        self._pressure_counts: int | None = None  # the latest believed reading
 
     def start(self) -> Iterator[float]:
         """Wait for the first measurement; nothing is configured."""
         yield FIRST_DATA_S
 
     def read(self, now_ns: int) -> list[Sample]:
-        """This tick's pressure. `corrupt` if a second reading does not confirm one that jumps, or its temperature."""
+        """This tick's pressure. `corrupt` if a second reading does not confirm a jump of pressure or temperature."""
         frame = decode(self._bus.read(self._address, 4))
         if frame.status is FrameStatus.GOOD:
             fits = self._temperature.fits(frame.temperature_counts, now_ns)
             before = self._pressure_counts
             if not fits or (before is not None and abs(frame.pressure_counts - before) > self._jump_counts):
-                again = decode(self._bus.read(self._address, 4))  # stale where it is the same measurement
+                again = decode(self._bus.read(self._address, 4))  # stale if it is the same measurement
                 confirmed = self._is_near(again, self._pressure_counts) or (
                     fits and self._is_near(again, frame.pressure_counts)
                 )
@@ -131,5 +133,5 @@ def pressure_Pa(counts: float, transfer: TransferFunction) -> float:
 
 
 def temperature_K(counts: int) -> float:
-    """-50 to 150 degC over 2047 counts."""
+    """Temperature [K]: 2047 counts span -50 to 150 degC."""
     return counts * 200 / 2047 - 50 + 273.15

@@ -1,12 +1,12 @@
-"""Motor speed from a microcontroller that times the commutation pulses of the speed controller, at 115200 baud.
+"""Reads motor speed from a microcontroller that times the commutation pulses of the speed controller, at 115200 baud.
 
 A decade counter divides the pulses, so that each transmitted period is ten electrical periods.
 
 Legacy frame, 4 bytes: 'x', period in microseconds (3 bytes, most significant first). The letter also occurs in the
 data. A frame is sent without interruption (0.35 ms), so the first byte after a pause of the line starts a frame. This
 locates frames while the motor accelerates and successive periods differ by half. In a stream without pauses, frames
-are accepted once three in a row agree in position and period. It has no checksum: a period that jumps by more than 5 %
-is withheld until the next one is near it.
+are accepted once three in a row agree in position and period. This frame has no checksum: a period that jumps by more
+than 5 % is withheld until the next period is near it.
 
 Framed variant, 11 bytes, for a microcontroller that can be programmed (firmware/esc_counter):
 
@@ -43,19 +43,19 @@ FRAMED_SILENCE_NS = 1_200_000_000  # a little more than two frames of a stopped 
 PULSES = 10  # electrical periods in a transmitted period
 # Ten electrical periods between 300 us and 1 s: a two-pole motor at 2 million rpm, a 14-pole one at 90 rpm.
 SHORTEST_US, LONGEST_US = 300, 1_000_000
-FASTEST_REVPS = 2500.0  # of any motor that turns a propeller or a fan: 150,000 rpm
-MAX_PERIOD_RATIO = 1.25  # of neighboring frames, while searching for the start of frames
-LARGEST_STEP = 0.05  # of a legacy period, from one frame to the next; faster changes have to be confirmed
-FORGOTTEN_NS = 300_000_000  # after which a period says nothing about the next one
+FASTEST_REVPS = 2500.0  # no motor that turns a propeller or a fan is faster: 150,000 rpm
+MAX_PERIOD_RATIO = 1.25  # largest ratio of neighboring periods while searching for the start of frames
+LARGEST_STEP = 0.05  # relative change of a legacy period between frames; larger changes must be confirmed
+FORGOTTEN_NS = 300_000_000  # time after which a period says nothing about the next period
 LEGACY_BYTES = 4
 LETTER = ord("x")
-FRAMED_BYTES = {0xA5: 8, 0xA6: 11}  # by start of frame: earlier firmware, and with counts of pulses
+FRAMED_BYTES = {0xA5: 8, 0xA6: 11}  # length by start byte: earlier firmware, and firmware that counts pulses
 MOTOR_STOPPED, UNEVEN, NO_PERIOD = 0x01, 0x02, 0x04
-LARGEST_CORRECTED_SHARE = 0.25  # of the pulses may be rejected or inserted; noise on one in twenty is harmless
+LARGEST_CORRECTED_SHARE = 0.25  # share of pulses that may be rejected or inserted; noise on one in twenty is harmless
 
 
 class CounterFrame(NamedTuple):
-    """A period [us], 0 while the motor is stopped, None if none was measured, and what is known of its pulses."""
+    """A period [us] (0 if the motor is stopped, None if none was measured), and data about its pulses."""
 
     period_us: int | None
     uneven: bool = False
@@ -65,7 +65,7 @@ class CounterFrame(NamedTuple):
 
     @property
     def believed(self) -> bool:
-        """Whether the period is right within 2 %."""
+        """Whether the period can be trusted within 2 %."""
         corrected = (self.rejected or 0) + (self.inserted or 0)
         return not self.uneven and corrected <= LARGEST_CORRECTED_SHARE * (self.captured or corrected)
 
@@ -79,18 +79,18 @@ class EscCounterDriver:
         self._parser: LegacyParser | FramedParser = FramedParser() if framed else LegacyParser()
         self._silence_ns = FRAMED_SILENCE_NS if framed else LEGACY_SILENCE_NS
         self._last_ns: int | None = None
-        self._quiet_since_ns: int | None = None  # when bytes were last received
-        self._framed_ns = 0  # when the latest legacy frame came, its period, and the latest one that was withheld
+        self._quiet_since_ns: int | None = None  # when the line fell silent
+        self._framed_ns = 0  # time of the latest legacy frame, its period, and the latest period withheld
         self._period_us: int | None = None
         self._odd_us: int | None = None
         self._rejected = 0  # bytes rejected by the parser up to the last valid frame
 
     def start(self) -> Iterator[float]:
-        """Nothing to configure."""
+        """There is nothing to configure."""
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
-        """The latest period, if new. After a long silence `no_data`, or `corrupt` if bytes were rejected."""
+        """The latest period, if new. A long silence gives `no_data`, or `corrupt` if bytes were rejected."""
         if self._last_ns is None:
             self._last_ns = now_ns
         data = self._port.read_available()
@@ -110,7 +110,7 @@ class EscCounterDriver:
         return [Sample("/rpm", now_ns, Rpm(status=self._silence()))]
 
     def _confirmed(self, frames: list[CounterFrame], now_ns: int) -> list[CounterFrame]:
-        """The frames whose period follows from the one before, or is near one that did not."""
+        """The frames whose period is near the period before, or near a withheld period."""
         if now_ns - self._framed_ns > FORGOTTEN_NS:
             self._period_us = self._odd_us = None
         confirmed = []
@@ -164,7 +164,7 @@ class LegacyParser:
         self.rejected = 0
 
     def pause(self) -> None:
-        """The line was silent: the next byte starts a frame, and an incomplete frame is discarded."""
+        """Note that the line was silent: the next byte starts a frame, and an incomplete frame is discarded."""
         self._buffer.clear()
         self._locked = self._after_pause = True
 
@@ -226,7 +226,7 @@ class FramedParser:
         self.lost = self.rejected = 0
 
     def pause(self) -> None:
-        """Not needed: each frame has its own start byte and CRC."""
+        """Do nothing: each frame has its own start byte and CRC."""
 
     def feed(self, data: bytes) -> list[CounterFrame]:
         """The frames that `data` completes."""

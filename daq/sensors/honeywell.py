@@ -1,4 +1,4 @@
-"""Honeywell TruStability SSC and HSC with I2C output: decoding of the part number (datasheet, "Nomenclature")."""
+"""Decodes part numbers of Honeywell TruStability SSC and HSC with I2C output (datasheet, "Nomenclature")."""
 
 import re
 
@@ -18,7 +18,8 @@ SUPPORTED = (
 def decode_part(number: str) -> tuple[int, TransferFunction]:
     """Address and transfer function of a part number.
 
-    Raises ValueError, naming the supported numbers, for any other; absolute, analog and SPI parts are not supported.
+    Raises ValueError, naming the supported numbers, for any other number; absolute, analog and SPI parts are not
+    supported.
     """
     match = CODE.fullmatch(number.strip().upper())
     if match is None or float(match[1]) == 0:

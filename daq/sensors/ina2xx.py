@@ -1,6 +1,7 @@
-"""Power monitors TI INA226 (SBOS547B) and INA228 (SLYS021A): battery voltage, and current through a shunt.
+"""Driver of the power monitors TI INA226 (SBOS547B) and INA228 (SLYS021A): battery voltage, and current through a
+shunt.
 
-The part averages over most of a tick, again and again. Current is computed here from the shunt's voltage, so the part's
+The part continuously averages over most of a tick. Current is computed here from the shunt's voltage, so the part's
 calibration register is not used. Register numbers and bits: section "Register Maps" of each datasheet.
 """
 
@@ -13,33 +14,33 @@ from flightpower.flight.messages import Battery, Status
 
 TI = 0x5449  # manufacturer's number
 RESET_S = 0.001  # the datasheets give 0.3 ms at most
-FREE_SHARE = 0.9  # of a tick that conversions may take, so that each tick has a new value
+FREE_SHARE = 0.9  # fraction of a tick that conversions may take, so that each tick has a new value
 STALE_LIMIT = 12  # more stale reads in a row than this mean that the part has stopped measuring
-AVERAGES = (1, 4, 16, 64, 128, 256, 512, 1024)  # by code, in both parts
+AVERAGES = (1, 4, 16, 64, 128, 256, 512, 1024)  # number of averages by code, in both parts
 
 
 @dataclass(frozen=True)
 class PowerMonitor:
-    """What differs between the two parts: registers by number, their sizes, counts, and conversion times by code."""
+    """The differences between the two parts: register numbers and sizes, counts, and conversion times by code."""
 
     name: str
     manufacturer_register: int
     identity_register: int
-    identity: int  # without the revision in its lowest four bits
-    reset_value: int  # to write to register 0
-    control_register: int  # averaging and conversion times
+    identity: int  # identity without the revision in the lowest four bits
+    reset_value: int  # value to write to register 0
+    control_register: int  # register of averaging and conversion times
     flags_register: int
-    flags_setup: int  # to write to it at the start
-    conversion_ready: int  # bit of the flags
+    flags_setup: int  # value to write to the flags at the start
+    conversion_ready: int  # bit of the flags that shows a finished conversion
     voltage_register: int
     shunt_register: int
     value_bytes: int
-    unused_bits: int  # below the value
+    unused_bits: int  # number of unused bits below the value
     volts_per_count: float
     shunt_volts_per_count: float
     conversion_us: tuple[int, ...]
-    continuous: int  # control word for voltage and shunt in turn, for ever
-    average_at: int  # bits of the control word
+    continuous: int  # control word to convert voltage and shunt in turn, continuously
+    average_at: int  # bit position in the control word
     conversion_at: tuple[int, ...]
 
     def control(self, conversion: int, average: int) -> int:
@@ -114,7 +115,7 @@ class PowerMonitorDriver:
         self._set(part.flags_register, part.flags_setup)
 
     def read(self, now_ns: int) -> list[Sample]:
-        """Mean values over one cycle of the part, dated at its middle: a cycle of unknown phase ended lately."""
+        """Mean values over the part's last cycle, dated one cycle ago: on average, this is the middle of the cycle."""
         part = self._part
         if not self._word(part.flags_register) & part.conversion_ready:
             if self._word(part.control_register) != self._control:
@@ -151,7 +152,7 @@ def cycle_us(part: PowerMonitor, conversion: int, average: int) -> int:
 
 
 def averaging(part: PowerMonitor, period_s: float) -> tuple[int, int]:
-    """Codes of conversion time and averages whose cycle fills a tick best, and of those the most averages."""
+    """Codes of the conversion time and averages whose cycle fills a tick best; of equal ones, the most averages."""
     limit_us = FREE_SHARE * period_s * 1e6
     pairs = [(c, a) for c in range(len(part.conversion_us)) for a in range(len(AVERAGES))]
     fitting = [pair for pair in pairs if cycle_us(part, *pair) <= limit_us]

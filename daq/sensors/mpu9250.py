@@ -1,4 +1,4 @@
-"""InvenSense MPU-9250: accelerometer and gyroscope, through its FIFO or by single reads.
+"""Driver of the InvenSense MPU-9250: reads accelerometer and gyroscope through its FIFO, or sample by sample.
 
 Numbers in brackets are sections of the register map, RM-MPU-9250A-00 rev. 1.4; PS is the product specification
 PS-MPU-9250A-01.
@@ -6,10 +6,10 @@ PS-MPU-9250A-01.
 By default the part samples at 200 Hz into its FIFO, and the samples are averaged over a tick, so that motor vibration
 does not alias into 25 Hz samples. The magnetometer inside (AK8963) has its own driver; this one opens the bypass to it.
 
-Each tick, the registers of ranges, filters and rate are read after the samples, now and then those of FIFO and bypass:
-samples of other settings are not recorded, and the settings are restored. A reply with a wrong bit must not look like
-that: what differs is read once more. Damaged samples are recognized by their temperature, or by one sample far from
-all others.
+Each tick, the registers of ranges, filters and rate are read after the samples, and sometimes those of FIFO and bypass:
+samples with other settings are not recorded, and the settings are restored. A reply with a wrong bit must not look like
+lost settings, so registers that differ are read once more. A damaged reply is recognized by its temperature, or by a
+sample far from all others.
 """
 
 import math
@@ -55,15 +55,15 @@ COUNTS_PER_DPS = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}  # PS 3.1
 TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 294.15  # PS 3.4.2: 21 degC
 FULL_COUNT = 32767
 
-FROM_RATE, SETTINGS = bytes([SMPLRT_DIV]), 5  # the first of the registers of ranges, filters and rate; their number
-AUDIT_TICKS = 50  # of these, one reads FIFO_EN too, and one the bypass instead
-MOST_RESTORED = 3  # in a row: then the part does not keep its settings
+FROM_RATE, SETTINGS = bytes([SMPLRT_DIV]), 5  # first register of rate, filters and ranges, and their number
+AUDIT_TICKS = 50  # in one of these ticks FIFO_EN is read as well, in another the bypass instead
+MOST_RESTORED = 3  # successive restorations after which the part is taken not to keep its settings
 COMPLAINT_NS = 6_000_000_000  # a lost setting is reported for this long: longer than the spacing of a sensor's events
-COUNT_TOLERANCE = 2  # samples: the thread may have waited between the tick's begin and the transfer
+COUNT_TOLERANCE = 2  # number of samples: the thread may wait between the start of the tick and the transfer
 TEMPERATURE_STEP, TEMPERATURE_PER_S = 2 * TEMPERATURE_COUNTS_PER_K, 0.02 * TEMPERATURE_COUNTS_PER_K  # warming up
-BELIEVED_AFTER = 25  # readings of another temperature; damage to a burst is not the same twice
-# One sample of a tick is damaged when it lies this many counts beyond the others, and as many times their spread: what
-# passes the low-pass filters lasts for several samples.
+BELIEVED_AFTER = 25  # number of readings of another temperature; damage to a burst never repeats exactly
+# A sample is damaged if it lies this many counts, and this many times their spread, beyond the tick's other samples: a
+# real change that passes the low-pass filters lasts for several samples.
 OUTLIER_COUNTS, OUTLIER_SPREADS, FEWEST_JUDGED = 128, 4, 4
 
 
@@ -80,18 +80,18 @@ class Counts(NamedTuple):
     samples: int
     values: tuple[float, ...]  # (7,) as in SAMPLE
     saturated: bool
-    damaged: bool = False  # one sample does not fit the others
+    damaged: bool = False  # whether one sample does not fit the others
 
 
 SPARE_SAMPLES = 1  # extra samples read a tick until the FIFO is empty
 
 
 class MPU9250Driver:
-    """The part on `bus` at `address`. axes: mounting of the chip, see `daq.sensors.axes`. topic: what it writes; only
-    the first IMU's magnetometer can be reached, because all answer at the same address.
+    """The part on `bus` at `address`. axes: mounting of the chip, see `daq.sensors.axes`. topic: the topic that it
+    writes. Only the first IMU's magnetometer can be reached, because all of them answer at the same address.
 
-    period_s: of the ticks. With it, a FIFO that has grown while the bus was held up is read in parts, one a tick: all
-    at once would take the bus so long that the next tick would be passed over too, and the FIFO grow again.
+    period_s: tick period. If it is given, a FIFO that has grown while the bus was held up is read in parts, one per
+    tick: a complete read would take so long that the next tick would also be missed, and the FIFO would grow again.
     """
 
     def __init__(
@@ -114,9 +114,9 @@ class MPU9250Driver:
         self._most_bytes = FIFO_BYTES
         if period_s is not None:
             self._most_bytes = SAMPLE.size * (math.ceil(SAMPLE_RATE_HZ * period_s) + SPARE_SAMPLES)
-        self._partial_sample = False  # a failed burst may leave part of a sample at the FIFO's head
+        self._partial_sample = False  # whether a failed burst may have left part of a sample at the FIFO's head
         gyro_filter, accel_filter = FIFO_FILTERS if fifo else SINGLE_FILTERS
-        self._settings = bytes(  # from SMPLRT_DIV on
+        self._settings = bytes(  # values of the registers from SMPLRT_DIV on
             [
                 SAMPLE_RATE_DIVIDER if fifo else 0,
                 STOP_WHEN_FULL | gyro_filter,
@@ -127,8 +127,8 @@ class MPU9250Driver:
         )
         self._bypass = BYPASS if topic == Imu.topics[0] else 0
         self._reads = 0
-        self._restored = 0  # in a row
-        self._read_ns: int | None = None  # when the FIFO was last read in whole, and what was left in it [bytes]
+        self._restored = 0  # number of successive restorations
+        self._read_ns: int | None = None  # time of the FIFO's last good read, and the size left in it [bytes]
         self._left = 0
         self._temperature = SlowValue(TEMPERATURE_STEP, TEMPERATURE_PER_S, BELIEVED_AFTER)
         self._complaint_ns = -COMPLAINT_NS
@@ -152,9 +152,10 @@ class MPU9250Driver:
             self._restart_fifo()
 
     def read(self, now_ns: int) -> list[Sample]:
-        """Mean of the FIFO since the last tick, or one sample. The message has their number and delay.
+        """Mean of the FIFO's samples since the last tick, or one sample. The message has the number of samples and the
+        delay.
 
-        `fault` if the part did not have its settings, which it has again from the next tick on.
+        The status is `fault` if the part had lost its settings; they are restored for the next tick.
         """
         message = self._read_fifo(now_ns) if self._fifo else self._read_once(now_ns)
         if self.complaint and now_ns - self._complaint_ns >= COMPLAINT_NS:
@@ -164,7 +165,7 @@ class MPU9250Driver:
         return [Sample(self._topic, now_ns, message)]
 
     def _audited(self, now_ns: int) -> bool:
-        """Whether this tick's samples have the right settings. Those that the part has lost are restored."""
+        """Whether this tick's samples have the right settings. Lost settings are restored."""
         self._reads += 1
         in_turn = self._reads % AUDIT_TICKS
         turn_of_fifo = self._fifo and in_turn == AUDIT_TICKS // 2
@@ -192,12 +193,12 @@ class MPU9250Driver:
         return False
 
     def _lost_settings(self, register: int, expected: bytes) -> bool:
-        """Whether the registers from `register` on differ from `expected`, read twice where they do."""
+        """Whether the registers from `register` on differ from `expected`; if they do, they are read a second time."""
         length = len(self._settings)
         for _ in range(2):
             registers = self._bus.write_read(self._address, bytes([register]), len(expected))
             if registers == expected or (registers[:length] == expected[:length] and registers[-1] == expected[-1]):
-                return False  # reserved registers in between may have any value
+                return False  # reserved registers in between may hold any value
         return True
 
     def _complain(self, what: str, now_ns: int) -> None:
@@ -209,10 +210,10 @@ class MPU9250Driver:
         return self._message(counts, *SINGLE_FILTER_DELAYS_S, now_ns)
 
     def _read_fifo(self, now_ns: int) -> Imu:
-        # USER_CTRL to FIFO_COUNTL in one transfer: the settings read with the count reveal a loss of supply or another
-        # part.
+        # Read USER_CTRL to FIFO_COUNTL in one transfer: the settings read with the count reveal a loss of supply, or a
+        # different part.
         block = self._bus.write_read(self._address, bytes([USER_CTRL]), FIFO_COUNTH + 2 - USER_CTRL)
-        if (block[0], block[1]) != (FIFO_ON, CLOCK_AUTO):  # USER_CTRL, PWR_MGMT_1; or a wrong bit in the reply
+        if (block[0], block[1]) != (FIFO_ON, CLOCK_AUTO):  # USER_CTRL, PWR_MGMT_1 lost, or a wrong bit in the reply
             block = self._bus.write_read(self._address, bytes([USER_CTRL]), FIFO_COUNTH + 2 - USER_CTRL)
             if (block[0], block[1]) != (FIFO_ON, CLOCK_AUTO):
                 raise brown_out("MPU-9250")
@@ -234,7 +235,7 @@ class MPU9250Driver:
         self._partial_sample = True
         data = self._bus.write_read(self._address, bytes([FIFO_R_W]), size)
         left = int.from_bytes(self._bus.write_read(self._address, bytes([FIFO_COUNTH]), 2), "big") & 0x1FFF
-        if left >= FIFO_BYTES - size:  # it may have been full before the burst, which then began within a sample
+        if left >= FIFO_BYTES - size:  # it may have been full before; the burst then began inside a sample
             self._restart_fifo()
             return Imu(status=Status.CORRUPT)
         self._partial_sample = False
@@ -245,7 +246,7 @@ class MPU9250Driver:
         return self._message(counts, gyroscope_s + mean_s, accelerometer_s + mean_s, now_ns)
 
     def _message(self, counts: Counts, gyroscope_s: float, accelerometer_s: float, now_ns: int) -> Imu:
-        """The message of these counts, with the delays of both; `corrupt` where they were damaged on their way."""
+        """The message of these counts, with the delays of both sensors; `corrupt` if they were damaged in transfer."""
         ax, ay, az, temperature, gx, gy, gz = counts.values
         if not self._temperature.fits(temperature, now_ns) or (counts.damaged and not counts.saturated):
             return Imu(status=Status.CORRUPT)
@@ -288,9 +289,9 @@ def mean(data: bytes) -> Counts:
     count = len(data) // SAMPLE.size
     values = struct.unpack(f">{count * len(CHANNELS)}h", data)
     columns = [values[channel :: len(CHANNELS)] for channel in CHANNELS]
-    # Not a tuple of a generator: Python over-allocates and shrinks it, and keeps up to 2,000 of the freed tuples.
+    # A tuple from a generator is avoided: Python over-allocates and shrinks it, and keeps up to 2,000 freed tuples.
     means = [sum(column) / count for column in columns]
-    saturated = max(values) >= FULL_COUNT or min(values) <= -FULL_COUNT  # the temperature counts, too
+    saturated = max(values) >= FULL_COUNT or min(values) <= -FULL_COUNT  # temperature is included
     if saturated:
         saturated = any(max(map(abs, column)) >= FULL_COUNT for column in columns[:3] + columns[4:])
     damaged = False

@@ -1,11 +1,11 @@
-"""TE MS4515DO (inches of water) and MS4525DO (psi): decoding of the order code (datasheets, "Ordering information")."""
+"""Decodes order codes of TE MS4515DO (inches of water) and MS4525DO (psi) (datasheets, "Ordering information")."""
 
 import re
 
 from flightpower.daq.sensors.bridge import FULL_COUNT, INCH_OF_WATER_PA, PSI_PA, TransferFunction
 
 UNIT_PA = {"4515": INCH_OF_WATER_PA, "4525": PSI_PA}
-OUTPUT = {"A": (0.10, 0.90), "B": (0.05, 0.95)}  # of full count, at the ends of the range
+OUTPUT = {"A": (0.10, 0.90), "B": (0.05, 0.95)}  # fractions of full count at the ends of the range
 ADDRESSES = {"I": 0x28, "J": 0x36, "K": 0x46, **{str(digit): 0x48 + digit for digit in range(10)}}
 CODE = re.compile(r"(?:MS)?(4515|4525)DO-?DS([35])([AB])([IJK0-9])(\d{3})([DG])P")
 SUPPORTED = (
@@ -17,7 +17,7 @@ SUPPORTED = (
 def decode_part(number: str) -> tuple[int, TransferFunction]:
     """Address and transfer function of a part number.
 
-    Raises ValueError, naming the supported numbers, for any other.
+    Raises ValueError, naming the supported numbers, for any other number.
     """
     match = CODE.fullmatch(number.strip().upper())
     if match is None or int(match[5]) == 0:

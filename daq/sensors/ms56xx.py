@@ -1,14 +1,14 @@
-"""TE barometers of one family: MS5611-01BA03, MS5607-02BA03 and MS5805-02BA01 (datasheets of these names).
+"""Driver of a family of TE barometers: MS5611-01BA03, MS5607-02BA03 and MS5805-02BA01 (datasheets of these names).
 
-The commands are the same; scale factors and position of the checksum differ. A conversion takes up to 9 ms and is never
-waited for: it is started at the end of each tick's reading and read at the next tick. About once a second the
-temperature is converted instead of the pressure; that tick has status `busy` and no pressure. In between, the
-temperature is extrapolated from the last seconds: uncompensated, the pressure changes by some 250 Pa per kelvin. While
-the electronics warmed up, a temperature half a second old made it 4.5 Pa too low, or 0.4 m of height, an error that
-decayed within ten minutes and looked like a descent.
+The commands are the same; scale factors and position of the checksum differ. A conversion takes up to 9 ms, and the
+driver never waits for it: it starts a conversion at the end of each tick's reading, and reads its result in the next
+tick. About once a second the temperature is converted instead of the pressure; that tick has status `busy` and no
+pressure. In between, the temperature is extrapolated from the last seconds, because uncompensated pressure changes by
+some 250 Pa per kelvin. While the electronics warmed up, a temperature half a second old made pressure 4.5 Pa too low,
+or 0.4 m in height, an error that decayed within ten minutes and looked like a descent.
 
-A result has no checksum. A reading that jumps is used only after later readings confirm it. An MS5607, which is sold
-on boards for an MS5611 and has a valid checksum there, gives half the pressure.
+A result has no checksum. A reading that jumps is used only after later readings confirm it. An MS5607, which is sold on
+boards meant for an MS5611 and has a valid checksum, gives half the pressure.
 """
 
 from collections import deque
@@ -22,26 +22,26 @@ from flightpower.flight.messages import AbsolutePressure, Status
 RESET, READ_ADC, START_PRESSURE, START_TEMPERATURE, READ_PROM = 0x1E, 0x00, 0x40, 0x50, 0xA0
 RESET_S = 0.004  # the PROM is reloaded in 2.8 ms
 PROM_WORDS = 8
-# Longest conversion [ns] for the codes added to the start commands: oversampling 256, 512, 1024, 2048, 4096.
+# Longest conversion time [ns] by the code added to the start command: oversampling 256, 512, 1024, 2048, 4096.
 CONVERSION_NS = {0x0: 600_000, 0x2: 1_170_000, 0x4: 2_280_000, 0x6: 4_540_000, 0x8: 9_040_000}
-MARGIN_NS = 1_500_000  # for the transfers, and a short interval after a late tick
+MARGIN_NS = 1_500_000  # margin for the transfers, and for a short interval after a late tick
 TEMPERATURE_EVERY_NS = 1_000_000_000
-TREND_LENGTH = 10  # temperatures: over as many seconds, the slope adds a tenth of their noise
+TREND_LENGTH = 10  # number of temperatures: over so many seconds the slope adds a tenth of their noise
 JUMP_COUNTS = 3000  # a step of 0.1 K off the trend is not warming; a new trend is started
 ZERO_DEGC_K = 273.15
 # Beyond the measuring range of the family (10 to 2000 mbar, -40 to 85 degC).
 PLAUSIBLE_PA, PLAUSIBLE_CENTI_DEGC = (1e3, 2e5), (-5000.0, 9000.0)
-# From one tick to another: gusts at the static line, noise; and a dive at 40 m/s. More has to be confirmed.
+# Change between ticks by gusts at the static line, noise, and a dive at 40 m/s. A larger change must be confirmed.
 JUMP_PA, JUMP_PA_PER_S = 30.0, 500.0
-CONFIRMED_BY = 3  # conversions in a row that agree; a shifted reply is wrong by the same factor each time
-ON_GROUND_PA = (70e3, 115e3)  # where flights begin: up to 3000 m, and some above the highest at sea level
-PRESSURES_TO_JUDGE = 25  # after the start, in which another part is recognized by its pressure
-IMPLAUSIBLE_LIMIT = 3  # in a row: then the cause is not a single bit error on the bus
+CONFIRMED_BY = 3  # successive conversions that must agree; a shifted reply is wrong by the same factor each time
+ON_GROUND_PA = (70e3, 115e3)  # pressures where flights begin: up to 3000 m, and above the highest at sea level
+PRESSURES_TO_JUDGE = 25  # pressures after the start by which another part is recognized
+IMPLAUSIBLE_LIMIT = 3  # so many in a row are not caused by a single bit error on the bus
 
 
 @dataclass(frozen=True)
 class BarometerVariant:
-    """What differs between the parts of the family.
+    """The differences between the parts of the family.
 
     OFF = C2 2^off_shift + C4 dT / 2^(23 - off_shift), SENS = C1 2^sens_shift + C3 dT / 2^(23 - sens_shift); below
     20 degC T2 = t2 dT^2, OFF2 = off2 (TEMP - 2000)^2, SENS2 likewise; below -15 degC OFF2 += off3 (TEMP + 1500)^2.
@@ -58,7 +58,7 @@ class BarometerVariant:
     sens2: float
     off3: float
     sens3: float
-    twin: "BarometerVariant | None" = None  # whose calibration memory looks the same
+    twin: "BarometerVariant | None" = None  # the part whose calibration memory looks the same
 
 
 # Datasheet MS5611-01BA03, figures 2 and 3; PROM table on p. 9.
@@ -73,11 +73,11 @@ MS5611 = replace(MS5611, twin=MS5607)
 MS5805 = BarometerVariant("MS5805", 7, 0, 12, 17, 16, 11 * 2.0**-35, 31 / 8, 63 / 32, 0.0, 0.0)
 
 
-VARIANTS = {variant.name.lower(): variant for variant in (MS5611, MS5607, MS5805)}  # by driver in the tray file
+VARIANTS = {variant.name.lower(): variant for variant in (MS5611, MS5607, MS5805)}  # by driver's name
 
 
 class TemperatureTrend:
-    """Extrapolates temperature counts along the line through the oldest kept conversion and the latest."""
+    """Extrapolates temperature counts along the line through the oldest and the latest conversion kept."""
 
     def __init__(self) -> None:
         self._conversions: deque[tuple[int, int]] = deque(maxlen=TREND_LENGTH)  # middle of the conversion [ns], counts
@@ -115,13 +115,13 @@ class MS56xxDriver:
         self._temperatures = TemperatureTrend()
         self._temperature_due_ns = 0
         self._implausible = 0
-        self._odd_temperature: int | None = None  # the latest, if it was off the trend
-        self._believed: tuple[int, float] | None = None  # when, and the pressure [Pa]
-        self._odd_pressures: list[float] = []  # in a row, off the believed one and near each other [Pa]
+        self._odd_temperature: int | None = None  # the latest temperature, if it was off the trend
+        self._believed: tuple[int, float] | None = None  # time, and pressure [Pa]
+        self._odd_pressures: list[float] = []  # successive, off the believed one but near each other [Pa]
         self._judged = 0
 
     def start(self) -> Iterator[float]:
-        """Reset the part and read its calibration. Raises SensorFailure when the checksum is wrong."""
+        """Reset the part and read its calibration. Raises SensorFailure if the checksum is wrong."""
         self._bus.write(self._address, bytes([RESET]))
         yield RESET_S
         words = []
@@ -145,8 +145,8 @@ class MS56xxDriver:
     def _finish(self, now_ns: int) -> Sample:
         counts = int.from_bytes(self._bus.write_read(self._address, bytes([READ_ADC]), 3), "big")
         if counts == 0:
-            # MS5611 datasheet p. 11: no conversion was running, or it had not ended. The first means a reset of the
-            # part; the second, that the start command was delayed on its way.
+            # MS5611 datasheet p. 11: no conversion was running, or it had not ended. The first means that the part was
+            # reset, the second that the start command was delayed on its way.
             raise SensorFailure(
                 Status.TIMEOUT,
                 f"{self._variant.name} had no result: its bus or this computer is slow, or its supply was interrupted",
@@ -184,7 +184,7 @@ class MS56xxDriver:
         return Sample(self._topic, middle_ns, message)
 
     def _is_believed(self, pressure_Pa: float, time_ns: int) -> bool:
-        """Whether the pressure follows from the one before, or is the last of several that agree."""
+        """Whether the pressure is near the last believed pressure, or is the last of several that agree."""
         if self._believed is not None:
             before_ns, before_Pa = self._believed
             limit_Pa = JUMP_PA + JUMP_PA_PER_S * (time_ns - before_ns) * 1e-9
@@ -197,7 +197,7 @@ class MS56xxDriver:
         return True
 
     def _judge_part(self, d1: int, d2: float, pressure_Pa: float) -> None:
-        """Raises SensorFailure if the pressure can only be right by the scale factors of the other part."""
+        """Raises SensorFailure if the pressure is plausible only with the scale factors of the other part."""
         self._judged += 1
         twin = self._variant.twin
         low_Pa, high_Pa = ON_GROUND_PA
@@ -219,7 +219,7 @@ def plausible(centi_degC: float, pressure_Pa: float) -> bool:
 
 
 def oversampling_code(period_s: float) -> int:
-    """The code of the longest conversion that fits into a tick."""
+    """Code of the longest conversion that fits into a tick."""
     fitting = [code for code, duration_ns in CONVERSION_NS.items() if duration_ns + MARGIN_NS < period_s * 1e9]
     return max(fitting, default=0)
 

@@ -1,4 +1,4 @@
-"""Receiver inputs of a Navio2 without autopilot: pulse widths that its kernel driver provides in text files.
+"""Reads the receiver inputs of a Navio2 without autopilot: pulse widths that its kernel driver provides in text files.
 
 These are stick positions. They equal the servo positions only if the receiver drives the servos directly.
 """
@@ -22,11 +22,11 @@ class Navio2Driver:
         self._aircraft = aircraft
 
     def start(self) -> Iterator[float]:
-        """Nothing to configure."""
+        """There is nothing to configure."""
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
-        """The latest pulse widths. `no_data` without signal, `corrupt` if the line cannot be parsed."""
+        """The latest pulse widths. The status is `no_data` without signal, `corrupt` if the line cannot be parsed."""
         lines = self._port.read_available().splitlines()
         return [Sample("/controls", now_ns, message(lines[-1] if lines else b"", self._aircraft))]
 

@@ -1,14 +1,15 @@
 """Recognizes a damaged reply by a number in it that can only change slowly: the temperature of the part."""
 
-TRUSTED = 100  # readings that agree: then it was not damage that began with the first one
+TRUSTED = 100  # so many agreeing readings show that the first was not damaged
 
 
 class SlowValue:
-    """The latest value that fitted.
+    """Tracks the latest value that fitted.
 
-    step: the largest difference of two readings, by noise and quantization. per_s: how much farther the number may
-    drift in each second without a fitting reading. believed_after: so many readings in a row that agree on another
-    value are believed; fewer, if they are as many as had agreed with the old one and those were few.
+    step: largest difference between two readings by noise and quantization. per_s: how much farther the number may
+    drift in each second without a fitting reading. believed_after: number of successive readings that must agree on
+    another value to be believed. If fewer readings than that, and fewer than TRUSTED, agreed on the old value, as many
+    suffice.
     """
 
     def __init__(self, step: float, per_s: float, believed_after: int):
@@ -16,7 +17,7 @@ class SlowValue:
         self._believed_after = believed_after
         self._value: float | None = None
         self._time_ns = self._agreed = 0
-        self._other, self._others = 0.0, 0  # the latest that did not fit, and how many in a row agreed with it
+        self._other, self._others = 0.0, 0  # the latest value that did not fit, and how many in a row agreed with it
 
     def fits(self, value: float, now_ns: int) -> bool:
         """Whether `value` can be the number's value now. The first one is believed."""

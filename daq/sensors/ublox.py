@@ -1,15 +1,15 @@
-"""u-blox receiver: UBX NAV-PVT over a byte stream (protocol: u-blox 8 / M8 Receiver Description, UBX-13003221).
+"""Driver of a u-blox receiver: UBX NAV-PVT over a byte stream (u-blox 8 / M8 Receiver Description, UBX-13003221).
 
-The receiver is configured while the sampling loop runs: one command at a time, the next after an acknowledge. One that
-refuses a command of the M8 is asked for its version; a later generation (M10) is configured by keys, with CFG-VALSET
-(u-blox M10 Interface Description, UBX-21035062).
+The receiver is configured while the sampling loop runs, one command at a time, each after the acknowledge of the one
+before. A receiver that refuses a command of the M8 is asked for its version; a later generation (M10) is configured by
+keys, with CFG-VALSET (u-blox M10 Interface Description, UBX-21035062).
 
 A receiver loses its configuration when its supply is interrupted, and may go on with another one. Therefore the time
-between solutions is compared with the one that was set, and the dynamic model is asked for every two seconds; what is
-wrong is set again. The model is logged only while no solution was missing since it was last read.
+between solutions is compared with the configured time, and the dynamic model is polled every two seconds; wrong
+settings are set again. The model is logged only if no solution has been missed since it was last read.
 
-Numbers in brackets are sections of the description of the M8. The tests compare with pyubx2, which takes ten times as
-long.
+Numbers in brackets are sections of the description of the M8. The tests compare the results with pyubx2's, which takes
+ten times as long.
 """
 
 import calendar
@@ -27,17 +27,17 @@ PVT_PAYLOAD = 92
 # NAV-PVT (32.17.17) after class, id and length: iTOW; year, month, day, hour, minute, second, validity; nano; fixType,
 # flags, numSV. Longitude, latitude, two heights, two accuracies, three velocities, accuracy of the speed.
 PVT_TIME, PVT_PLACE = struct.Struct("<6x I H6B 4xi 2BxB"), struct.Struct("<30x 2i 2i 2I 3i 8xI")
-VALID_DATE_AND_TIME, FIX_OK = 0x07, 0x01  # and fullyResolved: not those of the clock that ran on its battery
+VALID_DATE_AND_TIME, FIX_OK = 0x07, 0x01  # with fullyResolved, which excludes the time of the battery's clock
 DEGREE, DEGREE_DIGITS = 1e-7, 7
-LONGEST_PAYLOAD = 1024  # longer than any requested message: not a frame
+LONGEST_PAYLOAD = 1024  # a frame longer than any requested message is none
 NAV_PVT, ACK_ACK, ACK_NAK = b"\x01\x07", b"\x05\x01", b"\x05\x00"
 CFG_PRT, CFG_MSG, CFG_RATE = b"\x06\x00", b"\x06\x01", b"\x06\x08"  # 32.10.25, 32.10.18, 32.10.27
-CFG_NAV5, NAV5_PAYLOAD, ONLY_DYNAMIC_MODEL = b"\x06\x24", 36, 0x0001  # 32.10.19; its mask of what is to be changed
-MON_VER = b"\x0a\x04"  # software (30 bytes), hardware (10), extensions of 30 bytes; without an acknowledge
+CFG_NAV5, NAV5_PAYLOAD, ONLY_DYNAMIC_MODEL = b"\x06\x24", 36, 0x0001  # 32.10.19; its mask of the settings to change
+MON_VER = b"\x0a\x04"  # software (30 bytes), hardware (10), extensions of 30 bytes; it is not acknowledged
 SOFTWARE_AND_HARDWARE, EXTENSION = 40, 30
-PROTOCOL, FIRST_BY_KEYS = b"PROTVER", 27.0  # its extension; CFG-VALSET is known from there on, and complete
+PROTOCOL, FIRST_BY_KEYS = b"PROTVER", 27.0  # an extension in MON-VER; from then on CFG-VALSET is complete
 CFG_VALSET, CFG_VALGET, IN_RAM = b"\x06\x8a", b"\x06\x8b", 1
-VALUE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4}  # by bits 28 to 30 of a key
+VALUE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4}  # size by bits 28 to 30 of a key
 UART1_BAUD, MODEL_KEY = 0x40520001, 0x20110021  # CFG-UART1-BAUDRATE, CFG-NAVSPG-DYNMODEL
 RATE_MEAS, RATE_NAV, RATE_TIMEREF = 0x30210001, 0x30210002, 0x20210003
 OUT_UBX, OUT_NMEA = {False: 0x10720001, True: 0x10740001}, {False: 0x10720002, True: 0x10740002}  # on I2C, on UART 1
@@ -52,25 +52,25 @@ NAMES = {
     MON_VER: "MON-VER",
 }
 WEEK_MS = 7 * 86_400_000
-AIRBORNE_4G = 8  # dynModel (8.1): set at the factory is 0, portable, which smooths velocity
-FACTORY_BAUDS = (9600, 38400)  # of M8, and of M9 and M10
+AIRBORNE_4G = 8  # dynModel (8.1); the factory setting 0, portable, smooths velocity
+FACTORY_BAUDS = (9600, 38400)  # of the M8, and of the M9 and M10
 SWITCH_S = 0.1  # both commands last 50 ms at 9600 baud, and the receiver takes a moment to change
-AUDIT_NS = 2_000_000_000  # between two questions for the dynamic model
-KNOWN_NS = 5_000_000_000  # without an answer for this long, the model is not known
-REPAIR_NS, SELDOM_NS, MOST_REPAIRS = 3_000_000_000, 20_000_000_000, 3  # after as many in a row, only seldom
+AUDIT_NS = 2_000_000_000  # time between two polls of the dynamic model
+KNOWN_NS = 5_000_000_000  # after this time without an answer the model is unknown
+REPAIR_NS, SELDOM_NS, MOST_REPAIRS = 3_000_000_000, 20_000_000_000, 3  # after so many in a row, only rarely
 COMPLAINT_NS = 6_000_000_000  # lost settings are reported for this long: more than the spacing of a sensor's events
-COUNTED_NS, LEAST_ARRIVING = 2_000_000_000, 0.5  # of the solutions in this time
-SPACING_TOLERANCE = 0.2  # of the time between solutions
+COUNTED_NS, LEAST_ARRIVING = 2_000_000_000, 0.5  # least share of the expected solutions in this time
+SPACING_TOLERANCE = 0.2  # relative, of the time between solutions
 MAX_FRAME_NS = 300_000_000  # a frame incomplete for this long is discarded; 100 bytes take 0.1 s at 9600 baud
 ACK_TIMEOUT_NS = 1_000_000_000
 SILENCE_NS = 1_500_000_000  # no solution for this long is `no_data`; a receiver without fix still sends solutions
 LOWEST_M, HIGHEST_M = -600.0, 15_000.0  # above the ellipsoid: the shore of the Dead Sea is at -420
-FASTEST_MPS = 200.0  # in a dive, with the wind
+FASTEST_MPS = 200.0  # in a dive with a tailwind
 WITH_POSITION = (2, 3, 4)  # fixType: 2D, 3D, GNSS with dead reckoning
 
 
 class UBloxDriver:
-    """The receiver on `port`. rate_Hz: of the solutions, 1 to 10. baud: of the port, None on I2C.
+    """The receiver on `port`. rate_Hz: rate of solutions, 1 to 10. baud: of the port, None on I2C.
 
     reopen: opens the same port at another rate. With it, a receiver at its factory rate (new, or after a loss of
     supply) is first set to `baud`.
@@ -91,29 +91,29 @@ class UBloxDriver:
         self._silences = 0
         self._rate_Hz = rate_Hz
         self._commands = configuration(rate_Hz, baud)
-        self._by_keys = False  # a generation that is configured by keys
+        self._by_keys = False  # whether this generation is configured by keys
         self._version_asked = False
         self._buffer = bytearray()
-        self._begun_ns = 0  # latest time at which the first frame in the buffer can have begun
+        self._begun_ns = 0  # latest possible start of the first frame in the buffer
         self._to_send: list[bytes] = []
         self._sent_ns: int | None = None
         self._last_ns: int | None = None
-        self._itow_ms: int | None = None  # of the latest solution
+        self._itow_ms: int | None = None  # time of week of the latest solution
         self._corrupt = False
         self.refused: list[str] = []  # names of the commands that the receiver rejected
-        self._dynamic_model: int | None = None  # as the receiver says, after it was set
-        self._model_ns = 0  # when it last said so
+        self._dynamic_model: int | None = None  # model that the receiver reports, after it was set
+        self._model_ns = 0  # when the receiver last reported the model
         self._audited_ns = 0
         self._repaired_ns, self._repairs = -REPAIR_NS, 0
         self._repaired_lately = False
-        self._solved = self._counted_ns = 0  # solutions since then
+        self._solved = self._counted_ns = 0  # solutions since the time `_counted_ns`
         self._few = False
-        self._spacing_ms: int | None = None  # wrong, between the latest two solutions
-        self._wrong_spacing_ms: int | None = None  # the same one twice
+        self._spacing_ms: int | None = None  # wrong time between the latest two solutions
+        self._wrong_spacing_ms: int | None = None  # wrong time that occurred twice in a row
 
     @property
     def complaint(self) -> str:
-        """What the receiver does not do as configured; empty where nothing is known."""
+        """How the receiver departs from its configuration; empty if no departure is known."""
         if not (self.refused or self._wrong_spacing_ms or self._few or self._repaired_lately):
             return ""
         complaints = []
@@ -143,9 +143,9 @@ class UBloxDriver:
         yield 0.0
 
     def read(self, now_ns: int) -> list[Sample]:
-        """Every solution that has arrived since the last tick, `stale` where it is the last one again.
+        """Every solution that has arrived since the last tick; a repeated solution is `stale`.
 
-        `no_data` after each 1.5 s without a new solution.
+        Each 1.5 s without a new solution gives `no_data`.
         """
         if self._last_ns is None:
             self._last_ns = self._begun_ns = self._audited_ns = now_ns
@@ -172,7 +172,7 @@ class UBloxDriver:
         self._count(solved, now_ns)
         if solved:
             self._last_ns, self._corrupt, self._silences = now_ns, False, 0
-        elif samples:  # it answers, and a restart would forget which solution it repeats
+        elif samples:  # it answers, and a restarted driver would not know which solution it repeats
             self._silences = 0
         if not solved and now_ns - self._last_ns >= SILENCE_NS:
             silence = self._silence(now_ns)
@@ -183,7 +183,7 @@ class UBloxDriver:
         return samples
 
     def _count(self, solved: bool, now_ns: int) -> None:
-        """Notice that many solutions are lost on their way."""
+        """Count solutions, to notice if many are lost on their way."""
         self._solved += solved
         if now_ns - self._counted_ns >= COUNTED_NS:
             wanted = self._rate_Hz * (now_ns - self._counted_ns) * 1e-9
@@ -204,7 +204,7 @@ class UBloxDriver:
         return frames, rejected
 
     def _solution(self, frame: bytes, now_ns: int) -> Gps:
-        """The message of a NAV-PVT frame: `stale` and empty if its time of week is that of the solution before it."""
+        """The message of a NAV-PVT frame: `stale` and empty if its time of week equals the preceding solution's."""
         message = solution(frame)
         itow_ms, before_ms = message.itow_ms, self._itow_ms
         if message.status is OK and itow_ms == before_ms:
@@ -219,12 +219,12 @@ class UBloxDriver:
         return believed(message)
 
     def _judge_spacing(self, spacing_ms: int, now_ns: int) -> None:
-        """Compare the time between two solutions with the one that was set."""
+        """Compare the time between two solutions with the configured time."""
         if abs(spacing_ms * self._rate_Hz / 1000 - 1) <= SPACING_TOLERANCE:
             self._spacing_ms = self._wrong_spacing_ms = None
             return
         if spacing_ms != self._spacing_ms:
-            # One was lost on its way, or the receiver has started again, perhaps with other settings.
+            # A solution was lost on its way, or the receiver has restarted, perhaps with other settings.
             self._spacing_ms = spacing_ms
             self._dynamic_model, self._audited_ns = None, now_ns - AUDIT_NS
         elif not self._to_send and spacing_ms < WEEK_MS // 2:
@@ -236,22 +236,22 @@ class UBloxDriver:
         if model == AIRBORNE_4G:
             if self._wrong_spacing_ms is None and now_ns - self._repaired_ns >= COMPLAINT_NS:
                 self._repairs = 0
-        elif len(self._to_send) <= 1:  # it was only asked
+        elif len(self._to_send) <= 1:  # this was only a poll
             self._repair(self._commands, now_ns)
 
     def _repair(self, commands: list[bytes], now_ns: int) -> None:
-        """Configure the receiver again, unless that was tried just now."""
+        """Configure the receiver again, unless that was tried recently."""
         if now_ns - self._repaired_ns >= (REPAIR_NS if self._repairs < MOST_REPAIRS else SELDOM_NS):
             self._to_send, self._sent_ns = list(commands), None
             self._repaired_ns, self._repairs = now_ns, self._repairs + 1
 
     def _done(self) -> bytes:
-        """Take the first command off the list: it was answered. Returns its kind."""
+        """Remove the first command, which was answered, from the list. Returns its kind."""
         self._sent_ns = None
         return self._to_send.pop(0)[2:4]
 
     def _refused(self, command: bytes) -> None:
-        """Ask a receiver that refuses a command of the M8 for its version, once; and report what it refuses."""
+        """Note a refused command for the report, and ask the receiver for its version, once."""
         if command == MON_VER:
             return
         if NAMES[command] not in self.refused:
@@ -261,7 +261,7 @@ class UBloxDriver:
             self._to_send.insert(0, frame_of(MON_VER, b""))
 
     def _identified(self, frame: bytes) -> None:
-        """Configure a later generation by keys."""
+        """Configure the receiver by keys if its version shows a later generation."""
         if self._to_send and self._to_send[0][2:4] == MON_VER:
             self._done()
         if not self._by_keys and self._version_asked and protocol_version(frame[6:-2]) >= FIRST_BY_KEYS:
@@ -271,7 +271,7 @@ class UBloxDriver:
             self.refused.clear()
 
     def _silence(self, now_ns: int) -> Gps:
-        """Configure the receiver again. The second time in a row, fail: it is restarted from its factory rate."""
+        """Configure the receiver again. A second silence raises SensorFailure, to restart from the factory rate."""
         status = Status.CORRUPT if self._corrupt else Status.NO_DATA
         self._silences += 1
         if self._silences > 1 and self._reopen is not None:
@@ -292,9 +292,9 @@ class UBloxDriver:
 
 
 def configuration(rate_Hz: float, baud: int | None) -> list[bytes]:
-    """Commands that make the receiver send NAV-PVT and nothing else, and its filter expect the accelerations of flight.
+    """Commands to send only NAV-PVT, and to make the receiver's filter expect the accelerations of flight.
 
-    The last one asks for the dynamic model, which some receivers acknowledge and do not keep. baud: None on I2C.
+    The last command polls the dynamic model, which some receivers acknowledge but do not keep. baud: None on I2C.
     """
     port_id = 0 if baud is None else 1
     mode = 0x42 << 1 if baud is None else 0x08D0  # DDC address 0x42 (7 bits, shifted), or 8N1
@@ -323,13 +323,13 @@ def configuration_by_keys(rate_Hz: float, baud: int | None) -> list[bytes]:
 
 
 def frame_of_keys(values: Mapping[int, int]) -> bytes:
-    """CFG-VALSET of values by their keys, in the memory that a loss of supply clears."""
+    """CFG-VALSET of values by key, in the memory that a loss of supply clears."""
     pairs = (struct.pack("<I", key) + value.to_bytes(VALUE_BYTES[key >> 28], "little") for key, value in values.items())
     return frame_of(CFG_VALSET, struct.pack("<BBH", 0, IN_RAM, 0) + b"".join(pairs))
 
 
 def model_in(frame: bytes) -> int | None:
-    """The dynamic model that a receiver says it uses; None in any other frame."""
+    """The dynamic model that this frame reports; None for any other frame."""
     if frame[2:4] == CFG_NAV5 and len(frame) == NAV5_PAYLOAD + OVERHEAD:
         return frame[8]
     if frame[2:4] == CFG_VALGET and frame[10:14] == MODEL_KEY.to_bytes(4, "little") and len(frame) == 15 + 2:
@@ -338,7 +338,7 @@ def model_in(frame: bytes) -> int | None:
 
 
 def protocol_version(payload: bytes) -> float:
-    """The version of the protocol in MON-VER, such as 18.0 of an M8 or 34.1 of an M10; 0 if it does not say so."""
+    """The protocol version in MON-VER, such as 18.0 of an M8 or 34.1 of an M10; 0 if it has none."""
     for start in range(SOFTWARE_AND_HARDWARE, len(payload), EXTENSION):
         text = payload[start : start + EXTENSION].partition(b"\0")[0]
         if text.startswith(PROTOCOL):
@@ -363,7 +363,7 @@ def checksum(body: bytes) -> bytes:
 def take_frames(buffer: bytearray) -> tuple[list[bytes], int]:
     """Take complete, valid frames out of `buffer`; an incomplete one stays in it.
 
-    Returns the frames, and the number of invalid ones.
+    Returns the frames, and the number of invalid frames.
     """
     frames: list[bytes] = []
     rejected = 0
@@ -392,9 +392,9 @@ def take_frames(buffer: bytearray) -> tuple[list[bytes], int]:
 
 
 def solution(frame: bytes, dynamic_model: int | None = None) -> Gps:
-    """The message of a NAV-PVT frame. Without a fix it has only time, fix type and number of satellites.
+    """The message of a NAV-PVT frame. Without a fix the message has only time, fix type and number of satellites.
 
-    dynamic_model: of the receiver's filter, as read back from it.
+    dynamic_model: model of the receiver's filter, as read back.
     """
     if len(frame) != PVT_PAYLOAD + OVERHEAD:
         return Gps(status=Status.CORRUPT)

@@ -7,7 +7,7 @@ from flightpower.daq.bus import I2CBus
 
 WAITING, STREAM = 0xFD, 0xFF  # registers: number of bytes waiting, high byte first; the byte stream
 NO_BYTES = 0xFFFF  # an idle receiver may return this count
-MAX_BYTES = 256  # in one tick, to limit the time on the bus; enough for two solutions
+MAX_BYTES = 256  # most bytes in one tick, to limit the time on the bus; enough for two solutions
 
 
 class DdcPort:
