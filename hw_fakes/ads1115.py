@@ -1,4 +1,4 @@
-"""TI ADS1115 (SBAS444D): single-shot conversions of four inputs, 16 bits. Sections in brackets."""
+"""A fake TI ADS1115: single-shot conversions of four inputs with 16 bits (SBAS444D, sections in brackets)."""
 
 from collections.abc import Callable
 
@@ -9,15 +9,15 @@ RESET_VALUES = {CONVERSION: 0x0000, CONFIG: 0x8583, LOW: 0x8000, HIGH: 0x7FFF}
 OS, SINGLE = 0x8000, 0x0100  # [8.1.3]
 FULL_SCALE_V = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256, 0.256, 0.256)
 RATES_HZ = (8, 16, 32, 64, 128, 250, 475, 860)
-PAIRS = ((0, 1), (0, 3), (1, 3), (2, 3))  # multiplexer codes 0 to 3; codes 4 to 7 are AIN0 to AIN3 against ground
+PAIRS = ((0, 1), (0, 3), (1, 3), (2, 3))  # multiplexer codes 0 to 3; codes 4 to 7 measure AIN0 to AIN3 against ground
 RATE_TOLERANCE = 0.1  # [7.5]
 WAKE_UP_S = 25e-6  # [9.4.2.1]
 
 
 class FakeADS1115:
-    """The part. input_V: voltage of an input at the times [s] since the start; seed: draws the oscillator.
+    """The part. input_V: gives an input's voltage at times [s] since the start; seed: draws the oscillator's error.
 
-    Continuous mode is not modeled: its result register stays as it is.
+    Continuous mode is not modeled: the result register then keeps its value.
     """
 
     def __init__(self, input_V: Callable[[int, float], float], now_ns: Callable[[], int], seed: int):
@@ -58,7 +58,7 @@ class FakeADS1115:
         return self.read(count)
 
     def _convert(self) -> None:
-        """Finish a conversion whose time has passed."""
+        """Finish a conversion if its time has passed."""
         if self._ends_ns is None or self._now_ns() < self._ends_ns:
             return
         config, at_s = self._registers[CONFIG], self._ends_ns * 1e-9

@@ -1,4 +1,4 @@
-"""Asahi Kasei AK8963, the magnetometer inside the MPU-9250, on its own small register map.
+"""A fake Asahi Kasei AK8963, the magnetometer in the MPU-9250, with its own small register map.
 
 Sections are those of the AK8963 datasheet (MS1356-E-02). Its axes differ from those of the accelerometer and
 gyroscope: x and y are exchanged and z is reversed (PS-MPU-9250A-01 sec. 9.1).
@@ -36,7 +36,7 @@ OUTPUT_16_BIT, SOFT_RESET = 0x10, 0x01  # CNTL1, CNTL2
 POWER_DOWN, SINGLE, CONTINUOUS_8_HZ, CONTINUOUS_100_HZ, FUSE_ROM = 0x0, 0x1, 0x2, 0x6, 0xF
 PERIOD_NS = {CONTINUOUS_8_HZ: 125_000_000, CONTINUOUS_100_HZ: 10_000_000}
 MEASUREMENT_NS = 7_200_000  # typical time for one measurement (sec. 5.3.2)
-MODE_WAIT_NS = 100_000  # in power-down before the next mode (sec. 6.3)
+MODE_WAIT_NS = 100_000  # time in power-down before the next mode (sec. 6.3)
 
 FULL_SCALE_T, FULL_SCALE_COUNTS = 4912e-6, 32760  # at 16 bits (sec. 8.3.4)
 COUNTS_14_BIT = 8190
@@ -44,7 +44,7 @@ BODY_TO_CHIP = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 
 
 def sensitivity(adjustment: NDArray[np.integer]) -> Array:
-    """Factor of the counts by the adjustment in the fuse ROM (sec. 8.3.11), (3,)."""
+    """Factors of the counts from the adjustment in the fuse ROM (sec. 8.3.11), (3,)."""
     return np.asarray((adjustment - 128) * 0.5 / 128 + 1)
 
 
@@ -68,7 +68,7 @@ class FakeAK8963:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Registers at their defaults, in power-down mode."""
+        """Switch the supply off and on: registers return to their defaults, in power-down mode."""
         self._registers = bytearray(0x13)
         for address, value in RESET_VALUES.items():
             self._registers[address] = value
@@ -99,7 +99,7 @@ class FakeAK8963:
         return self.read(count)
 
     def _advance_pointer(self) -> None:
-        """Two rings: 00h to 0Ch and 10h to 12h (sec. 7.2.2)."""
+        """Advance the register pointer within one of two rings, 00h to 0Ch and 10h to 12h (sec. 7.2.2)."""
         if self._pointer == ASTC:
             self._pointer = WIA
         elif self._pointer == ASAZ:

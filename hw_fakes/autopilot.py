@@ -1,4 +1,4 @@
-"""An autopilot that sends MAVLink 2 on a serial line, encoded by pymavlink."""
+"""A fake autopilot that sends MAVLink 2 on a serial line, encoded by pymavlink."""
 
 import heapq
 from collections.abc import Iterable
@@ -22,12 +22,12 @@ PERIOD_MS = {
 }
 ON_REQUEST = ("RPM",)
 NAME_OF_ID = {getattr(mavlink, f"MAVLINK_MSG_ID_{name}"): name for name in (*PERIOD_MS, *ON_REQUEST)}
-GRID_MS = 20  # sampling of the values and times of sending; divides every period above
+GRID_MS = 20  # step of sampling and sending; it divides every period above
 GRID_S = GRID_MS * 1e-3
 REPLY_NS = 2_000_000
 CELLS = 4
 UNKNOWN_U16, UNKNOWN_PERCENT, UNMEASURED_RPM = 65535, -1, -1.0
-OFFICIAL = 255  # FIRMWARE_VERSION_TYPE, the lowest byte of a version; major, minor and patch are above it
+OFFICIAL = 255  # FIRMWARE_VERSION_TYPE, the lowest byte of a version; the bytes above it are major, minor and patch
 VERSION = mavlink.MAVLink_autopilot_version_message(
     0, 4 << 24 | 5 << 16 | 7 << 8 | OFFICIAL, 0, 0, 0, bytes(8), bytes(8), bytes(8), 0, 0, 0
 )
@@ -36,7 +36,7 @@ VERSION = mavlink.MAVLink_autopilot_version_message(
 class FakeAutopilot:
     """Sends its messages periodically; SET_MESSAGE_INTERVAL changes the periods.
 
-    Stick positions equal the servo outputs, as in manual flight. cells: of the battery, all at the same voltage.
+    Stick positions equal the servo outputs, as in manual flight. cells: number of battery cells, all at one voltage.
     """
 
     baud = BAUD
@@ -50,7 +50,7 @@ class FakeAutopilot:
         heapq.heapify(self._due)
         self._link = mavlink.MAVLink(None)  # parser of received bytes
         self._link.robust_parsing = True
-        self._replies: list[tuple[int, Any]] = []  # when each is sent [ns], and the message, not numbered yet
+        self._replies: list[tuple[int, Any]] = []  # time of sending [ns], and message without its number
         self._blocks = SampleBlocks(self._values, GRID_S, length=64)
 
     def output(self, until_ns: int) -> Iterable[tuple[int, bytes]]:
@@ -71,7 +71,7 @@ class FakeAutopilot:
                 self._replies.append((at_ns + REPLY_NS, answer))
 
     def _command(self, message: Any, at_ns: int) -> Any:
-        """Do what a COMMAND_LONG asks for; the MAV_RESULT."""
+        """Carry out a COMMAND_LONG. Returns the MAV_RESULT."""
         if message.command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             if int(message.param1) != mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
                 return mavlink.MAV_RESULT_DENIED
@@ -91,7 +91,7 @@ class FakeAutopilot:
         return mavlink.MAV_RESULT_ACCEPTED
 
     def _values(self, t_s: Array) -> np.ndarray:
-        """Rows: roll pitch yaw and their rates, voltage, current, eight pulse widths, motor speed."""
+        """Rows of roll, pitch, yaw and their rates, voltage, current, eight pulse widths, and motor speed."""
         attitude = self._sensor_truth.autopilot_attitude_rad(t_s)
         rates = np.gradient(np.unwrap(attitude, axis=0), GRID_S, axis=0)
         voltage, current = self._sensor_truth.battery(t_s)

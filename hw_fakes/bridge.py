@@ -1,8 +1,9 @@
-"""Piezo bridges with a signal conditioner: TE MS4515DO / MS4525DO and Honeywell SSC, the same four bytes.
+"""Fake piezo bridges with a signal conditioner: TE MS4515DO / MS4525DO and Honeywell SSC, which send the same four
+bytes.
 
-Status in the first two bits, 14 bits of pressure, 11 bits of temperature (TE "Interfacing to MEAS digital pressure
-modules" sec. 2; Honeywell 008201-3-EN). The value is updated every half millisecond; the same value is marked stale
-when it is read again.
+The bytes hold two bits of status, 14 bits of pressure and 11 bits of temperature (TE "Interfacing to MEAS digital
+pressure modules" sec. 2; Honeywell 008201-3-EN). The value is updated every half millisecond; a value that is read
+again is marked stale.
 """
 
 from collections.abc import Callable
@@ -23,15 +24,15 @@ UPDATE_NS = 500_000
 TEMPERATURE_COUNTS = 2047  # over 200 K from -50 degC
 TEMPERATURE_SPAN_K, TEMPERATURE_LOW_K = 200.0, 273.15 - 50.0
 NORMAL, STALE, FAULT = 0, 2, 3  # status bits
-INCH_OF_WATER_4C_PA = 249.08891  # the datasheets' inH2O is at 4 degC
-BLOCK_LENGTH = 2000  # one second
+INCH_OF_WATER_4C_PA = 249.08891  # the datasheets' inH2O refers to 4 degC
+BLOCK_LENGTH = 2000  # rows in one second
 
 
 @dataclass(frozen=True)
 class BridgeType:
     """One type of transducer: pressure range and output counts.
 
-    low_counts, high_counts: at the ends of the range. first_data_ns: from power-on to the first data.
+    low_counts, high_counts: counts at the ends of the range. first_data_ns: time from power-on to the first data.
     repeated_start_hurts: after a repeated start the part does not acknowledge the next transfer (MS4515DO).
     """
 
@@ -42,13 +43,13 @@ class BridgeType:
     repeated_start_hurts: bool
 
 
-# Type A of TE is 10 to 90 % of 2^14 - 1; transfer function A of Honeywell is given in counts.
+# TE's type A is 10 to 90 % of 2^14 - 1; Honeywell states transfer function A in counts.
 MS4515DO_DS5A002DP = BridgeType(2 * INCH_OF_WATER_4C_PA, 0.1 * FULL_COUNT, 0.9 * FULL_COUNT, 8_400_000, True)
 SSCDRRN005ND2A5 = BridgeType(5 * INCH_OF_WATER_4C_PA, 1638, 14746, 5_000_000, False)
 
 
 def counts(part: BridgeType, pressure_Pa: Array, temperature_K: Array) -> tuple[Counts, Counts]:
-    """Counts (n,) of the port 1 minus port 2 pressure and of the bridge's temperature.
+    """Counts (n,) of the pressure at port 1 minus port 2, and of the bridge's temperature.
 
     Pressure beyond the counts is pinned at 0 or 16383.
     """
@@ -85,7 +86,7 @@ class FakeBridge:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply off and on; clears a latched fault."""
+        """Switch the supply off and on, which clears a latched fault."""
         self._first_data_ns = at_ns + self._part.first_data_ns
         self._last_read = -1
         self._deaf = False
@@ -93,7 +94,7 @@ class FakeBridge:
         self.frozen_ns: int | None = None
 
     def write(self, data: bytes) -> None:
-        """No effect, as the part measures continuously; after an empty write an MS4515DO misses the next transfer."""
+        """Do nothing: the part measures continuously. After an empty write an MS4515DO misses the next transfer."""
         self._listen()
         self._deaf = self._part.repeated_start_hurts and not data
 

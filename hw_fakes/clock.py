@@ -1,8 +1,8 @@
-"""A simulated clock, so that a flight is recorded in seconds."""
+"""A simulated clock, with which a flight is recorded in seconds."""
 
 
 class SimulatedClock:
-    """Time that passes only by `sleep_until_ns` and `advance_ns` (which a bus transfer calls).
+    """A clock whose time passes only in `sleep_until_ns` and `advance_ns` (which a bus transfer calls).
 
     Satisfies `daq.clock.Clock`.
 

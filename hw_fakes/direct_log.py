@@ -1,9 +1,9 @@
-"""Writes the log of a simulated flight directly from the sensor inputs, without buses and daemon; much faster.
+"""Writes the log of a simulated flight directly from the sensor inputs, much faster than through buses and daemon.
 
-Decoded values equal those of the default tray on the simulated clock to within one count: same noise (a function of
-time), same sample times, and the counts of the fakes. Two things are defined here as well as in daemon and drivers, and
-a test compares both logs: when a part is read (the daemon's tick plus the bus transfers before it), and how counts
-become SI values.
+Decoded values equal those of the default tray on the simulated clock within one count: they have the same noise (a
+function of time), the same sample times, and the fakes' counts. Two things are defined here as well as in daemon and
+drivers, and a test compares both logs: when a part is read (the daemon's tick plus the bus transfers before it), and
+how counts become SI values.
 
 The log has no messages of the first two seconds, in which the daemon starts the parts, no topics of the daemon itself,
 and no stick positions.
@@ -46,16 +46,16 @@ TICK_NS = 40_000_000
 FIRST_TICK = 50
 I2C_BYTE_NS = 22_500  # nine bits at 400 kHz
 SECOND_NS = 1_000_000_000
-# The MPU-9250 samples at 200 Hz from when its settings are written, in the fourth tick.
-IMU_TICK, AUDIT_TICKS = 5, 50  # the first tick with samples; of so many, two audit other registers
+# The MPU-9250 samples at 200 Hz once its settings are written, in the fourth tick.
+IMU_TICK, AUDIT_TICKS = 5, 50  # first tick with samples; two in so many ticks audit other registers
 IMU_SINCE_NS, IMU_RATE_HZ = 120_225_000, 200.0
 
 
 class Compensation(NamedTuple):
-    """What the driver makes of a barometer's counts."""
+    """The driver's compensation of a barometer's counts."""
 
     decoded: Callable[[int, float], tuple[float, float]]  # temperature [0.01 degC] and pressure [Pa] from (D1, D2)
-    trend: Callable[[], Any]  # its extrapolation of D2: add(time_ns, D2), at(time_ns)
+    trend: Callable[[], Any]  # makes its extrapolation of D2, with add(time_ns, D2) and at(time_ns)
 
 
 def seconds(ns: Any) -> Array:
@@ -64,24 +64,26 @@ def seconds(ns: Any) -> Array:
 
 class TimedMessage(NamedTuple):
     tick: int
-    time_ns: int  # since the start
+    time_ns: int  # time since the start
     topic: str
     message: Message
 
 
 class ReadTimes:
-    """The time at which each part is read in each tick [ns since the start], (n,): one after another on the bus."""
+    """The time at which each part is read in each tick [ns since the start], (n,): in sequence on the bus."""
 
     def __init__(self, duration_s: float, imu_clock_error: float):
         self.tick_ns: Ints = np.arange(int(np.ceil(duration_s * 1e9 / TICK_NS)), dtype=np.int64) * TICK_NS
         self.imu_period_ns = 1e9 / IMU_RATE_HZ / (1 + imu_clock_error)
         done = np.maximum(self.tick_ns - IMU_SINCE_NS, 0) / self.imu_period_ns
-        self.imu_done: Ints = done.astype(np.int64)  # samples so far
+        self.imu_done: Ints = done.astype(np.int64)  # number of samples so far
         taken = np.diff(self.imu_done, prepend=0)
-        # The driver's audit: ranges and filters; on one tick in AUDIT_TICKS up to FIFO_EN, on another the bypass alone.
+        # The driver's audit reads ranges and filters; in one tick of AUDIT_TICKS it reads up to FIFO_EN, in another
+        # only the bypass.
         in_turn = (np.arange(len(self.tick_ns)) - IMU_TICK + 1) % AUDIT_TICKS
         audited = np.where(in_turn == 0, 1, np.where(in_turn == AUDIT_TICKS // 2, 11, 5))
-        # Status, count and identity registers; the samples; the count again; each with addresses and register.
+        # Transfers of status, count and identity registers, of the samples, and of the count again, with addresses and
+        # register.
         self.mag = self.tick_ns + (13 + 3 + 14 * taken + 5 + 3 + audited) * I2C_BYTE_NS
         self.baro = self.mag + 12 * I2C_BYTE_NS
         self.static = self.baro + 8 * I2C_BYTE_NS
@@ -93,7 +95,7 @@ class ReadTimes:
         self.twice = {name: np.zeros(len(self.tick_ns), dtype=bool) for name in BRIDGES}
 
     def read_twice(self, sensor_truth: SensorTruth) -> None:
-        """A transducer whose pressure jumps is read a second time, so that what follows on the bus is later."""
+        """Delay the reads that follow on the bus when a transducer is read twice because its pressure jumped."""
         for i, name in enumerate(BRIDGES):
             part = BRIDGES[name]
             pressure, _ = _bridge_counts(sensor_truth, getattr(self, name), name)
@@ -106,9 +108,9 @@ class ReadTimes:
         return range(FIRST_TICK, len(self.tick_ns))
 
 
-BRIDGE_JUMP_PA = 10.0  # between two ticks, of which the driver reads a transducer again
-IMU_CHUNK = 6000  # samples at once
-# As the driver sets it: gyroscope 20 Hz and +-500 deg/s, accelerometer 41 Hz and +-8 g, 200 Hz of the internal 1 kHz.
+BRIDGE_JUMP_PA = 10.0  # a jump between two ticks after which the driver reads a transducer again
+IMU_CHUNK = 6000  # number of samples computed at once
+# The driver's settings: gyroscope 20 Hz and +-500 deg/s, accelerometer 41 Hz and +-8 g, 200 Hz of the internal 1 kHz.
 IMU = mpu9250.Sampling(
     gyro=mpu9250.GYRO_FILTERS[4],
     accel=mpu9250.ACCEL_FILTERS[3],
@@ -116,9 +118,10 @@ IMU = mpu9250.Sampling(
     accel_count_mps2=mpu9250.accel_count_mps2(2),
     stride=5,
 )
-MAG_TICK = 16  # its first measurement begins in the seventeenth
+MAG_TICK = 16  # the magnetometer's first measurement begins in tick 17
 MAG_PERIOD_NS, MAG_T = ak8963.PERIOD_NS[ak8963.CONTINUOUS_100_HZ], ak8963.FULL_SCALE_T / ak8963.FULL_SCALE_COUNTS
-# The drivers wait for the slowest part at the highest oversampling. Temperature once a second, in place of a pressure.
+# The drivers wait for the slowest part at the highest oversampling. Once a second they read temperature instead of
+# pressure.
 OVERSAMPLING = 0x8
 CONVERSION_NS = ms56xx.CONVERSION_NS[OVERSAMPLING][1]
 BRIDGES = {
@@ -141,8 +144,8 @@ def write_direct_log(
 ) -> None:
     """Write the messages of a whole flight into `log`.
 
-    tray: parts of this flight. compensations: of "baro" and "static". start_unix_ns: what the computer takes for Unix
-    time at the start; the true time is that of the tray.
+    tray: parts of this flight. compensations: of "baro" and "static". start_unix_ns: Unix time at the start as the
+    computer believes it; the tray has the true time.
     """
     read_times = ReadTimes(sensor_truth.duration_s, tray.imu.clock_error)
     read_times.read_twice(sensor_truth)
@@ -209,7 +212,7 @@ def _mag(sensor_truth: SensorTruth, read_times: ReadTimes, adjustment: Ints) -> 
 def _barometer(
     sensor_truth: SensorTruth, read_times: ReadTimes, name: str, part: FakeMS56xx, compensation: Compensation
 ) -> Iterator[TimedMessage]:
-    """The driver's two kinds of conversion, one a tick; the result of each is read in the tick that follows."""
+    """Simulate the driver's two kinds of conversion, one per tick; the result of each is read in the next tick."""
     began = (getattr(read_times, name) + 8 * I2C_BYTE_NS)[:-1]
     middle_s = seconds(began + part.conversion_ns(OVERSAMPLING) / 2)
     at_s = np.rint(middle_s / ms56xx.PRESSURE_GRID_S) * ms56xx.PRESSURE_GRID_S
@@ -267,12 +270,12 @@ def _bridge(sensor_truth: SensorTruth, read_times: ReadTimes, name: str) -> Iter
 # u-blox M8: NAV-PVT, 100 bytes at 38400 baud, each 0.1 s; units of 1e-7 deg, mm and mm/s.
 GPS_PERIOD_NS, GPS_ARRIVES_NS = 100_000_000, round(100 * 10e9 / 38400)
 GPS_EPOCH_UNIX_S = round(GPS_EPOCH.timestamp())
-# Pulse counter: frames of four bytes; the driver takes periods of up to 1 s, and silence for 0.5 s as no data.
+# Pulse counter: frames of four bytes; the driver accepts periods of up to 1 s, and reports silence of 0.5 s as no data.
 RPM_ARRIVES_NS, RPM_SILENCE_NS, RPM_LONGEST_US = round(4 * 10e9 / BAUD), 500_000_000, 1_000_000
-# The driver withholds a period that jumps until the next one agrees.
+# The driver withholds a period that jumps until the next period agrees.
 RPM_STEP, RPM_RATIO, RPM_FORGOTTEN_NS = 0.05, 1.25, 300_000_000
-# Autopilot at 57600 baud: attitude and servos each tick, sent 20 ms before it, and battery each 0.5 s, since the daemon
-# asked for them at the first heartbeat; some 90 bytes of others come before the battery's.
+# Autopilot at 57600 baud: attitude and servos for each tick, sent 20 ms before it, and battery every 0.5 s, as the
+# daemon requested at the first heartbeat; some 90 bytes of other messages precede the battery's.
 AUTOPILOT_SINCE_NS, AUTOPILOT_EARLIER_NS = 1_060_000_000, 20_000_000
 BATTERY_PERIOD_NS, BATTERY_ARRIVES_NS, CELLS = 500_000_000, round(90 * 10e9 / 57600), 4
 
@@ -281,7 +284,7 @@ AIRBORNE_4G = 8  # CFG-NAV5 dynModel, which the daemon sets
 
 
 def _arrivals(read_times: ReadTimes, arrived_ns: Ints) -> Ints:
-    """The tick in which something that arrived at these instants is read."""
+    """The ticks in which data that arrive at these instants are read."""
     return np.searchsorted(read_times.serial, arrived_ns)
 
 
@@ -321,7 +324,7 @@ def gps_messages(sensor_truth: SensorTruth, read_times: ReadTimes, utc_at_start_
 
 
 def rpm_messages(counter: FakeEscCounter, read_times: ReadTimes, pole_pairs: int) -> Iterator[TimedMessage]:
-    """The newest period of a tick, of a counter that sends legacy frames."""
+    """Messages with the newest period of each tick, from a counter that sends legacy frames."""
     frames = [(at_ns, int.from_bytes(frame[1:], "big")) for at_ns, frame in counter.output(int(read_times.serial[-1]))]
     sent = [(at_ns, period_us) for at_ns, period_us in frames if period_us <= RPM_LONGEST_US]
     newest: dict[int, int] = {}
@@ -337,7 +340,7 @@ def rpm_messages(counter: FakeEscCounter, read_times: ReadTimes, pole_pairs: int
         follows = before_us == 0 or abs(period_us / before_us - 1) <= RPM_STEP
         if follows or (odd_us and max(period_us, odd_us) <= RPM_RATIO * min(period_us, odd_us)):
             newest[tick], before_us, odd_us = period_us, period_us, 0
-        else:  # the driver withholds a period that jumps until the next one agrees
+        else:  # the driver withholds a period that jumps until the next period agrees
             odd_us = period_us
     last_ns = 0
     for tick in read_times.ticks():

@@ -1,7 +1,7 @@
-"""The microcontroller that counts a speed controller's commutation pulses, behind a decade counter.
+"""A fake of the microcontroller that counts a speed controller's commutation pulses, behind a decade counter.
 
 It measures the time from one tenth pulse of a motor phase to the next, which is ten electrical periods, in
-microseconds, and sends the newest at most every 10 ms, at 115200 baud 8N1.
+microseconds, and sends the newest time at most every 10 ms, at 115200 baud 8N1.
 
 Legacy frame, 4 bytes: 'x' (0x78), then the period, 24 bits, big-endian. Nothing is sent without pulses, so
 silence means a stopped motor or a broken wire.
@@ -12,7 +12,7 @@ Frame with CRC, 11 bytes, for new counters (described in `daq.sensors.esc_counte
     1    sequence    counts frames modulo 256
     2    flags       bit 0: no pulse for 0.5 s, the motor is stopped; the period is then 0
     3-6  period      32 bits, big-endian, microseconds for ten electrical periods
-    7-9  pulses      captured, rejected and inserted since the last frame; here none is ever wrong
+    7-9  pulses      captured, rejected and inserted since the last frame; none is ever wrong here
     10   CRC-8       of bytes 1 to 9: polynomial 0x07, initial value 0, not reflected, no final XOR
                      (CRC-8/SMBUS; of "123456789" it is 0xF4)
 
@@ -31,17 +31,17 @@ INTERVAL_NS = 10_000_000
 STANDING_NS = 500_000_000
 LEGACY_LONGEST_US = 2**24 - 1
 START, FLAG_STANDING = 0xA6, 0x01
-STEP_S = 2e-3  # of the speed's integration
+STEP_S = 2e-3  # step of the integration of speed
 BLOCK_STEPS = 500
 
 
 def legacy_frame(period_us: int) -> bytes:
-    """'x' and the period [us] in 24 bits."""
+    """Encode 'x' and the period [us] in 24 bits."""
     return b"x" + period_us.to_bytes(3, "big")
 
 
 def framed(sequence: int, period_us: int) -> bytes:
-    """The frame with CRC; a period of 0 means that the motor is stopped."""
+    """Encode the frame with CRC; a period of 0 means that the motor is stopped."""
     body = bytes([sequence % 256, 0 if period_us else FLAG_STANDING]) + period_us.to_bytes(4, "big")
     body += bytes([DECADE if period_us else 0, 0, 0])
     return bytes([START]) + body + bytes([crc8(body)])
@@ -58,7 +58,7 @@ def crc8(data: bytes) -> int:
 
 
 class FakeEscCounter:
-    """The counter on its serial line. pole_pairs: of the motor. with_crc: sends the frames with CRC."""
+    """The counter on its serial line. pole_pairs: of the motor. with_crc: whether it sends the frames with CRC."""
 
     baud = BAUD
 
@@ -81,10 +81,10 @@ class FakeEscCounter:
         return sent
 
     def receive(self, data: bytes, at_ns: int) -> None:
-        """Ignored: the counter has no commands."""
+        """Ignore the data, because the counter has no commands."""
 
     def _count_block(self) -> None:
-        """Pulses of the next second: the motor's angle passes multiples of ten electrical turns."""
+        """Count the pulses of the next second, in which the motor's angle passes multiples of ten electrical turns."""
         t_s = (self._block * BLOCK_STEPS + np.arange(BLOCK_STEPS + 1)).astype(np.float64) * STEP_S
         self._block += 1
         rate_Hz = np.maximum(self._sensor_truth.motor_speed_revps(t_s), 0.0) * self._pulses_per_rev

@@ -1,4 +1,4 @@
-"""Scheduled faults of the fake sensors, to test how a daemon handles them.
+"""Schedules faults of the fake sensors, to test how a daemon handles them.
 
 `load_faults("faults.toml")` reads
 
@@ -39,7 +39,7 @@ BUS = "i2c"
 
 
 class FaultKind(enum.StrEnum):
-    """The fault, as named in the fault file."""
+    """The kind of a fault, as named in the fault file."""
 
     NO_ACKNOWLEDGE = "no_acknowledge"
     TIMEOUT = "timeout"
@@ -104,9 +104,9 @@ class Fault:
 
 
 def load_faults(path: str | Path) -> tuple[Fault, ...]:
-    """Faults of a TOML file.
+    """Read the faults of a TOML file.
 
-    Raises InputError when it cannot be read, or names a kind, a device or a pair of them that does not exist.
+    Raises InputError if the file cannot be read, or names a kind, a device or a pair of them that does not exist.
     """
     try:
         table = tomllib.loads(read_text(Path(path)))
@@ -134,7 +134,7 @@ def check_fault(fault: Fault, where: str) -> None:
 
 
 class PartFault:
-    """A fault inside a part: calls `begin` at its start and `end` at its end, each once, with the time [ns]."""
+    """A fault inside a part, which calls `begin` at its start and `end` at its end, each once, with the time [ns]."""
 
     def __init__(self, fault: Fault, begin: Callable[[int], None], end: Callable[[int], None]):
         self._due: list[tuple[float, Callable[[int], None]]] = [(fault.start_ns, begin), (fault.end_ns, end)]
@@ -150,7 +150,7 @@ class PartFault:
 
 
 def part_fault(fault: Fault, part: Any) -> PartFault | None:
-    """The fault as an effect inside `part`, or None when it acts on the wire."""
+    """Make the fault's effect inside `part`, or return None if it acts on the wire."""
 
     def nothing(at_ns: int) -> None:
         return None
@@ -178,8 +178,8 @@ def part_fault(fault: Fault, part: Any) -> PartFault | None:
 class FaultyBus:
     """An I2C bus with faults; satisfies `daq.bus.I2CBus`.
 
-    faults: by address; those of the whole bus at None. parts: faults inside parts, by address. now_ns: simulated time
-    [ns]. spend_ns: is called with the duration of a timeout [ns]; None when time passes by itself.
+    faults: by address; the key None has faults of the whole bus. parts: faults inside parts, by address. now_ns: gives
+    simulated time [ns]. spend_ns: is called with the duration of a timeout [ns]; None if time passes by itself.
     """
 
     def __init__(
@@ -198,7 +198,7 @@ class FaultyBus:
         self._now_ns = now_ns
         self._spend_ns = spend_ns
         self._draw = np.random.default_rng(seed)
-        self._seen: dict[tuple[int, bytes, int], bytes] = {}  # latest good reply to each question
+        self._seen: dict[tuple[int, bytes, int], bytes] = {}  # latest good reply to each request
 
     def write(self, address: int, data: bytes) -> None:
         active = self._at_the_wire(address)
@@ -212,7 +212,7 @@ class FaultyBus:
         return self._reply(address, data, count, lambda: self._bus.write_read(address, data, count))
 
     def _at_the_wire(self, address: int) -> list[Fault]:
-        """Faults that are active now; raises OSError for those that block the transfer."""
+        """The faults that are active now. Raises OSError for a fault that blocks the transfer."""
         now_ns = self._now_ns()
         for part in self._parts.get(address, ()):
             while part.next_ns() <= now_ns:
@@ -245,7 +245,7 @@ def memory_chip_reply(data: bytes, count: int) -> bytes:
 
 
 def flip_bits(data: bytes, rate: float, draw: np.random.Generator) -> bytes:
-    """`data` with one bit inverted in each byte that is drawn, with probability `rate`."""
+    """Invert one bit in each byte of `data` with the probability `rate`."""
     struck = draw.random(len(data)) < rate
     bits = 1 << draw.integers(0, 8, len(data))
     return bytes(byte ^ int(bit) if struck_ else byte for byte, struck_, bit in zip(data, struck, bits, strict=True))
@@ -264,7 +264,7 @@ class SerialLine(Protocol):
 class FaultyPort:
     """A serial line with faults; satisfies `daq.bus.BytePort`.
 
-    After `unplugged` it must be opened again, like the file of a real device.
+    After the fault `unplugged` the port must be reopened, like the file of a real device.
     """
 
     def __init__(

@@ -29,8 +29,8 @@ I2C_RETRIES, I2C_TIMEOUT, I2C_SLAVE, I2C_FUNCS, I2C_SLAVE_FORCE, I2C_RDWR = (
 I2C_FUNC_I2C = 0x00000001  # plain transfers; no SMBus emulation
 I2C_M_RD = 0x0001
 MOST_MESSAGES, LONGEST_MESSAGE = 42, 8192  # I2C_RDWR_IOCTL_MAX_MSGS; i2c-dev's limit
-RDWR = struct.Struct("=QI")  # where the messages are, and how many
-MESSAGE = struct.Struct("=HHHxxQ")  # address, flags, length, where the bytes are
+RDWR = struct.Struct("=QI")  # address of the messages, and their number
+MESSAGE = struct.Struct("=HHHxxQ")  # device address, flags, length, address of the bytes
 
 # linux/fuse.h
 GETATTR, OPEN, RELEASE, FLUSH, INIT, INTERRUPT, FORGET, BATCH_FORGET, IOCTL = 3, 14, 18, 25, 26, 36, 2, 42, 39
@@ -45,15 +45,15 @@ DIRECT_IO, NONSEEKABLE = 0x1, 0x4
 REQUEST_BYTES = 1 << 17
 ROOT = 1
 MNT_DETACH = 2
-# Errors of opening /dev/fuse or mounting without FUSE or permission; any other error is a defect of this module.
+# Errors of opening /dev/fuse or mounting if FUSE or permission is missing; any other error is a defect of this module.
 UNAVAILABLE = frozenset({errno.ENOENT, errno.ENODEV, errno.ENXIO, errno.EPERM, errno.EACCES})
 
 
 class FuseI2C:
     """Serves `bus` at `path` (created if missing) until closed. Use it as a context manager.
 
-    bit_rate_Hz: a transfer takes the time it would on a wire. Raises OSError where FUSE is missing or not
-    permitted (UNAVAILABLE).
+    bit_rate_Hz: makes a transfer take as long as on a wire. Raises OSError if FUSE is missing or not permitted
+    (UNAVAILABLE).
     """
 
     def __init__(self, bus: I2CBus, path: str | Path, bit_rate_Hz: float = 400e3):
@@ -112,7 +112,7 @@ class FuseI2C:
             if opcode not in UNANSWERED:
                 try:
                     os.write(self._fuse, OUT_HEADER.pack(OUT_HEADER.size + len(body), number, unique) + body)
-                except FileNotFoundError:  # the caller has gone
+                except FileNotFoundError:  # the caller has ended
                     pass
                 except OSError:  # closed during a request
                     return
@@ -138,7 +138,7 @@ class FuseI2C:
     # --- i2c-dev ---
 
     def _ioctl(self, command: int, argument: int, pid: int) -> int:
-        """What ioctl(2) returns: the number of messages of a transfer."""
+        """Carry out an ioctl(2), and return its result: the number of messages of a transfer."""
         if command == I2C_FUNCS:
             self._store(pid, argument, I2C_FUNC_I2C.to_bytes(8, "little"))
         elif command == I2C_RDWR:

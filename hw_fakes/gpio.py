@@ -1,4 +1,4 @@
-"""A GPIO chip as the kernel's character device shows it (linux/gpio.h, version 2), by its structures in C."""
+"""A fake GPIO chip as shown by the kernel's character device (linux/gpio.h, version 2), with its structures in C."""
 
 import ctypes
 import errno
@@ -35,17 +35,17 @@ def _read_write(number: int, kind: type[ctypes.Structure]) -> int:
 
 
 class FakeGpioChip:
-    """Levels of the pins by number: 1 is high. A pin to which nothing is wired floats at 0, or is pulled up.
+    """A chip, with the levels of its pins by number: 1 is high. A pin without wiring floats at 0, or is pulled up.
 
     `install` puts it in the place of `path` for modules that use os.open and fcntl.ioctl.
     """
 
     def __init__(self, path: str, lines: int = 54):
         self.path, self.lines = path, lines
-        self.driven: dict[int, list[bool]] = {}  # what each output was set to, in order
+        self.driven: dict[int, list[bool]] = {}  # values to which each output was set, in order
         self.grounded: set[int] = set()  # pins connected to ground, as by a button
         self.failing = False
-        self._requested: dict[int, tuple[int, int]] = {}  # number and flags, by file
+        self._requested: dict[int, tuple[int, int]] = {}  # number and flags of the requested line, by file
 
     def open(self, path: str, flags: int, *rest: Any) -> int:
         return self._file() if path == self.path else os.open(path, flags, *rest)

@@ -1,10 +1,10 @@
-"""An I2C bus with fake parts, and the duration of its transfers."""
+"""A fake I2C bus with fake parts, whose transfers take time."""
 
 import errno
 from collections.abc import Callable
 from typing import Protocol
 
-BITS_PER_BYTE = 9  # eight and the acknowledge (UM10204 sec. 3.1.5)
+BITS_PER_BYTE = 9  # eight bits and the acknowledge (UM10204 sec. 3.1.5)
 
 
 class I2CDevice(Protocol):
@@ -14,7 +14,7 @@ class I2CDevice(Protocol):
         """A write message; raises OSError when the part does not acknowledge."""
 
     def read(self, count: int) -> bytes:
-        """A bare read message."""
+        """A read message without a preceding write."""
 
     def write_read(self, data: bytes, count: int) -> bytes:
         """A write and a read joined by a repeated start."""
@@ -31,7 +31,7 @@ class I2CBus(Protocol):
 
 
 def no_acknowledge(address: int | None = None) -> OSError:
-    """The error of Linux without an acknowledge: 121 (Remote I/O error)."""
+    """The error that Linux gives without an acknowledge: 121 (Remote I/O error)."""
     where = "" if address is None else f" at 0x{address:02x}"
     return OSError(errno.EREMOTEIO, f"Remote I/O error: no acknowledge{where}")
 
@@ -39,9 +39,9 @@ def no_acknowledge(address: int | None = None) -> OSError:
 class FakeI2CBus:
     """Parts by address; satisfies `daq.bus.I2CBus`.
 
-    devices: part by 7-bit address. find: is called with an address that is not in it, for a part that is visible only
-    at times. spend_ns: is called with the duration of each transfer [ns]; None when time passes by itself.
-    bit_rate_Hz: of the bus clock.
+    devices: parts by 7-bit address. find: is called with an address that `devices` lacks, for a part that is visible
+    only at times. spend_ns: is called with the duration of each transfer [ns]; None if time passes by itself.
+    bit_rate_Hz: frequency of the bus clock.
     """
 
     def __init__(
@@ -59,11 +59,11 @@ class FakeI2CBus:
 
     def write(self, address: int, data: bytes) -> None:
         device = self._device(address)
-        self._pass_time(1 + len(data))  # a part acts when the message is complete
+        self._pass_time(1 + len(data))  # the part acts once the message is complete
         device.write(data)
 
     def read(self, address: int, count: int) -> bytes:
-        reply = self._device(address).read(count)  # a part answers with what it has when it is addressed
+        reply = self._device(address).read(count)  # the part's reply is its state when it is addressed
         self._pass_time(1 + count)
         return reply
 

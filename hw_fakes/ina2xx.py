@@ -1,7 +1,8 @@
-"""TI INA226 (SBOS547B) and INA228 (SLYS021A): power monitors that convert bus and shunt voltage in turn.
+"""Fakes of TI INA226 (SBOS547B) and INA228 (SLYS021A), power monitors that convert bus and shunt voltage in turn.
 
-Sections are those of the datasheets' register maps. A register is two or three bytes, most significant first; a pointer
-write selects it and stays. Only what a reader of voltage and current needs is modeled: no alerts, power or energy.
+Sections are those of the datasheets' register maps. A register is two or three bytes, most significant first; writing
+the pointer selects it until the next such write. Only the functions needed to read voltage and current are modeled: no
+alerts, power or energy.
 """
 
 from collections.abc import Callable
@@ -13,14 +14,14 @@ from flightpower.flight.arrays import Array
 from flightpower.sim.sensor_truth import SensorTruth
 
 AVERAGES = (1, 4, 16, 64, 128, 256, 512, 1024)
-CLOCK_TOLERANCE = 0.1  # conversion times: typical to maximum in "Electrical Characteristics"
+CLOCK_TOLERANCE = 0.1  # of conversion times: from typical to maximum in "Electrical Characteristics"
 
 
 @dataclass(frozen=True)
 class Variant:
     """The registers and scales of a part."""
 
-    reset_values: dict[int, int]  # by register: all that exist
+    reset_values: dict[int, int]  # values of all registers that exist
     three_bytes: frozenset[int]
     control: int
     reset_register: int
@@ -81,7 +82,8 @@ LATCHED = 0x8000  # ALATCH of the INA228's flags: the ready bit stays until it i
 
 
 class FakePowerMonitor:
-    """The part with a shunt of `shunt_ohm` in the battery's negative or positive line. seed: draws its oscillator."""
+    """The part with a shunt of `shunt_ohm` in the battery's negative or positive line. seed: of its oscillator's
+    error."""
 
     def __init__(
         self,
@@ -102,8 +104,8 @@ class FakePowerMonitor:
         self._registers = dict(self._variant.reset_values)
         self._pointer = 0
         self._begun_ns = at_ns
-        self._seen_cycle = 0  # the ready bit was read after this many cycles
-        self._converted = -1  # cycle whose result is in the registers
+        self._seen_cycle = 0  # number of cycles when the ready bit was last read
+        self._converted = -1  # number of the cycle whose result is in the registers
 
     def write(self, data: bytes) -> None:
         if not data:
@@ -141,7 +143,7 @@ class FakePowerMonitor:
         return bus_s, shunt_s, AVERAGES[control >> variant.average_at & 7]
 
     def _cycles(self) -> int:
-        """Complete averages since the conversions began."""
+        """Number of complete averages since the conversions began."""
         bus_s, shunt_s, averages = self._times()
         return int((self._now_ns() - self._begun_ns) * 1e-9 / ((bus_s + shunt_s) * averages))
 

@@ -176,8 +176,7 @@ OLD = {
 
 
 def as_in_2014(messages: DataflashMessages) -> DataflashMessages:
-    """Convert messages to those of old firmware: a clock in ms, which GPS has in its field T; hundredths as
-    integers."""
+    """Convert messages to those of old firmware: a clock in ms (GPS has it in its field T), hundredths as integers."""
     name, codes, fields = OLD[messages.name]
     columns, time_ms = dict(messages.columns), messages.time_us // 1000
     columns |= {"TimeMS": time_ms + (100_000_000 if name == "GPS" else 0), "T": time_ms}

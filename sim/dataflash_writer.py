@@ -14,16 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 HEADER, FORMAT_TYPE, FIRST_TYPE = b"\xa3\x95", 0x80, 0x81
-KNOWN_TYPES = {"CTUN": 0}  # as ArduPlane numbers it
+KNOWN_TYPES = {"CTUN": 0}  # ArduPlane's number of this type
 CODES = {"Q": "<u8", "I": "<u4", "H": "<u2", "h": "<i2", "B": "<u1", "M": "<u1", "b": "<i1", "f": "<f4", "d": "<f8",
          "c": "<i2", "e": "<i4", "E": "<u4", "L": "<i4", "N": "S16", "Z": "S64"}  # fmt: skip
-CLOCKS = {"TimeUS": 1, "T": 1000, "TimeMS": 1000}  # [us]; messages without one are those of the beginning
-MULTIPLIERS = {"F": 1e-6, "C": 1e-3, "B": 1e-2, "-": 0.0}  # by the letter that FMTU names; 0: none
+CLOCKS = {"TimeUS": 1, "T": 1000, "TimeMS": 1000}  # [us]; messages without a clock are the first
+MULTIPLIERS = {"F": 1e-6, "C": 1e-3, "B": 1e-2, "-": 0.0}  # multiplier by letter of FMTU; 0: none
 
 
 @dataclass(frozen=True)
 class DataflashMessages:
-    """Messages of one kind. codes: one for each of the columns, (n,). Their clock is that of CLOCKS which they have."""
+    """Messages of one kind. codes: one for each of the columns (n,). Their clock is the column that CLOCKS lists."""
 
     name: str
     codes: str
@@ -40,7 +40,7 @@ class DataflashMessages:
         return replace(self, columns={name: x[selection] for name, x in self.columns.items()})
 
     def at(self, time_us: NDArray[np.uint64]) -> "DataflashMessages":
-        """These messages at other times."""
+        """Return these messages with other times."""
         return replace(self, columns=self.columns | {"TimeUS": time_us})
 
 
@@ -70,7 +70,7 @@ def _types(kinds: Sequence[DataflashMessages]) -> dict[str, int]:
 
 
 def _units(kinds: Sequence[DataflashMessages], types: dict[str, int]) -> list[DataflashMessages]:
-    """The messages MULT and FMTU, at the log's beginning; none before firmware of 2017, whose clock is in ms."""
+    """The messages MULT and FMTU at the log's beginning. Firmware before 2017, whose clock is in ms, writes none."""
     if not any("TimeUS" in kind.columns for kind in kinds):
         return []
     named = {kind.name: kind for kind in kinds}
@@ -94,7 +94,7 @@ def _letter(field: str, code: str) -> str:
 
 
 def write_text(path: Path, kinds: Sequence[DataflashMessages]) -> None:
-    """Write a log as a ground station converts it to text (.log). Raises OSError where it cannot be written."""
+    """Write a log as text, as a ground station converts it (.log). Raises OSError if it cannot be written."""
     lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
     types = _types(kinds)
     for kind in {kind.name: kind for kind in kinds}.values():

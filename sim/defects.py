@@ -1,4 +1,4 @@
-"""Ordinary defects of an installation, which the analysis does not know of; each is exactly as its value says.
+"""Ordinary defects of an installation, unknown to the analysis. Each has exactly its stated value.
 
 Most are errors of a sensor; landing gear, fading propeller, sagging battery and steady updraft change the flight.
 World files give them in the section [defects] (docs/evidence/worlds.md).
@@ -10,28 +10,29 @@ import numpy as np
 
 from flightpower.flight.arrays import Array
 
-# Speed at which the offset by vibration is given; the force of an imbalance is proportional to the square of the speed.
+# Motor speed for which the vibration offset is stated; the force of an imbalance is proportional to the speed squared.
 VIBRATION_REVPS = 100.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Defects:
-    """Without defect where the value is the default.
+    """The defects of an installation. A default value means that there is no such defect.
 
     poles, poles_entered : magnets of the motor, and what its user entered: motor speed is wrong by their ratio
     pulses_lost, pulses_lost_above_revps : share of the motor's pulses that are not counted, above this speed
     vibration_offset_x_mps2 … : offset of the accelerometer by vibration at 100 rev/s; it grows with the speed squared
-    imu_gyro_scale, imu_accelerometer_scale : share by which the IMU's rates and its specific force read high, all axes
-    imu_roll_rad, imu_pitch_rad, imu_yaw_rad : how the IMU's box, which contains accelerometer, gyroscope and
-    magnetometer, is turned against the aircraft
+    imu_gyro_scale, imu_accelerometer_scale : fraction by which the IMU's rates and specific force read high on all axes
+    imu_roll_rad, imu_pitch_rad, imu_yaw_rad : rotation of the IMU's box, which contains accelerometer, gyroscope and
+    magnetometer, relative to the aircraft
     boom_bending_rad : the probe's boom bends down by this angle under each g of load factor, so that the probe reads a
     larger angle of attack
-    airspeed_per_lift : relative error of airspeed per unit of lift coefficient, by static ports in the flow about the
-    wing; up to a lift coefficient of 2
-    airspeed_leak : share of the center port's pressure, against that in the fuselage, lost at a leaking joint
-    gear_CD : drag of the landing gear, which is out in every second pair of runs and in no other part of the flight
-    thrust_loss : share of thrust that the propeller loses until the battery is empty, in proportion to the energy used
-    battery_sag : share of its voltage that the battery loses until it is empty, likewise
+    airspeed_per_lift : relative error of airspeed per unit of lift coefficient, due to static ports in the flow about
+    the wing; up to a lift coefficient of 2
+    airspeed_leak : fraction of the center port's pressure relative to the fuselage that is lost at a leaking joint
+    gear_CD : drag of the landing gear, which is extended only in every second pair of runs
+    thrust_loss : fraction of thrust lost by the time the battery is empty, in proportion to the energy used
+    battery_sag : fraction of its voltage that the battery has lost when it is empty, also in proportion to the energy
+        used
     updraft_mps : vertical motion of the air over the whole flight
     """
 
@@ -61,13 +62,13 @@ class Defects:
         return motor_revps * counted_share * (self.poles / self.poles_entered)
 
     def vibration_offset_mps2(self, motor_revps: Array) -> Array:
-        """What the accelerometer adds at motor speeds (n,), in its own axes (n, 3)."""
+        """The accelerometer's offset [m/s^2] at motor speeds (n,), in its own axes (n, 3)."""
         at_100 = (self.vibration_offset_x_mps2, self.vibration_offset_y_mps2, self.vibration_offset_z_mps2)
         return np.outer((motor_revps / VIBRATION_REVPS) ** 2, at_100)
 
     @property
     def imu_turn_rad(self) -> tuple[float, float, float]:
-        """Rotation vector of the IMU against the body axes; for some degrees it is roll, pitch and yaw."""
+        """Rotation vector of the IMU relative to the body axes; for small angles it is (roll, pitch, yaw)."""
         return (self.imu_roll_rad, self.imu_pitch_rad, self.imu_yaw_rad)
 
 

@@ -25,7 +25,7 @@ from flightpower.sim.truth import Columns, Prescribed, airborne_rows, kinematic_
 
 Progress = Callable[[float], None]
 
-# Beyond these limits the flight diverges, or the time step is too long.
+# A flight beyond these limits diverges, or its time step is too long.
 MAX_RATE_RADPS = 20.0
 MIN_AIRSPEED_MPS = 3.0
 RECORD_BLOCK = 4096
@@ -59,7 +59,7 @@ def fly(
 ) -> Flight:
     """Fly `plan` with `aircraft`; `seed` draws the turbulence. `progress` is called with the time flown [s].
 
-    Raises InputError when the aircraft cannot fly what the plan contains, or when the flight diverges.
+    Raises InputError if the aircraft cannot fly the plan, or if the flight diverges.
     """
     plant = plant_of(aircraft, plan.air, deviations)
     return _FlightSimulation(aircraft, plan, plant, seed, dt=dt, progress=progress or (lambda _: None)).fly()
@@ -77,7 +77,7 @@ class _FlightSimulation:
         self.trimmer = Trimmer(plant, highest)
         self.stepper = Stepper(plant, dt, plan.integrator)
         self.runs_flown = 0
-        self.other_stepper: Stepper | None = None  # with the landing gear out, or in
+        self.other_stepper: Stepper | None = None  # stepper with the landing gear in the other position
         self.pilot = Pilot(plant, self.trimmer, plan.pilot, dt)
         self.white = _white_noise(seed, dt) if plan.air.turbulence_mps > 0 else None
         self.wander_phases = drawn_phases(seed)
@@ -136,7 +136,7 @@ class _FlightSimulation:
             self._segment(segment, index, where)
 
     def _check_speed(self, segment: Any, where: str) -> None:
-        """Raise InputError before the flight when a segment's speed or climb cannot be trimmed."""
+        """Raise InputError before the flight if a segment's speed or climb cannot be trimmed."""
         low, high = self.trimmer.V_stall, self.trimmer.V_max
         for value, unit in (
             (getattr(segment, "speed_mps", None), 1.0),
@@ -222,7 +222,7 @@ class _FlightSimulation:
         self.stepper = stepper
 
     def _configured(self, segment: Any) -> tuple[Plant, Stepper]:
-        """The aircraft as it flies this segment, and its steps: with the gear out in every second pair of runs."""
+        """The aircraft's plant in this segment, and its stepper; the gear is extended in every second pair of runs."""
         out = False
         if isinstance(segment, RunSegment):
             out = self.plant.deviations.gear_CD != 0 and self.runs_flown // 2 % 2 == 1
@@ -259,7 +259,7 @@ class _FlightSimulation:
         velocity = np.array(
             earth_from_body((airborne.u, airborne.v, airborne.w), (airborne.phi, airborne.theta, airborne.psi))
         )
-        # The mean speed is half the final speed; with that distance the quintic does not overshoot.
+        # The mean speed is half the final speed; the quintic over that distance does not overshoot.
         position = self.pose.position + velocity * T / 2 * np.array([1.0, 1.0, 0.0])
         position[2] = -segment.height_m
         attitude = np.array([airborne.phi, airborne.theta, airborne.psi])
@@ -303,7 +303,7 @@ class _FlightSimulation:
         share: Array | None = None,
         end: tuple[AircraftState, Commands] | None = None,
     ) -> None:
-        """Rows of prescribed motion; controls and motor speed are `share` times those at its airborne end."""
+        """Add rows of prescribed motion; controls and motor speed are `share` times those at its airborne end."""
         share = np.zeros(len(motion.position)) if share is None else share
         phase = segment.kind if end else "ground"
         rows = kinematic_rows(
@@ -347,7 +347,7 @@ class _GrowingTable:
 
 
 def _white_noise(seed: int, dt: float) -> Iterator[Array]:
-    """White noise of unit intensity, held over a step: standard normal numbers over sqrt(dt)."""
+    """White noise of unit intensity, held over a step: standard normal numbers divided by sqrt(dt)."""
     rng = np.random.default_rng([seed, 0x6D])
     while True:
         yield from rng.standard_normal((RECORD_BLOCK, 4)) / np.sqrt(dt)

@@ -49,7 +49,7 @@ class Motion:
 
 
 def quintic(duration_s: float, start: tuple[float, float, float], end: tuple[float, float, float]) -> Polynomial:
-    """The polynomial of degree five with (value, first, second derivative) given at both ends."""
+    """The polynomial of degree five that has the given value and first and second derivatives at both ends."""
     T = duration_s
     x0, v0, a0 = start
     x1, v1, a1 = end
@@ -83,7 +83,7 @@ def move(start: EndState, end: EndState, duration_s: float, t: Array) -> Motion:
 
 
 def smooth_step(x: Array) -> Array:
-    """0 to 1 with zero slope and curvature at both ends."""
+    """A step from 0 to 1 with zero slope and curvature at both ends."""
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
@@ -91,7 +91,7 @@ def motion_of(position: tuple[Array, Array, Array], attitude: tuple[Array, Array
     """The motion with these positions and attitudes, each with its first two derivatives, (n, 3)."""
     (x, v, a), (angle, rate, rate_dot) = position, attitude
     phi, theta, _ = angle.T
-    # (3.12-3.14) inverted, and differentiated.
+    # The inverse of (3.12-3.14), and its derivative.
     (f1, t1, s1), (f2, t2, s2) = rate.T, rate_dot.T
     sf, cf, st, ct = np.sin(phi), np.cos(phi), np.sin(theta), np.cos(theta)
     p = f1 - s1 * st
@@ -106,7 +106,7 @@ def motion_of(position: tuple[Array, Array, Array], attitude: tuple[Array, Array
 
 
 def stand(position: Array, attitude: Array, n: int) -> Motion:
-    """Standing still, for n times."""
+    """The motion of standing still, at n times."""
     zeros = np.zeros((n, 3))
     force = np.array(body_from_earth((0.0, 0.0, -GRAVITY_MPS2), attitude))
     return Motion(np.tile(position, (n, 1)), zeros, np.tile(attitude, (n, 1)), zeros, zeros, np.tile(force, (n, 1)))

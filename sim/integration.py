@@ -1,4 +1,4 @@
-"""The integration in time: one compiled step of the plant, and what the pilot observes after it."""
+"""Integrates the plant in time: one compiled step, and the pilot's observation after it."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,12 +11,13 @@ from flightpower.flight.propeller import CellIndex, Propeller, TableCell, TableC
 from flightpower.sim.plant import MOTOR, AircraftState, Commands, FlightCondition, Plant
 from flightpower.sim.propulsion import SLOWEST_REVPS, motor_time_constant
 
-# rk4 is stable up to a step of 2.8 times the shortest time constant; the propeller's torque shortens the motor's.
+# rk4 is stable up to a step of 2.8 times the shortest time constant; the propeller's torque shortens the motor's time
+# constant.
 LONGEST_STEP = 2.0
 
 
 class Observation(NamedTuple):
-    """What the pilot observes; the time loop uses it to detect divergence."""
+    """The pilot's observation; the time loop also uses it to detect divergence."""
 
     V: float
     alpha: float
@@ -74,7 +75,7 @@ INTEGRATORS = {"euler": euler, "rk4": rk4}
 
 
 class Stepper:
-    """One compiled integration step on fixed buffers; takes a few microseconds.
+    """One compiled integration step on fixed buffers, which takes a few microseconds.
 
     Call `start`; then, for each step, write `commands` (4,) and `white` (4,) and call `step`, which updates `x`
     (n_states,).
@@ -86,7 +87,7 @@ class Stepper:
         self.commands = np.zeros(4)
         self.white = np.zeros(4)
         self._cell = np.zeros(8)
-        self._buffers: list[Any] = []  # kept alive as long as the functions on them
+        self._buffers: list[Any] = []  # kept alive as long as the functions that use them
         self._next = np.zeros(len(AircraftState._fields))
         self._seen = np.zeros(len(Observation._fields))
         self._in_cell, self._in_table = (
@@ -98,7 +99,7 @@ class Stepper:
         self._index: CellIndex = (0, 0)
 
     def start(self, x: AircraftState, commands: Commands) -> Observation:
-        """Set the state; the observation there."""
+        """Set the state. Returns the observation in that state."""
         self.x[:], self.commands[:] = x, commands
         now, _ = self.plant.instant(x, commands)
         seen = Observation(*(float(value) for value in observation_of(x, now)))
@@ -106,10 +107,10 @@ class Stepper:
         return seen
 
     def step(self) -> Observation:
-        """Advance by one step; the observation after it.
+        """Advance by one step. Returns the observation after it.
 
         The propeller's table dominates the cost, and a step rarely leaves a cell of it. So each step is computed with
-        one cell, and again with the whole table when it ended in another cell.
+        one cell, and again with the whole table if it ends in another cell.
         """
         self._cell[:] = self._cells.numbers(self._index)
         self._in_cell()
@@ -125,7 +126,7 @@ class Stepper:
         return self._cells.index(V / (n * self._diameter_m), 60 * n)
 
     def _bound(self, function: Any) -> Callable[[], None]:
-        """The function bound to the buffers of this object."""
+        """Bind the function to the buffers of this object."""
         buffer, run = function.buffer()
         for i, array in enumerate((self.x, self.commands, self.white, self._cell)):
             buffer.set_arg(i, array.data)
@@ -139,8 +140,8 @@ class Stepper:
 def compile_step(plant: Plant, dt: float, integrator: str = "rk4", *, cell: bool = False) -> Any:
     """A CasADi function (x, commands, white, numbers) -> (x after dt, seen there).
 
-    A motor that is faster than the step is integrated in equal parts of it; commands and noise are held over the whole.
-    cell: the propeller is the cell of its table whose `numbers` (8,) are given; otherwise it is the whole table.
+    If the motor is faster than the step, the step is integrated in equal parts; commands and noise are held over the
+    whole step. cell: whether the propeller is one cell of its table, with the given `numbers` (8,), or the whole table.
     """
     import casadi as ca
 

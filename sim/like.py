@@ -1,4 +1,4 @@
-"""Completes a short aircraft file for the simulator: what the file lacks is scaled from a shipped model."""
+"""Completes a short aircraft file for the simulator: missing values are scaled from a shipped model."""
 
 from dataclasses import fields, replace
 from math import pi
@@ -20,21 +20,23 @@ Section = TypeVar("Section")
 
 
 def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircraft:
-    """The aircraft of a file's text, with every key that it lacks scaled from a model by span, weight and propeller.
+    """The aircraft of a file's text; every key that the file lacks is scaled from a model by span, weight and
+    propeller.
 
     Lengths grow with the span, moments of inertia with weight times span squared. Aerodynamic coefficients, angles of
-    surfaces and battery voltage are those of the model, but the induced drag K = 1/(pi e AR) is that of the file's
-    aspect ratio with the model's e. The motor turns as fast as gives at least the same ratio of
-    thrust to weight, n^2 D^4 / W, and of the speed at which thrust ends to the stall, n D J / sqrt(W/S). Its currents
-    and the battery's energy grow with the propeller's power, n^3 D^5, and its resistances fall likewise. The text,
-    which the log contains, says in comments what is scaled. `where` names the file in the InputErrors that are raised.
+    surfaces and battery voltage are those of the model, but the induced drag K = 1/(pi e AR) has the file's aspect
+    ratio and the model's e. The motor's speed keeps or exceeds the model's ratio of thrust to weight, n^2 D^4 / W, and
+    its ratio of the speed of zero thrust to the stalling speed, n D J / sqrt(W/S). Its currents and the battery's
+    energy grow in proportion to the propeller's power, n^3 D^5, and its resistances fall in proportion. The aircraft's
+    text, which is attached to the log, lists in comments which keys are scaled. `where` names the file in the
+    InputErrors that are raised.
     """
     own = parse_aircraft(text, where)
     scaled = _scaled(own, model)
     taken: list[str] = []
 
     def filled(section: str, defaults: Section) -> Section:
-        """The section of the scaled model, with what the file says."""
+        """The section of the scaled model, overridden by the file's own values."""
         settings = {f.name: getattr(getattr(own, section), f.name) for f in fields(defaults)}  # type: ignore[arg-type]
         keys = {name: f"{section}.{split_unit(name)[0]}" for name in settings}
         taken.extend(
@@ -65,12 +67,12 @@ def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircr
 
 
 def oswald_factor(aircraft: CompleteAircraft) -> float:
-    """e of the induced drag C_L^2/(pi e AR) that the simulator gives an aircraft."""
+    """The factor e of the induced drag C_L^2/(pi e AR) of an aircraft in the simulator."""
     return 1 / (pi * aerodynamics_of(aircraft).K * aircraft.aspect_ratio)
 
 
 def _scaled(own: Aircraft, model: CompleteAircraft) -> CompleteAircraft:
-    """The model in the size of another aircraft."""
+    """The model scaled to the size of another aircraft."""
     length, weight = own.geometry.span_m / model.geometry.span_m, own.mass.weight_N / model.mass.weight_N
     area = own.geometry.wing_area_m2 / model.geometry.wing_area_m2
     table, of_model = (load_propeller(p or "") for p in (_propeller(own, model), model.propulsion.propeller))
@@ -118,7 +120,7 @@ def _propeller(own: Aircraft, model: CompleteAircraft) -> str:
 
 
 def with_installation(aircraft: CompleteAircraft, name: str) -> CompleteAircraft:
-    """The aircraft with this name of its installation in its file. Raises InputError when the file has another one."""
+    """The aircraft with this installation name added to its file. Raises InputError if the file has another name."""
     present = aircraft.installation.name
     if present == name:
         return aircraft

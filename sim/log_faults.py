@@ -1,4 +1,4 @@
-"""What real logs have: dropouts, a set clock, a late start, no thermometer, several sensors, old formats."""
+"""Faults of real logs: dropouts, a clock that is set, a late start, no thermometer, several sensors, old formats."""
 
 from collections.abc import Collection, Sequence
 from typing import NamedTuple, Protocol, Self, TypeVar
@@ -12,10 +12,10 @@ FAULTS = (
     "dead-meter", "no-gps",
 )  # fmt: skip
 LONGEST_DROPOUT_MS, DROPOUTS = 4000, 12
-CLOCK_SET_US, CLOCK_SET_AT = 3_600_000_000, 0.15  # the latter as a share of the flight
-TRUNCATED_TO = 0.7  # of the file
-DEAD_A = 3.0  # what a current sensor shows that is not connected to the motor
-HOVER_AT, HOVER_A = (0.3, 0.42), 25.0  # when a VTOL's lifting motors help, as shares of the flight; what they draw
+CLOCK_SET_US, CLOCK_SET_AT = 3_600_000_000, 0.15  # by how much, and when as a fraction of the flight
+TRUNCATED_TO = 0.7  # remaining fraction of the file
+DEAD_A = 3.0  # reading of a current sensor that is not connected to the motor
+HOVER_AT, HOVER_A = (0.3, 0.42), 25.0  # when a VTOL's lifting motors help, as fractions of the flight; their current
 
 
 def lifted(t_s: NDArray[np.float64], duration_s: float, faults: Collection[str]) -> NDArray[np.bool_]:
@@ -44,7 +44,7 @@ Messages = TypeVar("Messages", bound=Timed)
 
 
 def with_dropouts(kinds: Sequence[Messages], seed: int) -> tuple[list[Messages], list[Dropout]]:
-    """Without the messages of some gaps of up to LONGEST_DROPOUT_MS at random times, and these gaps."""
+    """Remove the messages in gaps of up to LONGEST_DROPOUT_MS at random times. Also returns the gaps."""
     rng = np.random.default_rng(seed)
     first, last = (int(extreme(int(extreme(messages.time_us)) for messages in kinds)) for extreme in (min, max))
     gaps = [
@@ -61,7 +61,7 @@ def begun_at(kinds: Sequence[Messages], time_us: int) -> list[Messages]:
 
 
 def with_clock_set(kinds: Sequence[Messages], at_us: int, by_us: int) -> list[Messages]:
-    """The clock is set forward by `by_us` at `at_us`."""
+    """Set the messages' clock forward by `by_us` at `at_us`."""
     return [
         messages.at(messages.time_us + np.where(messages.time_us >= at_us, by_us, 0).astype(np.uint64))
         for messages in kinds
@@ -69,5 +69,5 @@ def with_clock_set(kinds: Sequence[Messages], at_us: int, by_us: int) -> list[Me
 
 
 def without(messages: Messages, start_us: int, end_us: int) -> Messages:
-    """Without the messages from start_us to before end_us."""
+    """Remove the messages from start_us up to, but not including, end_us."""
     return messages.selected((messages.time_us < start_us) | (messages.time_us >= end_us))

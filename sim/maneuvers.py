@@ -10,7 +10,7 @@ from flightpower.sim.pilot import Targets
 from flightpower.sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
 
 RECOVERY_S = 8.0
-ADAPTING, LARGEST_CORRECTION = 0.5, 1.5  # of porpoising, from cycle to cycle: exponent of the correction, and its limit
+ADAPTING, LARGEST_CORRECTION = 0.5, 1.5  # correction of porpoising from cycle to cycle: its exponent, and its limit
 LARGEST_ELEVATOR_RAD = radians(18)
 
 
@@ -18,7 +18,7 @@ LARGEST_ELEVATOR_RAD = radians(18)
 class RollerCoasterSegment:
     """Load factor up and down between two values (pushover and pull-up), at `load_rate` per second.
 
-    The 0.1 g/s of the literature is too slow for so slow an aircraft: the path would turn by g/V (dn)^2 / load_rate,
+    The 0.1 g/s of the literature is too slow for such a slow aircraft: the path would turn by g/V (dn)^2 / load_rate,
     until the aircraft stands on its tail.
     """
 
@@ -43,10 +43,10 @@ class RollerCoasterSegment:
 class PorpoiseSegment:
     """Elevator oscillation about level flight with rising frequency; mean height is held.
 
-    Angle of attack oscillates faster than speed and gusts change, so that the slope of the probe can be identified.
+    Angle of attack oscillates faster than speed and gusts change, so that the probe's slope can be identified.
 
     load : amplitude of the load factor, which the pilot reaches by moving the stick more or less from cycle to cycle,
-    beginning with `elevator`. Without it the elevator moves by `elevator` throughout.
+    beginning with `elevator`. Without a `load` the elevator moves by `elevator` throughout.
     """
 
     duration_s: float
@@ -136,7 +136,7 @@ def _check_load(highest: float, seen: Observation, context: FlightContext) -> No
 
 
 def _recover(seen: Observation, context: FlightContext) -> SegmentTargets:
-    """Level flight at the height at the end of the maneuver."""
+    """Recover to level flight at the height that the maneuver ends at."""
     context.height_m = seen.height
     for _ in range(steps_in(RECOVERY_S, context)):
         seen = yield Targets(height_m=context.height_m, speed_mps=context.speed_mps, heading_rad=context.heading_rad)

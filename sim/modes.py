@@ -1,4 +1,4 @@
-"""Small motions about a trim: the linearised aircraft and its modes."""
+"""Computes small motions about a trim: the linearized aircraft and its modes."""
 
 from dataclasses import dataclass
 
@@ -51,7 +51,7 @@ def linearised(plant: Plant, trim: Trim, names: tuple[str, ...]) -> Array:
 def modes(plant: Plant, trim: Trim) -> list[Mode]:
     """Short period, phugoid, dutch roll, roll and spiral about a straight trim, in that order.
 
-    A pair that has become aperiodic is listed as two modes of the same name.
+    A pair of eigenvalues that has become aperiodic is listed as two modes of the same name.
     """
     modes = []
     pairs = sorted(np.linalg.eigvals(linearised(plant, trim, LONGITUDINAL)), key=abs)

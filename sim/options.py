@@ -60,7 +60,7 @@ InstallationOption = Annotated[
 
 
 def _date(text: str) -> datetime:
-    """Midnight, UTC, of a day that satellites can date."""
+    """Midnight UTC of a day that satellites can date."""
     try:
         day = datetime.fromisoformat(text).replace(tzinfo=UTC)
     except ValueError:
@@ -88,12 +88,12 @@ SeedOption = Annotated[
 ]
 
 
-Report = Callable[[float], None]  # takes how many seconds are done
+Report = Callable[[float], None]  # its argument: how many seconds are done
 
 
 @contextmanager
 def progress_bar(what: str, total_s: float | None = None) -> Iterator[Report]:
-    """A function that takes the seconds done; it shows a progress bar on stderr after two seconds."""
+    """Yield a function that receives the seconds done, and shows a progress bar on stderr after two seconds."""
     console = Console(stderr=True)
     bar = Progress(
         TextColumn(what),

@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from flightpower.sim.world import World
 
 TRUTH, CURVE, TRAY, LOG = "truth.parquet", "truth_power_required.csv", "tray.toml", "log.mcap"
-AUTOPILOT_LOGS = {"px4": "log.ulg", "ardupilot": "log.BIN", "ardupilot-telemetry": "log.tlog"}  # by --as
+AUTOPILOT_LOGS = {"px4": "log.ulg", "ardupilot": "log.BIN", "ardupilot-telemetry": "log.tlog"}  # names by --as
 OUTPUT_FILES = (TRUTH, CURVE, TRAY, LOG, *AUTOPILOT_LOGS.values())
-UNFINISHED = ".unfinished"  # while files are written
+UNFINISHED = ".unfinished"  # exists while files are being written
 AIRCRAFT, PROPELLER, PROBE = "aircraft.toml", "propeller.csv", "probe.json"
 
 
 def check_output(output: Path, replace: bool) -> None:
-    """Raise InputError if writing would replace something else than an earlier simulation, whole or cut short."""
+    """Raise InputError if writing would replace anything but an earlier simulation, complete or interrupted."""
     if output.exists() and not output.is_dir():
         raise InputError(f"{output}: not a folder; give another one")
-    cut_short = (output / UNFINISHED).exists()  # a simulation that was killed
+    cut_short = (output / UNFINISHED).exists()  # True after a simulation that was killed
     taken = [name for name in OUTPUT_FILES if (output / name).exists()]
     if taken and not replace:
         state = " of a simulation that was cut short" if cut_short else ""
@@ -38,7 +38,7 @@ def check_output(output: Path, replace: bool) -> None:
 
 @contextmanager
 def whole_or_nothing(output: Path) -> Iterator[None]:
-    """Writing into the folder: if it fails or is interrupted, nothing is left over.
+    """A context for writing into the folder: if writing fails or is interrupted, nothing is left over.
 
     Raises StorageError when the disk is full or fails, InputError when the folder cannot be written.
     """
@@ -62,7 +62,7 @@ def whole_or_nothing(output: Path) -> Iterator[None]:
 
 
 def probe_text(probe: Path | None) -> str:
-    """The probe calibration of a file; by default the shipped one, of the simulated probe in the simulated tunnel."""
+    """The text of a probe calibration; by default the shipped one, of the simulated probe in the simulated tunnel."""
     if probe is None:
         return (resources.files("flightpower.sim") / "data" / PROBE).read_bytes().decode()
     if not probe.exists():
@@ -82,7 +82,7 @@ def check_probe(output: Path, calibration: str, probe: Path | None) -> None:
 def write_flight(
     output: Path, flight: "Flight", errors: "DrawnErrors", world: "World", *, aircraft: str, calibration: str
 ) -> None:
-    """Write all but the log. Raises OSError when something cannot be written.
+    """Write all files except the log. Raises OSError if a file cannot be written.
 
     aircraft: name or file     calibration: of the probe
     """
@@ -98,7 +98,7 @@ def write_flight(
 
 
 def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:
-    """What the tray calls the aircraft; its file and the propeller table are written where they are not shipped."""
+    """The tray's name for the aircraft. Writes the aircraft file and the propeller table if they are not shipped."""
     text = world.aircraft_text(flight.aircraft.text)
     table = world.table(flight.aircraft.propulsion)
     if table is not None:
@@ -112,7 +112,7 @@ def _aircraft(output: Path, flight: "Flight", world: "World", name: str) -> str:
 
 
 def _tray_text(aircraft: str) -> str:
-    """The daemon's example tray, changed for this flight. Files it needs are copied, so the folder can be moved."""
+    """The daemon's example tray, changed for this flight. It names copies of files, so the folder can be moved."""
     text = resources.files("flightpower.daq").joinpath("tray.example.toml").read_text("utf-8")
     lines = []
     for line in text.splitlines():

@@ -1,7 +1,8 @@
-"""The pilot: altitude to elevator, speed to throttle, bank and heading to aileron and rudder.
+"""The pilot, who controls altitude by elevator, speed by throttle, and bank and heading by aileron and rudder.
 
-Feed-forward comes from a trim schedule; feedback loops correct the rest. `Gains.skill` scales the feedback gains, which
-gives the pilots of the source: well tuned, low gain, high gain, with and without gains scheduled over speed.
+Feed-forward comes from a trim schedule; feedback loops correct the remaining error. `Gains.skill` scales the feedback
+gains, which gives the pilots of the source: well tuned, low gain and high gain, each with or without gains scheduled
+over speed.
 """
 
 from collections.abc import Sequence
@@ -31,20 +32,20 @@ class Targets(NamedTuple):
     """Commanded values of a segment. Throttle, when given, has priority over speed, and bank over heading."""
 
     height_m: float | None = None
-    climb_mps: float = 0.0  # added to the height loop's; alone when height is None
+    climb_mps: float = 0.0  # added to the height loop's climb; used alone if height is None
     speed_mps: float | None = None
     throttle: float | None = None
     heading_rad: float | None = None
     bank_rad: float | None = None
-    bank_wander_rad: float = 0.0  # added to the bank wanted
+    bank_wander_rad: float = 0.0  # added to the commanded bank
     load_factor: float | None = None  # replaces the height loop: roller coaster, wind-up turn
-    elevator_rad: float = 0.0  # added to the pilot's: 3-2-1-1 inputs
-    hold_elevator: bool = False  # elevator constant, for a free response
+    elevator_rad: float = 0.0  # added to the pilot's elevator: 3-2-1-1 inputs
+    hold_elevator: bool = False  # holds the elevator constant, for a free response
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gains:
-    """[pilot] of a plan."""
+    """The section [pilot] of a plan."""
 
     height_per_s: float = 0.45  # commanded climb per height error
     climb: float = 0.9  # flight-path angle added per flight-path error
@@ -59,9 +60,9 @@ class Gains:
     heading: float = 1.2  # bank per heading error
     yaw_rate_s: float = 0.15
     skill: float = 1.0  # factor on all feedback gains
-    feedforward: float = 1.0  # share of the trim schedule used; 0: the trim of cruise at all speeds
+    feedforward: float = 1.0  # share of the trim schedule used; 0: the cruise trim at all speeds
     scheduled: bool = True  # elevator and aileron gains fall with dynamic pressure
-    energy: bool = False  # height and airspeed by total energy, as an autopilot (`energy_controller`)
+    energy: bool = False  # controls height and airspeed by total energy, as an autopilot does (`energy_controller`)
 
 
 PILOTS = {
@@ -97,7 +98,7 @@ class TrimSchedule:
         position = (V - self._low) * self._per_mps
         i = min(max(int(position), 0), self._last)
         share = min(max(position - i, 0.0), 1.0)
-        # Written out for speed: called three times in every step of a flight.
+        # Written out for speed, because it is called three times in every step of a flight.
         alpha, elevator, aileron, rudder, throttle = self._rows[i]
         d_alpha, d_elevator, d_aileron, d_rudder, d_throttle = self._rises[i]
         return TrimPoint(
@@ -129,7 +130,7 @@ def between(a: TrimPoint, b: TrimPoint, b_share: float, a_share: float) -> TrimP
 
 
 class Pilot:
-    """Turns targets into commands every `dt` [s]. Its state is the integrals of its loops and the last commands."""
+    """Turns targets into commands every `dt` [s]. Its state is the loops' integrals and the last commands."""
 
     def __init__(self, plant: Plant, trimmer: Trimmer, gains: Gains, dt: float):
         self._gains, self._dt = gains, dt
@@ -139,7 +140,7 @@ class Pilot:
         self._damping = -plant.aero.Cmq / plant.aero.Cmde * plant.aircraft.geometry.chord_m / 2
         schedule = schedule_of(trimmer)
         self._slowest = schedule.at(0.0)
-        # Without feed-forward the pilot uses the trim of cruise at all speeds.
+        # Without feed-forward the pilot uses the cruise trim at all speeds.
         self._feedforward = schedule.mixed_with_point(gains.feedforward, schedule.at(self._V_reference))
         self._gamma_integral = 0.0
         self._throttle_integral = 0.0
@@ -259,13 +260,13 @@ def wrap_angle(angle: float) -> float:
     return pi - (pi - angle) % (2 * pi)
 
 
-# Three sines of incommensurable periods: share of the amplitude, and period over the longest one.
+# Three sines with incommensurable periods: share of the amplitude, and period divided by the longest period.
 SINES = ((0.5, 1.0), (0.3, 0.618), (0.2, 0.368))
 
 
 @dataclass(frozen=True, kw_only=True)
 class PilotWander:
-    """A pilot's deviations from a segment of the plan: the largest size and the longest period of each."""
+    """A pilot's deviations from a segment of the plan: the largest amplitude and the longest period of each."""
 
     bank_rad: float = 0.0
     bank_period_s: float = 12.0
@@ -275,7 +276,7 @@ class PilotWander:
     speed_period_s: float = 20.0
 
     def wandering(self, targets: Targets, t_s: float, phases: tuple[float, ...]) -> Targets:
-        """The targets of a segment at time t_s since the start, with the deviations. phases: `drawn_phases`."""
+        """The targets of a segment at time t_s since the start, with the deviations added. phases: `drawn_phases`."""
         bank, _ = _sines(t_s, self.bank_rad, self.bank_period_s, phases[:3])
         height, climb = _sines(t_s, self.height_m, self.height_period_s, phases[3:6])
         if targets.height_m is not None:

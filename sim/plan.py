@@ -14,7 +14,7 @@ from flightpower.sim.pilot import Gains, PilotWander, pilot_named
 from flightpower.sim.segments import AIRBORNE, GROUND
 
 DT_S = 0.02
-LONGEST_S = 4 * 3600.0  # of a segment
+LONGEST_S = 4 * 3600.0  # duration of a segment
 STRONGEST_WIND_MPS = 60.0
 KINDS = AIRBORNE | GROUND
 
@@ -28,7 +28,7 @@ class Plan:
     pilot: Gains = field(default_factory=Gains)
     wander: PilotWander = field(default_factory=PilotWander)
     heading_rad: float = 0.0
-    # Where a plan that starts in the air begins.
+    # The state at the start of a plan that begins in the air.
     height_m: float = 100.0
     speed_over_stall: float = 1.6
     integrator: str = "rk4"
@@ -42,7 +42,7 @@ def shipped_plans() -> list[str]:
 def load_plan(name_or_path: str | Path) -> Plan:
     """A plan shipped with the package, by name, or one from a file.
 
-    Raises InputError, which names file, segment and key, when something is missing, unknown or has a wrong unit.
+    Raises InputError, which names file, segment and key, if a key is missing or unknown, or has a wrong unit.
     """
     shipped = resources.files("flightpower.sim") / "plans" / f"{name_or_path}.toml"
     path = Path(name_or_path)

@@ -1,4 +1,4 @@
-"""What all segments of a plan share: the interface, the context, and the choice of speed."""
+"""The code that all segments of a plan share: the interface, the context, and the choice of speed."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ SegmentTargets = Generator[Targets, Observation, None]
 
 @dataclass
 class FlightContext:
-    """What a segment knows: limits of the aircraft, the time step, and the state at the end of the segment before."""
+    """Data for a segment: limits of the aircraft, time step, and the state at the end of the previous segment."""
 
     V_stall: float
     V_max: float
@@ -24,7 +24,7 @@ class FlightContext:
 
 
 class PlanSegment(Protocol):
-    """`fly` yields `Targets`, is sent the `Observation` one step later, and returns when the segment is over."""
+    """A segment. `fly` yields `Targets`, receives the `Observation` one step later, and returns at the end."""
 
     kind: str
 
@@ -34,7 +34,7 @@ class PlanSegment(Protocol):
 def chosen_speed(
     context: FlightContext, speed_mps: float | None, over_stall: float | None, of_max: float | None
 ) -> float:
-    """The speed of a segment [m/s], given in any of three ways; the present speed without any."""
+    """The speed of a segment [m/s], which may be given in any of three ways; by default the present speed."""
     if speed_mps is not None:
         return speed_mps
     if over_stall is not None:

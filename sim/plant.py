@@ -35,7 +35,7 @@ class AircraftState(NamedTuple):
 
     north: Any
     east: Any
-    down: Any  # from the ground: minus height
+    down: Any  # down from the ground: minus height
     u: Any  # velocity over the ground in body axes
     v: Any
     w: Any
@@ -49,7 +49,7 @@ class AircraftState(NamedTuple):
     aileron: Any
     rudder: Any
     motor: Any  # [rev/s]
-    energy: Any  # taken from the battery [J]
+    energy: Any  # energy taken from the battery [J]
     gust_u: Any
     gust_v1: Any
     gust_v2: Any
@@ -80,16 +80,16 @@ class Commands(NamedTuple):
 class Deviations:
     """Differences of the simulated aircraft from its file, which no sensor measures."""
 
-    thrust_scale: float = 0.0  # cT is (1 + thrust_scale) times the table's
+    thrust_scale: float = 0.0  # the true cT is (1 + thrust_scale) times the table's,
     thrust_slope_J: float = 0.0  # and times (1 + thrust_slope_J (J - 0.5))
-    weight_scale: float = 0.0  # weight is (1 + weight_scale) times the file's
+    weight_scale: float = 0.0  # the true weight is (1 + weight_scale) times the file's
     updraft_mps: float = 0.0
-    thrust_bow: float = 0.0  # of cT over the table, and
-    windmilling: float = 0.0  # share of the blade-element branch beyond it: `sim.true_propeller`
+    thrust_bow: float = 0.0  # curvature of cT relative to the table, and
+    windmilling: float = 0.0  # share of the blade-element branch beyond zero thrust: `sim.true_propeller`
     drag: DragShape = PARABOLA
-    gear_CD: float = 0.0  # of the landing gear, where it is out
-    thrust_loss: float = 0.0  # share of thrust, and
-    battery_sag: float = 0.0  # of the battery's voltage, lost when the battery is empty
+    gear_CD: float = 0.0  # drag of the landing gear when it is extended
+    thrust_loss: float = 0.0  # fraction of thrust, and
+    battery_sag: float = 0.0  # fraction of the battery's voltage, lost by the time the battery is empty
 
 
 NO_DEVIATIONS = Deviations()
@@ -97,7 +97,7 @@ STANDARD_DENSITY_KGPM3 = 1.225
 
 
 class FlightCondition(NamedTuple):
-    """Everything that follows from a state and commands; the truth file has it beside the state."""
+    """All quantities that follow from a state and commands; the truth file has them besides the state."""
 
     V: Any
     alpha: Any
@@ -121,7 +121,7 @@ class FlightCondition(NamedTuple):
 
 @dataclass(frozen=True)
 class Plant:
-    """An aircraft in the air of one flight."""
+    """An aircraft, and the air of one flight."""
 
     aircraft: CompleteAircraft
     aero: Aerodynamics
@@ -144,7 +144,7 @@ class Plant:
     ) -> tuple[FlightCondition, GustStates]:
         """Flow, forces and accelerations at a state, and the rates of change of the gust filters.
 
-        `motor_held`: the motor speed is constant, whatever the throttle; for trim.
+        `motor_held`: whether the motor speed is constant, whatever the throttle; for trim.
         """
         geometry, aero = self.aircraft.geometry, self.aero
         b, c, S, m = geometry.span_m, geometry.chord_m, geometry.wing_area_m2, self.mass_kg
@@ -234,9 +234,9 @@ class Plant:
 
     def _gusts(self, x: AircraftState, wind_body: Number, white: Number) -> tuple[GustStates, Gust]:
         if self.air.turbulence_mps == 0:
-            # Zeros of the state's own type (CasADi symbols too), so that calm air costs nothing.
+            # Zeros of the state's own type (even CasADi symbols), so that calm air costs nothing.
             return GustStates(*(0 * v for v in x[FIRST_GUST:])), Gust(*(0 * v for v in x[FIRST_GUST : FIRST_GUST + 6]))
-        # The gust filters use the airspeed without gusts; with it the gusts would feed back into themselves.
+        # The gust filters use the airspeed without gusts; otherwise the gusts would feed back into themselves.
         V_mean = np.sqrt((x.u - wind_body[0]) ** 2 + (x.v - wind_body[1]) ** 2 + (x.w - wind_body[2]) ** 2)
         filters = von_karman if self.air.gust_spectrum == VON_KARMAN else dryden
         scales = gust_scales(self.air.turbulence_mps, -x.down, self.air.gust_length_factor)
@@ -289,5 +289,5 @@ def plant_of(aircraft: CompleteAircraft, air: Air | None = None, deviations: Dev
 
 
 def in_still_air(plant: Plant, air: Air) -> Plant:
-    """This aircraft in other, still air: without the updraft among its deviations."""
+    """Return this aircraft in the given still air, without the updraft among its deviations."""
     return replace(plant, air=air, deviations=replace(plant.deviations, updraft_mps=0.0))

@@ -1,4 +1,4 @@
-"""A plot of the true values of a simulated flight."""
+"""Plots the true values of a simulated flight."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import pandas as pd
 
 DEG = 180 / np.pi
 COLORS = ("#1f5fa8", "#c0392b", "#2e8b57")
-# One panel a quantity: the axis title, then its columns with name and factor to the unit.
+# One panel per quantity: the axis title, then its columns with name and factor to the unit.
 PANELS: tuple[tuple[str, dict[str, tuple[str, float]]], ...] = (
     ("speed<br>[m/s]", {"V_mps": ("airspeed", 1.0)}),
     ("height<br>[m]", {"height_m": ("height", 1.0)}),
@@ -21,7 +21,7 @@ PANELS: tuple[tuple[str, dict[str, tuple[str, float]]], ...] = (
     ("force<br>[N]", {"thrust_N": ("thrust", 1.0), "drag_N": ("drag", 1.0)}),
     ("power<br>[W]", {"shaft_power_W": ("shaft", 1.0), "battery_W": ("battery", 1.0)}),
 )
-ONLY_IN_FLIGHT = ("alpha_rad",)  # on the ground it means nothing
+ONLY_IN_FLIGHT = ("alpha_rad",)  # meaningless on the ground
 MOST_POINTS = 4000
 PANEL_HEIGHT = 150
 

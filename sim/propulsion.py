@@ -11,8 +11,8 @@ from flightpower.flight.complete_aircraft import CompletePropulsion
 from flightpower.flight.number import Number
 from flightpower.flight.propeller import PropellerModel
 
-# Below this speed the advance ratio means nothing: thrust changes linearly to that of stopped blades, and the motor's
-# friction decreases to zero, so that it can stop.
+# Below this speed the advance ratio is meaningless: thrust changes linearly to the thrust of stopped blades, and the
+# motor's friction decreases to zero, so that the motor can stop.
 SLOWEST_REVPS = 5.0
 
 
@@ -20,22 +20,22 @@ class PowerTrainState(NamedTuple):
     """State of the power train at one instant."""
 
     thrust_N: Any
-    shaft_power_W: Any  # taken by the propeller
-    propeller_torque_Nm: Any  # of the air on the propeller
+    shaft_power_W: Any  # power absorbed by the propeller
+    propeller_torque_Nm: Any  # torque of the air on the propeller
     motor_acceleration_revps2: Any
-    battery_voltage_V: Any  # at its terminals, under load
+    battery_voltage_V: Any  # voltage at the battery's terminals under load
     battery_current_A: Any
 
 
 class ThrustFactor(NamedTuple):
-    """cT is that of the table times scale (1 + slope_J (J - 0.5))."""
+    """The factor of thrust: cT is the table's cT times scale (1 + slope_J (J - 0.5))."""
 
     scale: Any = 1.0
     slope_J: Any = 0.0
 
 
 def torque_constant(propulsion: CompletePropulsion) -> float:
-    """Torque per current [N m/A], which is also voltage per angular speed [V s/rad]."""
+    """Torque per unit of current [N m/A], which equals voltage per unit of angular speed [V s/rad]."""
     return 60 / (2 * np.pi * propulsion.motor_kv_rpm_per_volt)
 
 
@@ -86,7 +86,7 @@ def throttle_for(
 ) -> Number:
     """The throttle that holds n [rev/s] at airspeed V [m/s], elementwise.
 
-    Zero where the propeller windmills faster than n, infinite where the battery cannot give the power.
+    It is zero where the propeller windmills faster than n, and infinite where the battery cannot supply the power.
     """
     _, shaft_power_W = propeller.thrust_and_power(V, n, rho)
     k = torque_constant(propulsion)

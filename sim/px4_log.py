@@ -1,4 +1,4 @@
-"""A simulated flight as PX4 would log it, at its default rates, with the traps of real logs as faults."""
+"""Writes a simulated flight as PX4 would log it, at its default rates, with the pitfalls of real logs as faults."""
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -27,15 +27,15 @@ from flightpower.sim.sensors.budget import DrawnErrors
 from flightpower.sim.sensors.noise import white
 from flightpower.sim.ulog_writer import UlogContents, UlogTopic, write_ulog
 
-BOOT_US = 35_000_000  # clock of the autopilot when logging begins
+BOOT_US = 35_000_000  # the autopilot's clock when logging begins
 RATES_HZ = {"vehicle_angular_velocity": 50.0, "vehicle_acceleration": 20.0, "vehicle_attitude": 20.0,
             "airspeed_validated": 5.0, "differential_pressure": 1.0, "battery_status": 5.0,
             "vehicle_air_data": 5.0, "vehicle_gps_position": 5.0, "vehicle_status": 2.0,
             "vehicle_land_detected": 1.0, "rpm": 10.0, "actuator_controls_0": 10.0}  # fmt: skip
 AVIONICS_V, IDLE_A = 5.1, 0.05
 RAW_OFFSET_PA, RAW_STEP_PA = 100.0, 6.3
-HOT_K, AIRFLOW_WARMTH_K, KELVIN = 25.0, 2.0, 273.15  # of barometer and pitot sensor above the air
-VALIDATED_S = 0.2  # over which PX4 averages the differential pressure
+HOT_K, AIRFLOW_WARMTH_K, KELVIN = 25.0, 2.0, 273.15  # temperature excess of barometer and pitot sensor over the air
+VALIDATED_S = 0.2  # time over which PX4 averages the differential pressure
 GPS_JITTER_S = 0.04
 PARAMETERS = {"FW_AIRSPD_TRIM": 15.0, "FW_AIRSPD_MIN": 10.0, "FW_AIRSPD_MAX": 20.0}  # PX4's defaults
 CRASH_TEXT = "[hardfault_log] a message written at the next start"
@@ -59,7 +59,7 @@ def write_px4_log(
         topics = [as_in_2018(topic) for topic in topics]
     absent = {
         "no-airspeed": ("airspeed_validated", "differential_pressure"),
-        "pressure-offset": ("airspeed_validated",),  # the raw pressure alone
+        "pressure-offset": ("airspeed_validated",),  # leaves only the raw pressure
         "no-gps": ("vehicle_gps_position",),
     }
     for fault in absent.keys() & set(faults):
@@ -85,7 +85,7 @@ def _times(name: str, sensors: SensorTruth, phase_s: float = 0.0) -> Array:
 
 
 def _topic(name: str, t_s: Array, columns: dict[str, Array], instance: int = 0, **integers: Array) -> UlogTopic:
-    """columns: written as float; whole: as uint8."""
+    """Make a topic. columns: written as float; integers: written as uint8."""
     fields: dict[str, NDArray[np.generic]] = {key: np.asarray(x, dtype=np.float32) for key, x in columns.items()}
     fields |= {key: np.asarray(x, dtype=np.uint8) for key, x in integers.items()}
     return UlogTopic(name, BOOT_US + np.round(t_s * 1e6).astype(np.uint64), fields, instance)
@@ -104,7 +104,7 @@ def _sensor_topics(sensors: SensorTruth) -> list[UlogTopic]:
     roll, pitch, yaw = sensors.autopilot_attitude_rad(t_s).T
     topics.append(_topic("vehicle_attitude", t_s, _quaternion(roll, pitch, yaw)))
     t_s = _times("vehicle_gps_position", sensors, 0.07)
-    t_s = t_s + GPS_JITTER_S * np.sin(np.arange(len(t_s)) * 2.4)  # uneven, but ascending
+    t_s = t_s + GPS_JITTER_S * np.sin(np.arange(len(t_s)) * 2.4)  # unevenly spaced, but ascending
     gps = sensors.gps(t_s)
     names = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
     velocity = dict(zip(names, gps.velocity_ned_mps.T, strict=True))
@@ -153,7 +153,7 @@ def _air_topics(pitot: AutopilotPitot, sensors: SensorTruth, no_thermometer: boo
 
 
 def _unused_airspeed(sensors: SensorTruth, seed: int) -> UlogTopic:
-    """Airspeed topic of a second sensor, connected to nothing."""
+    """Airspeed topic of a second sensor that is connected to nothing."""
     t_s = _times("airspeed_validated", sensors, 0.06)
     wild = 300 * np.abs(white(seed, "open port", t_s))
     return _topic("airspeed", t_s, {"indicated_airspeed_m_s": indicated_airspeed(wild)}, 1)
@@ -188,7 +188,7 @@ def _status_topics(sensors: SensorTruth, faults: Collection[str]) -> list[UlogTo
     return [fixed_wing, _topic("vehicle_land_detected", t_s, {}, landed=landed)]
 
 
-# Of firmware of 2018, by today's topic and field: those it had.
+# Names in the firmware of 2018, by today's topic and field.
 OLD = {
     ("airspeed_validated", "indicated_airspeed_m_s"): ("airspeed", "indicated_airspeed_m_s", 1.0),
     ("vehicle_air_data", "baro_pressure_pa"): ("sensor_baro", "pressure", 0.01),
@@ -201,7 +201,7 @@ OLD = {
 
 
 def as_in_2018(topic: UlogTopic) -> UlogTopic:
-    """A topic as old firmware wrote it: static pressure in hPa, and other names."""
+    """Convert a topic to the form of old firmware, with static pressure in hPa, and other names."""
     if topic.name not in {name for name, _ in OLD}:
         return topic
     renamed = [(field, *OLD[topic.name, field]) for field in topic.columns if (topic.name, field) in OLD]
@@ -213,6 +213,6 @@ def as_in_2018(topic: UlogTopic) -> UlogTopic:
 
 
 def airborne_us(flight: Flight) -> int:
-    """When the aircraft is well above the ground, since the beginning of the flight."""
+    """Time from the beginning of the flight until the aircraft is well above the ground [us]."""
     flying = flight.truth["height_m"].to_numpy() > 15.0
     return int(1e6 * float(flight.truth["time_s"].to_numpy()[int(np.argmax(flying))]))

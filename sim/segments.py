@@ -1,4 +1,4 @@
-"""The segments of a plan. Each instructs the pilot what to hold, and until when (`sim.plan_segment.PlanSegment`)."""
+"""The segments of a plan. Each tells the pilot what to hold, and until when (`sim.plan_segment.PlanSegment`)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ from flightpower.sim.maneuvers import MultistepSegment, PorpoiseSegment, RollerC
 from flightpower.sim.pilot import Targets, wrap_angle
 from flightpower.sim.plan_segment import FlightContext, SegmentTargets, chosen_speed, steps_in
 
-LEVEL_OFF_S = 10.0  # longest, after a climb
+LEVEL_OFF_S = 10.0  # longest time to level off after a climb
 ROLL_OUT_S = 5.0
 EXCURSION_SHARE = 0.75  # the change of height is complete at this share of the run's change of speed
-PROGRESS_LAG_S = 1.0  # time constant of the lag on the share of the run that is done
+PROGRESS_LAG_S = 1.0  # time constant of the lag of the completed share of a run
 
 
 @dataclass(frozen=True, kw_only=True)
 class StandSegment:
-    """Stand still on the ground."""
+    """Standing still on the ground."""
 
     duration_s: float
     kind = "stand"
@@ -53,7 +53,7 @@ class LandSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class HoldSegment:
-    """Hold height, heading and speed: to settle, and as steady points for PIW-VIW."""
+    """Hold height, heading and speed, to settle, or as a steady point for PIW-VIW."""
 
     duration_s: float
     speed_mps: float | None = None
@@ -96,7 +96,8 @@ def _wander(t: float, amplitude: float, period: float) -> tuple[float, float]:
 class ClimbSegment:
     """Climb or descend to a height at a rate and a speed.
 
-    climb_over_stall : the rate is at most this many stalling speeds, for aircraft that climb as steeply but fly slower.
+    climb_over_stall : limits the rate to this multiple of the stalling speed, for aircraft that climb as steeply but
+        fly slower.
     """
 
     height_m: float
@@ -127,10 +128,10 @@ class ClimbSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class RunSegment:
-    """An acceleration or deceleration: the throttle moves along a ramp to `throttle`, height is held.
+    """An acceleration or deceleration: throttle ramps to `throttle` while height is held.
 
-    It ends at the given speed, or after `longest`, whichever is first. `wander` and `end_higher` make the source's case
-    2: height deviates and returns, or the run ends higher or lower.
+    It ends at the given speed, or after `longest`, whichever is first. `wander` and `end_higher` make case 2 of the
+    source: height deviates and returns, or the run ends higher or lower.
     """
 
     throttle: float
@@ -153,8 +154,8 @@ class RunSegment:
         for i in range(steps):
             t = i * context.dt
             ramp = min(t / self.ramp_s, 1.0) if self.ramp_s > 0 else 1.0
-            # x: share of the height excursion that is done, a lagged function of speed. Half a sine of x returns to
-            # the first height; half a cosine ends at another one.
+            # x: completed share of the height excursion, a lagged function of speed. Half a sine of x returns to the
+            # first height; half a cosine ends at another height.
             done = min(max((seen.V - begun_at) / (until - begun_at) / EXCURSION_SHARE, 0.0), 1.0)
             advance = (done - x) / PROGRESS_LAG_S
             x += advance * context.dt
@@ -203,7 +204,7 @@ class TurnSegment:
 
 @dataclass(frozen=True, kw_only=True)
 class ManualSegment:
-    """A throttle history flown at held height: times and throttles, linear between."""
+    """A throttle history flown at constant height: times and throttles, interpolated linearly."""
 
     times: tuple[float, ...]  # [s]
     throttles: tuple[float, ...]

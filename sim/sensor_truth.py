@@ -1,4 +1,4 @@
-"""Physical inputs of the sensors: the interface between the simulator and the fake hardware."""
+"""The physical inputs of the sensors, which are the interface between the simulator and the fake hardware."""
 
 from typing import NamedTuple, Protocol
 
@@ -23,7 +23,7 @@ class GpsSolution(NamedTuple):
 
 
 class SensorTruth(Protocol):
-    """Physical input of every sensor as a function of the time `t_s` (n,) since the start, errors and noise included.
+    """Physical input of every sensor as a function of the time `t_s` (n,) since the start, including errors and noise.
 
     Equal times give equal values: noise is a function of seed, channel and sample time. Outside [0, duration_s] the
     aircraft stays at its first or last state.
@@ -56,7 +56,7 @@ class SensorTruth(Protocol):
         """Pulse widths (n, 8) of servo outputs 1 to 8, as the autopilot reports them."""
 
     def autopilot_attitude_rad(self, t_s: Array) -> Array:
-        """Roll, pitch, yaw (n, 3) as the autopilot estimates them (with the accelerometer for the vertical)."""
+        """Roll, pitch, yaw (n, 3) as estimated by the autopilot, which takes the vertical from the accelerometer."""
 
     def battery(self, t_s: Array) -> tuple[Array, Array]:
         """Voltage [V] and current [A], each (n,)."""

@@ -1,4 +1,4 @@
-"""The tables that `sim trim` and `sim modes` print."""
+"""Makes the tables that `sim trim` and `sim modes` print."""
 
 import numpy as np
 from rich.markup import escape
@@ -12,9 +12,9 @@ from flightpower.sim.trim import Trimmer, power_required
 def trim_table(
     trimmer: Trimmer, *, bank_rad: float, climb_mps: float, speed_mps: float | None, motor_revps: float | None
 ) -> Table:
-    """Trimmed flight at one airspeed, at one motor speed, or over the range of level airspeeds when neither is given.
+    """Table of trimmed flight at one airspeed, at one motor speed, or (without either) over the level airspeeds.
 
-    Raises InputError when a single condition was given and cannot be flown.
+    Raises InputError if a single condition was given and cannot be flown.
     """
     plant = trimmer.plant
     motor = {} if motor_revps is None else {"motor": motor_revps}
@@ -48,7 +48,7 @@ def trim_table(
         except InputError:
             if len(conditions) == 1:
                 raise
-            continue  # the table leaves out what cannot be flown
+            continue  # conditions that cannot be flown are omitted
         z = trimmed.unknowns
         power, _, _ = power_required(plant, np.array([z.V]), density=trimmer.density)
         J = z.V / (z.motor * plant.propeller.diameter_m)

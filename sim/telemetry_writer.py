@@ -1,6 +1,6 @@
 """Writes the messages of a dataflash log as a ground station would record them by radio (.tlog).
 
-Each message is the time of reception in microseconds since 1970, 8 bytes, big-endian, and a frame of MAVLink 2.
+Each message consists of the time of reception in microseconds since 1970 (8 bytes, big-endian) and a MAVLink 2 frame.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,7 +28,7 @@ def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
     pitots = [kind for kind in kinds if kind.name == "ARSP"][:1]
     control = [kind for kind in kinds if kind.name == "CTUN"]
     of_pitot, of_control = {"DiffPress": "DiffPress", "AirTemp": "Temp"}, {"ThO": "ThO"}
-    joined = {"BARO": (pitots, of_pitot), "ARSP": (control, of_control)}  # two messages there are one here
+    joined = {"BARO": (pitots, of_pitot), "ARSP": (control, of_control)}  # two messages of a dataflash log are one here
     kinds = [*pitots, *(kind for kind in kinds if kind.name != "ARSP")]
     kinds = [_with_fields(kind, *joined[kind.name]) if kind.name in joined else kind for kind in kinds]
     sent = [
@@ -42,7 +42,7 @@ def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
         station, plane = mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_FIXED_WING
         sent.append((time_us, GROUND_STATION, _heartbeat(station, mavlink.MAV_AUTOPILOT_INVALID)))
         sent.append((time_us, AUTOPILOT, _heartbeat(plane, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)))
-    # The first message of a moment is the heartbeat, which identifies the sender.
+    # The first message at each time is the heartbeat, which identifies the sender.
     sent.sort(key=lambda entry: (entry[0], not isinstance(entry[2], mavlink.MAVLink_heartbeat_message)))
     path.write_bytes(
         b"".join(
@@ -69,7 +69,7 @@ def _airspeed(row: Row) -> list[Any]:
 
 
 def _pressure(row: Row) -> list[Any]:
-    """Both pressures are one message here."""
+    """Make the one message that holds both pressures."""
     milliseconds, difference = int(row["TimeUS"]) // 1000, row["DiffPress"] / 100
     inside, outside = round(100 * row["Temp"]), round(100 * row["AirTemp"])
     return [mavlink.MAVLink_scaled_pressure_message(milliseconds, row["Press"] / 100, difference, inside, outside)]
@@ -78,7 +78,7 @@ def _pressure(row: Row) -> list[Any]:
 def _with_fields(
     kind: DataflashMessages, others: Sequence[DataflashMessages], fields: Mapping[str, str]
 ) -> DataflashMessages:
-    """Messages with what another kind, if there is one, shows at their times; fields: its own, by their new name."""
+    """Add values of another kind, if any, at the messages' times; fields: the other kind's fields, by new name."""
     at_us, more = kind.columns["TimeUS"].astype(float), {}
     for name, column in fields.items():
         matching = [

@@ -1,8 +1,9 @@
-"""Trimmed flight: level, climbing, descending, turning; limits of trim; the true power-required curve.
+"""Computes trimmed flight (level, climbing, descending, turning), the limits of trim, and the true power-required
+curve.
 
-Eleven unknowns (airspeed, flow angles, attitude, controls, motor speed, climb, turn), eight equations (six
-accelerations, the rate of climb, no side force), so three must be given: the bank angle and any two of airspeed, climb
-and motor speed.
+There are eleven unknowns (airspeed, flow angles, attitude, controls, motor speed, climb, turn) and eight equations (six
+accelerations, the rate of climb, no side force), so three unknowns must be given: the bank angle and any two of
+airspeed, climb and motor speed.
 """
 
 from dataclasses import dataclass
@@ -34,7 +35,7 @@ class TrimUnknowns(NamedTuple):
     rudder: Any
     motor: Any  # [rev/s]
     climb: Any  # [m/s]
-    turn: Any  # [rad/s], of heading
+    turn: Any  # rate of heading [rad/s]
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Trim:
     def state(
         self, *, heading_rad: float = 0.0, wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ) -> AircraftState:
-        """The state of the aircraft in this trim, at the origin, in a given mean wind [m/s] and without gusts."""
+        """The state of the aircraft in this trim, at the origin, in a given mean wind [m/s], and without gusts."""
         z = self.unknowns
         air_velocity = velocity_of(z.V, z.alpha, z.beta)
         wind = body_from_earth(wind_ned, (z.phi, z.theta, heading_rad))
@@ -139,9 +140,9 @@ class Trimmer:
         return float(ambient(self.plant.air, self.height_m).density)
 
     def solve(self, *, bank_rad: float = 0.0, start: TrimUnknowns | None = None, **fixed: float) -> Trim:
-        """The trim with this bank and any two of `V`, `climb`, `motor` given.
+        """Find the trim for this bank and any two of `V`, `climb` and `motor`.
 
-        Raises InputError with the limiting value when the aircraft cannot fly it: too slow, too fast, too steep.
+        Raises InputError with the limiting value if the aircraft cannot fly the trim: too slow, too fast, too steep.
         """
         if len(fixed) != 2 or not set(fixed) <= {"V", "climb", "motor"}:
             raise InputError("a trim takes exactly two of airspeed, climb and motor speed")
@@ -224,7 +225,7 @@ class Trimmer:
 
     @cached_property
     def V_stall(self) -> float:
-        """The slowest airspeed [m/s] at which lift, with the elevator that trims, still carries the weight."""
+        """The slowest airspeed [m/s] at which lift, with the elevator in trim, still carries the weight."""
         aero = self.plant.aero
         alpha = np.linspace(0, 1.5 * aero.stall_angle_rad, 2000)
         elevator = -(aero.Cm0 + aero.Cma * alpha) / aero.Cmde
@@ -235,7 +236,7 @@ class Trimmer:
 
     @cached_property
     def V_max(self) -> float:
-        """The fastest level airspeed [m/s]: full throttle, or the motor's highest speed."""
+        """The fastest level airspeed [m/s], limited by full throttle or by the motor's highest speed."""
         low, high = 1.3 * self.V_stall, 8 * self.V_stall
         for _ in range(35):
             middle = (low + high) / 2

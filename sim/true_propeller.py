@@ -1,4 +1,4 @@
-"""The propeller that is flown, where it differs from the table that the analysis gets, and tables that end too soon."""
+"""Makes the flown propeller, if it differs from the table that the analysis gets, and tables that end too soon."""
 
 import numpy as np
 
@@ -14,10 +14,10 @@ LIFT_SLOPE_PER_RAD, STALLED_CL, SECTION_CD0, STALLED_CD_PER_RAD2 = 5.7, -0.7, 0.
 
 
 def true_propeller(table: Propeller, *, bow: float = 0.0, windmilling: float = 0.0) -> Propeller:
-    """The table with differences; itself without any.
+    """Return the table with these differences; without any, the table itself.
 
     bow : cT times 1 + bow P2(x), the second Legendre polynomial, x from -1 at J = 0 to 1 at zero thrust
-    windmilling : beyond zero thrust, share of a blade element's thrust and torque in place of the straight line
+    windmilling : share by which a blade element's thrust and torque replace the straight line beyond zero thrust
     """
     if not bow and not windmilling:
         return table
@@ -26,7 +26,7 @@ def true_propeller(table: Propeller, *, bow: float = 0.0, windmilling: float = 0
 
 
 def table_until(table: Propeller, least_cT: float) -> Propeller:
-    """The table with the points of each row up to the first with less than this thrust coefficient."""
+    """Cut each row of the table off before its first point below this thrust coefficient; keep at least two points."""
     rows = []
     for row in table.rows:
         below = [i for i, cT in enumerate(row.cT) if cT < least_cT]
@@ -69,7 +69,7 @@ def _blade_element(J: Array, zero_J: float, slope: float, cP_at_zero: float) -> 
 
 
 def _element_forces(J: Array, zero_J: float) -> tuple[Array, Array]:
-    """Forces along and across the axis, up to a factor; the one along it is zero at zero_J."""
+    """Forces along and across the axis, up to a factor; the force along the axis is zero at zero_J."""
     across = np.pi * ELEMENT_RADIUS
     inflow = np.arctan2(J, across)
 

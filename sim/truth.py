@@ -1,4 +1,4 @@
-"""The true values of a flight as a table: states, forces, coefficients, thrust; and the true power-required curve."""
+"""Makes the table of a flight's true values (states, forces, coefficients, thrust), and the true power curve."""
 
 import json
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ METADATA_KEY = b"flightpower"
 
 
 class Prescribed(NamedTuple):
-    """Prescribed motion; controls and motor speed are `share` (n,) of those at its airborne end, if it has one."""
+    """Prescribed motion; controls and motor speed are `share` (n,) times those at its airborne end, if it has one."""
 
     motion: Motion
     share: Array
@@ -31,7 +31,7 @@ class Prescribed(NamedTuple):
 
 
 def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | None) -> Columns:
-    """Columns of a segment flown: states (n, n_states), commands (n, 4) and, in turbulence, white noises (n, 4)."""
+    """Columns of a flown segment. states: (n, n_states); commands: (n, 4); white: in turbulence, noises (n, 4)."""
     x, c = AircraftState(*states.T), Commands(*commands.T)
     noises = (0.0, 0.0, 0.0, 0.0) if white is None else tuple(white.T)
     now, _ = plant.instant(x, c, noises)
@@ -119,10 +119,11 @@ def airborne_rows(plant: Plant, states: Array, commands: Array, white: Array | N
 
 
 def kinematic_rows(plant: Plant, prescribed: Prescribed, *, phase: str, energy_J: float, dt: float) -> Columns:
-    """Columns of prescribed motion on the ground, in take-off and landing. energy_J: taken from the battery before.
+    """Columns of prescribed motion on the ground, in take-off and landing. energy_J: energy already taken from the
+    battery.
 
-    Aerodynamic coefficients and moments are not known here (the wheels carry part of the load): there are no such
-    columns.
+    There are no columns of aerodynamic coefficients and moments, which are unknown here: the wheels carry part of the
+    load.
     """
     motion, share, end = prescribed
     n = len(share)
@@ -201,7 +202,7 @@ def kinematic_rows(plant: Plant, prescribed: Prescribed, *, phase: str, energy_J
 
 
 def table_of(parts: Sequence[Columns], dt: float) -> pd.DataFrame:
-    """The parts of a flight one after another, `dt` apart; NaN where a part has no such column."""
+    """Join the parts of a flight in sequence, `dt` apart; values are NaN where a part lacks a column."""
     lengths = [len(part["segment"]) for part in parts]
     columns: dict[str, NDArray[Any]] = {"time_s": np.arange(sum(lengths)) * dt}
     for name in dict.fromkeys(name for part in parts for name in part):
@@ -214,7 +215,7 @@ def table_of(parts: Sequence[Columns], dt: float) -> pd.DataFrame:
 
 
 def _at_the_end(plant: Plant, end: tuple[AircraftState, Commands] | None) -> tuple[dict[str, float], float]:
-    """Gust and upwash at the airborne end of prescribed motion; both decrease to zero at the ground."""
+    """Gust and upwash at the airborne end of prescribed motion, from where both decrease to zero at the ground."""
     names = ("gust_u_mps", "gust_v_mps", "gust_w_mps", "gust_p_radps", "gust_q_radps", "gust_r_radps")
     if end is None:
         return dict.fromkeys(names, 0.0), 0.0
@@ -224,7 +225,7 @@ def _at_the_end(plant: Plant, end: tuple[AircraftState, Commands] | None) -> tup
 
 
 def _steady_train(plant: Plant, V: Array, n: Array, rho: Array) -> dict[str, Array]:
-    """Power train along prescribed motion: the throttle that holds the motor speed of each instant."""
+    """Power train along prescribed motion, with the throttle that holds the motor speed of each instant."""
     propulsion, propeller = plant.aircraft.propulsion, plant.propeller
     needed = throttle_for(propulsion, propeller, V=V, n=np.maximum(n, 1.0), rho=rho)
     throttle = np.where(n > 1.0, np.minimum(needed, 1.0), 0.0)
@@ -240,7 +241,7 @@ def _steady_train(plant: Plant, V: Array, n: Array, rho: Array) -> dict[str, Arr
 
 
 def power_required_table(plant: Plant, trimmer: Trimmer, density: float, points: int = 60) -> pd.DataFrame:
-    """The true P_req(V) = D V at lift = weight, from the stall to the highest level speed, at one density."""
+    """Table of the true P_req(V) = D V at lift = weight, from the stall to the highest level speed, at one density."""
     V = np.linspace(1.02 * trimmer.V_stall, trimmer.V_max, points)
     power, CL, CD = power_required(plant, V, density=density)
     return pd.DataFrame(
@@ -257,7 +258,7 @@ def power_required_table(plant: Plant, trimmer: Trimmer, density: float, points:
 
 
 def write_truth(path: Path, truth: pd.DataFrame, metadata: dict[str, Any], power_required_curve: pd.DataFrame) -> None:
-    """The truth as Parquet, with what it was flown with and the true curve in the file's metadata."""
+    """Write the truth as Parquet, with the flight's inputs and the true curve in the file's metadata."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -268,7 +269,7 @@ def write_truth(path: Path, truth: pd.DataFrame, metadata: dict[str, Any], power
 
 
 def read_truth(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """The truth and its metadata. Raises InputError when the file is not one."""
+    """Read the truth and its metadata. Raises InputError if the file is no truth file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

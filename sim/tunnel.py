@@ -1,7 +1,7 @@
-"""A simulated wind-tunnel calibration of the probe, in the format of a user's own tunnel data.
+"""Simulates a wind-tunnel calibration of the probe, in the format of a user's own tunnel data.
 
-The probe of the simulated aircraft, on a sting: no upwash, no lag, less noise (long averages), and small systematic
-errors of the tunnel: flow angularity, and a reference speed accurate to a quarter of a percent.
+The simulated aircraft's probe is mounted on a sting. It has no upwash, no lag and less noise (long averages); the
+tunnel has small systematic errors: flow angularity, and a reference speed accurate to a quarter of a percent.
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class WindTunnel:
     speeds_mps: tuple[float, ...] = (12.0, 18.0, 25.0, 32.0)
     largest_angle_deg: float = 20.0
     step_deg: float = 4.0
-    pressure_noise_Pa: float = 0.6  # of a mean over some seconds
+    pressure_noise_Pa: float = 0.6  # noise of a mean over some seconds
     angle_setting_deg: float = 0.03
     speed_setting: float = 0.0025
     static_Pa: float = 100_300.0
@@ -42,7 +42,7 @@ class WindTunnel:
 
 
 def simulated_measurements(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> pd.DataFrame:
-    """The calibration as a table with the columns of `HEADER`, a row a point."""
+    """The calibration as a table with the columns of `HEADER` and one row per point."""
     n = round(tunnel.largest_angle_deg / tunnel.step_deg)
     angles = np.arange(-n, n + 1) * tunnel.step_deg
     speed, alpha, beta = (a.ravel() for a in np.meshgrid(tunnel.speeds_mps, angles, angles, indexing="ij"))
@@ -71,6 +71,6 @@ def simulated_measurements(tunnel: WindTunnel = WindTunnel(), seed: int = 0) -> 
 
 
 def write_calibration(path: Path, table: pd.DataFrame, *, replace: bool = False) -> None:
-    """The table as CSV. Raises InputError when the file exists and is not to be replaced."""
+    """Write the table as CSV. Raises InputError if the file exists and is not to be replaced."""
     check_new_file(path, replace=replace)
     write_file(path, table.to_csv(index=False, float_format="%.4f"))

@@ -20,7 +20,7 @@ TYPE_NAMES = {"float32": "float", "float64": "double", "uint8": "uint8_t", "int8
 
 @dataclass(frozen=True)
 class UlogTopic:
-    """Messages of one instance of a topic. time_us: (n,); columns: by field, (n,), in the type to be written"""
+    """Messages of one instance of a topic. time_us: (n,); columns: values (n,) by field, in the type to be written"""
 
     name: str
     time_us: NDArray[np.uint64]
@@ -43,7 +43,7 @@ class UlogContents:
     info: dict[str, str] = field(default_factory=dict)
     dropouts: Sequence[Dropout] = ()
     parameters: dict[str, float] = field(default_factory=dict)
-    appended: Sequence[str] = ()  # text messages that are written after the log was closed, as after a crash
+    appended: Sequence[str] = ()  # text messages written after the log was closed, as happens after a crash
 
 
 def write_ulog(path: Path, contents: UlogContents) -> None:
@@ -83,8 +83,8 @@ def _message(kind: str, payload: bytes) -> bytes:
 
 
 def _format(topic: UlogTopic) -> str:
-    """`name:uint64_t timestamp;float[3] xyz;`: columns `xyz[0]` to `xyz[2]`, which stand together, are one array. Those
-    of a nested message, `esc[0].esc_rpm`, are written under their whole names.
+    """`name:uint64_t timestamp;float[3] xyz;`: adjacent columns `xyz[0]` to `xyz[2]` become one array. Columns of a
+    nested message, `esc[0].esc_rpm`, keep their full names.
     """
     fields, counts = ["uint64_t timestamp"], dict[str, int]()
     types: dict[str, str] = {}

@@ -1,7 +1,7 @@
-"""Named worlds: what a simulated flight has that the analysis does not assume.
+"""Named worlds, which state how a simulated flight differs from the analysis's assumptions.
 
-A world is an error budget, with differences of the air, of the pilot, and of the propeller table that the analysis
-gets. Every error budget is also a world, one without such differences. `worlds` lists all.
+A world is an error budget, with differences in the air, the pilot, and the propeller table that the analysis gets.
+Every error budget is also a world, without such differences. `worlds` lists all worlds.
 """
 
 import math
@@ -25,10 +25,10 @@ from flightpower.sim.true_propeller import table_until, true_propeller
 
 @dataclass(frozen=True, kw_only=True)
 class PropellerTable:
-    """The table that the analysis gets, where it is not the one of the aircraft file.
+    """The table that the analysis gets, if it is not the aircraft file's table.
 
-    ends_at_cT : of each row, the points up to the first with less thrust. Where it is negative, the windmilling branch
-    of the propeller that is flown belongs to the table.
+    ends_at_cT : each row of the table ends before the first point with less thrust. If it is negative, the table
+    includes the windmilling branch of the propeller that is flown.
     """
 
     ends_at_cT: float | None = None
@@ -37,7 +37,7 @@ class PropellerTable:
 @dataclass(frozen=True)
 class World:
     """title : one sentence     air : the differences from a plan's air, by the names of `Air`
-    uncertainty : what the user says of this world in the aircraft file; None for the defaults
+    uncertainty : what the user states about this world in the aircraft file; None for the defaults
     """
 
     name: str
@@ -49,12 +49,12 @@ class World:
     uncertainty: Uncertainty | None = None
 
     def plan(self, plan: Plan, seed: int) -> Plan:
-        """The plan in this world's air, by this world's pilot. seed: draws the places of updrafts and sinks."""
+        """The plan in this world's air, by this world's pilot. seed: draws the places of updrafts and downdrafts."""
         air = replace(plan.air, **self.air, convection_seed=seed) if self.air else plan.air
         return replace(plan, air=air, wander=self.pilot or plan.wander)
 
     def table(self, propulsion: Propulsion) -> Propeller | None:
-        """The propeller table that the analysis gets; None for the one that the aircraft file names."""
+        """The propeller table that the analysis gets; None for the table that the aircraft file names."""
         least_cT = self.propeller_table.ends_at_cT
         if least_cT is None or propulsion.propeller is None:
             return None
@@ -64,7 +64,7 @@ class World:
         return table_until(table, least_cT)
 
     def uncertainty_section(self) -> str:
-        """[uncertainty] of the aircraft file, with what differs from the defaults; empty where nothing differs."""
+        """The aircraft file's [uncertainty] with the values that differ from the defaults; empty if none differs."""
         if self.uncertainty is None:
             return ""
         lines = ["[uncertainty]"]
@@ -75,7 +75,7 @@ class World:
         return "\n".join(lines) + "\n"
 
     def aircraft_text(self, text: str) -> str:
-        """The text of an aircraft file that states these uncertainties; its other uncertainties stay."""
+        """Add these uncertainties to the text of an aircraft file; its other uncertainties stay."""
         uncertainty = self.uncertainty_section()
         head, *lines = uncertainty.splitlines() or [""]
         if not uncertainty or head not in text.splitlines():
@@ -89,7 +89,7 @@ class World:
 
 
 def _in_a_file(value: float, unit: str | None) -> str:
-    """The text in a file for a value in an SI unit, as a user would write it."""
+    """The text for a value in an SI unit, as a user would write it in a file."""
     if unit is None:
         return repr(float(value))
     if unit == "dimensionless":
@@ -101,7 +101,7 @@ def _in_a_file(value: float, unit: str | None) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _File:
-    """errors : the budget that [noise], [systematic] and [defects] change     times : factor on systematic errors"""
+    """errors : the budget that [noise], [systematic] and [defects] modify     times : factor on systematic errors"""
 
     title: str
     errors: str = "study"
@@ -126,7 +126,7 @@ def worlds_with_defects() -> list[str]:
 
 
 def world_of(name: str | None, errors: str | None) -> World:
-    """The named world, or the assumed one with an error budget, by default "bench". Raises InputError for both."""
+    """The named world, or the assumed one with an error budget, by default "bench". Raises InputError given both."""
     if name is not None and errors is not None:
         raise InputError("--world has an error budget of its own: leave out --errors")
     if name is not None:
@@ -172,7 +172,7 @@ def _fields_present(read: Any, table: dict[str, Any]) -> dict[str, Any]:
 
 
 def _times(budget: ErrorBudget, factor: float) -> ErrorBudget:
-    """The budget with its systematic errors times a factor; not those that are given and not drawn."""
+    """The budget with its systematic errors times a factor, except errors that are stated directly instead of drawn."""
     sizes = {f.name: getattr(budget.systematic, f.name) for f in fields(Systematic) if f.name not in AS_GIVEN}
     larger = {name: factor * size for name, size in sizes.items()}
     return replace(budget, systematic=replace(budget.systematic, **larger))

@@ -1,4 +1,4 @@
-"""What the sensors of the tray measure on a simulated flight, in physical units, each with its own error budget."""
+"""The measurements of the tray's sensors on a simulated flight, in physical units, each with its own error budget."""
 
 from flightpower.sim.sensors.budget import DrawnErrors, ErrorBudget, draw, load_budget
 from flightpower.sim.sensors.tray import FlightSensorTruth

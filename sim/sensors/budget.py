@@ -1,4 +1,4 @@
-"""Error budgets: the size of each error. `draw` draws the errors of one flight from a budget.
+"""Error budgets, which state the size of each error. `draw` draws the errors of one flight from a budget.
 
 Shipped: `none`, `bench` (noise of Table 4.1, small residual errors; the default), `study` (the budget of the method's
 study, systematic errors drawn at random by the seed) and `harsh` (`study` with the errors that the study left out).
@@ -24,7 +24,7 @@ from flightpower.sim.sensors.noise import rng_of
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Standard deviations of the noise, of 25 Hz data unless stated otherwise."""
+    """Standard deviations of the noise, for 25 Hz data unless stated otherwise."""
 
     accel_mps2: float = 0.0
     gyro_radps: float = 0.0
@@ -33,17 +33,17 @@ class Noise:
     airspeed_Pa: float = 0.0
     static_Pa: float = 0.0
     baro_Pa: float = 0.0
-    colored_Pa: float = 0.0  # added to the differential transducers; correlation time `colored_time`
+    colored_Pa: float = 0.0  # added to the differential transducers, with the correlation time `colored_time`
     colored_time_s: float = 0.5
     magnetic_T: float = 0.0
     gps_position_m: float = 0.0  # correlated over `gps_correlation`
-    gps_velocity_mps: float = 0.0  # half correlated, half white
+    gps_velocity_mps: float = 0.0  # half of it correlated, half white
     gps_correlation_s: float = 60.0
     motor_speed_revps: float = 0.0
     attitude_rad: float = 0.0
     battery_voltage_V: float = 0.0
     battery_current_A: float = 0.0
-    vibration_mps2: float = 0.0  # in cruise: amplitude at motor speed and, half as much, at twice that; not random
+    vibration_mps2: float = 0.0  # in cruise, not random: amplitude at motor speed; half as much at twice that
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,18 +55,18 @@ class Systematic:
     beta_offset_rad: float = 0.0
     alpha_scale: float = 0.0
     beta_scale: float = 0.0
-    V_scale: float = 0.0  # of the airspeed from the center port
+    V_scale: float = 0.0  # scale error of the airspeed from the center port
     static_position: float = 0.0  # error of the static line, as a fraction of dynamic pressure
-    lag_s: float = 0.0  # longest; added to every pneumatic line
-    zero_Pa: float = 0.0  # of the differential transducers, at power-on
-    zero_drift_Pa: float = 0.0  # change of it after warming up by 10 K
-    zero_cooling_Pa: float = 0.0  # change of it by the temperature gradient that the airstream makes in flight
-    zero_step_Pa: float = 0.0  # a step of it in mid-flight
-    hysteresis: float = 0.0  # of the differential transducers, as a fraction of the last swing
-    absolute_Pa: float = 0.0  # of the two absolute transducers
+    lag_s: float = 0.0  # longest lag added to every pneumatic line
+    zero_Pa: float = 0.0  # zero of the differential transducers at power-on
+    zero_drift_Pa: float = 0.0  # change of the zero after warming up by 10 K
+    zero_cooling_Pa: float = 0.0  # change of the zero by the temperature gradient that the airstream causes in flight
+    zero_step_Pa: float = 0.0  # step of the zero in mid-flight
+    hysteresis: float = 0.0  # hysteresis of the differential transducers, as a fraction of the last swing
+    absolute_Pa: float = 0.0  # error of the two absolute transducers
     accel_bias_mps2: float = 0.0
     accel_scale: float = 0.0
-    imu_misalignment_rad: float = 0.0  # about each axis
+    imu_misalignment_rad: float = 0.0  # misalignment about each axis
     gyro_bias_radps: float = 0.0
     gyro_scale: float = 0.0
     hard_iron_T: float = 0.0
@@ -75,7 +75,7 @@ class Systematic:
     motor_speed_scale: float = 0.0
     attitude_rad: float = 0.0
     battery_scale: float = 0.0
-    # Differences from the files of the aircraft and the propeller.
+    # Differences from the aircraft file and the propeller's table.
     thrust_scale: float = 0.0
     thrust_slope_J: float = 0.0
     thrust_bow: float = 0.0
@@ -85,7 +85,7 @@ class Systematic:
     CD_quartic: float = 0.0
     CD_bucket: float = 0.0
     reynolds_exponent: float = 0.0
-    # GPS has no fix from `gps_lost` on, for `gps_lost_for`.
+    # GPS has no fix from the time `gps_lost` on, for the duration `gps_lost_for`.
     gps_lost_s: float = 0.0
     gps_lost_for_s: float = 0.0
 
@@ -111,25 +111,25 @@ class DrawnErrors:
     accel_scale: Array
     gyro_bias: Array
     gyro_scale: Array
-    imu_rotation: Array  # (3, 3), sensor axes from body axes
-    box_rotation: Array  # (3, 3), likewise, of the whole box, by a defect
+    imu_rotation: Array  # (3, 3), from body axes to sensor axes
+    box_rotation: Array  # (3, 3), the same for the whole box, due to a defect
     hard_iron: Array
     soft_iron: Array  # (3, 3)
     zero: dict[str, float]
     zero_drift: dict[str, float]
     zero_cooling: dict[str, float]
     zero_step: dict[str, float]
-    zero_step_at: float  # share of the flight
+    zero_step_at: float  # time of the step as a fraction of the flight
     absolute: dict[str, float]
-    installation_seed: int  # of the aircraft's own errors
+    installation_seed: int  # seed of the errors that belong to the installation
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain numbers and lists, for the truth file."""
+        """Return the errors as plain numbers and lists, for the truth file."""
         return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
 
     @property
     def board(self) -> tuple[int, int, int]:
-        """The number of the processor of this installation's autopilot, 96 bits in three words."""
+        """The serial number of the processor of this installation's autopilot, 96 bits in three words."""
         first, second, third = rng_of(self.installation_seed, "autopilot").integers(2**32, size=3).tolist()
         return first, second, third
 
@@ -156,7 +156,7 @@ DIFFERENTIAL = ("alpha", "beta", "airspeed")
 
 
 def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
-    """The errors of one flight. A pure function of budget and seed; each error has its own random stream."""
+    """Draw the errors of one flight, a pure function of budget and seed; each error has its own random stream."""
     s = budget.systematic
 
     def of_size_one(name: str, n: int) -> Array:
@@ -201,8 +201,8 @@ def draw(budget: ErrorBudget, seed: int) -> DrawnErrors:
 
 
 def of_installation(day: DrawnErrors, installation: DrawnErrors) -> DrawnErrors:
-    """The errors of one flight of an installation: biases of the IMU, zeros of the transducers and the updraft are of
-    the day; all others, of probe, tubes, mounting, propeller and aircraft, stay from flight to flight."""
+    """The errors of one flight of an installation: IMU biases, transducer zeros and updraft are those of the day; all
+    other errors, of probe, tubes, mounting, propeller and aircraft, stay the same from flight to flight."""
     return replace(
         day,
         values=replace(installation.values, updraft_mps=day.values.updraft_mps),
@@ -216,7 +216,7 @@ def of_installation(day: DrawnErrors, installation: DrawnErrors) -> DrawnErrors:
 
 
 def _rotation(vector: Array) -> Array:
-    """Axes turned by a rotation vector, from those that are not (Rodrigues)."""
+    """The matrix (3, 3) from unrotated axes to axes rotated by a rotation vector (Rodrigues)."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_rotvec(vector).as_matrix().T)
@@ -230,7 +230,7 @@ def shipped_budgets() -> list[str]:
 def load_budget(name_or_path: str | Path) -> ErrorBudget:
     """A budget shipped with the package, by name, or one from a file.
 
-    Raises InputError, which names file and key, when it is missing, malformed or has a wrong unit.
+    Raises InputError, which names file and key, if the budget is missing or malformed, or has a wrong unit.
     """
     shipped = resources.files("flightpower.sim") / "data" / "errors" / f"{name_or_path}.toml"
     path = Path(name_or_path)

@@ -10,7 +10,7 @@ from flightpower.flight.arrays import Array
 
 # White noise is constant over each cell of this grid: samples at up to 200 Hz are independent.
 GRID_HZ = 200
-_BLOCK_S = 16  # drawn at once: making a generator takes as long as a thousand numbers
+_BLOCK_S = 16  # length drawn at once, since making a generator takes as long as drawing a thousand numbers
 
 
 @lru_cache(maxsize=256)
@@ -20,7 +20,7 @@ def _block(seed: int, channel: int, block: int) -> Array:
 
 def white(seed: int, channel: str, t_s: Array) -> Array:
     """Standard normal numbers (n,) at times t (n,), one for each cell of the grid."""
-    # Half a microsecond of tolerance: a time computed as a multiple of the grid belongs to the cell that starts there.
+    # A tolerance of half a microsecond makes a computed multiple of the grid belong to the cell that starts there.
     cell = np.floor(np.maximum(np.asarray(t_s), 0.0) * GRID_HZ + 1e-4).astype(np.int64)
     code = crc32(channel.encode())
     block, place = np.divmod(cell, GRID_HZ * _BLOCK_S)
@@ -30,7 +30,7 @@ def white(seed: int, channel: str, t_s: Array) -> Array:
 
 
 def rng_of(seed: int, channel: str) -> np.random.Generator:
-    """A random generator for each seed and name."""
+    """Make a random generator for a seed and a name."""
     return np.random.default_rng([seed, crc32(channel.encode())])
 
 

@@ -1,4 +1,4 @@
-"""The five-port probe: pressures at its ports by potential flow over a hemisphere.
+"""Models the five-port probe: pressures at its ports by potential flow over a hemisphere.
 
 One port is at the tip, two pairs are at 45 deg above, below, right and left. Cp = 1 - (9/4) sin^2 of the angle from
 the stagnation point. The ring of static ports further back reads low in cross-flow.
@@ -14,13 +14,13 @@ from flightpower.flight.motion import Airflow
 from flightpower.flight.number import Number, Vector
 
 PORT_ANGLE_RAD = np.pi / 4
-# A ring of static holes in cross-flow at angle s from the axis reads about -0.2 sin^2 s of the dynamic pressure for
-# four to eight holes (Gracey, NASA RP-1046, ch. 5, shapes of his curves); the tunnel calibration takes it out.
+# A ring of four to eight static holes at angle s to the flow reads about -0.2 sin^2 s of the dynamic pressure (Gracey,
+# NASA RP-1046, ch. 5, shapes of his curves); the tunnel calibration removes this error.
 STATIC_CROSSFLOW = -0.2
 
 
 class PortPressures(NamedTuple):
-    """Above the static pressure of the free stream [Pa], each (n,)."""
+    """Pressures at the ports relative to the static pressure of the free stream [Pa], each (n,)."""
 
     center: Array
     lower_minus_upper: Array
@@ -29,7 +29,7 @@ class PortPressures(NamedTuple):
 
 
 def hemisphere_Cp(cosine: Number) -> Number:
-    """Pressure coefficient where the surface normal makes this cosine with the flow, windward side."""
+    """Pressure coefficient on the windward side, where the angle between surface normal and flow has this cosine."""
     return 1 - 9 / 4 * (1 - np.maximum(cosine, 0.0) ** 2)
 
 

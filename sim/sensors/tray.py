@@ -1,4 +1,4 @@
-"""Inputs of every sensor of the tray on one simulated flight; implements `sim.sensor_truth.SensorTruth`."""
+"""Computes the inputs of the tray's sensors on a simulated flight; implements `sim.sensor_truth.SensorTruth`."""
 
 from functools import cached_property
 
@@ -29,12 +29,12 @@ PNEUMATIC_DT_S = 1 / 200
 WARM_UP_K, WARM_UP_S = 10.0, 240.0
 # The airstream cools one side of a transducer: the gradient is full at this airspeed, and lags by this time constant.
 COOLING_MPS, COOLING_S = 15.0, 60.0
-PART_S = 60.0  # in which a part within the aircraft follows the temperature of the air
+PART_S = 60.0  # time constant with which a part in the aircraft follows the air's temperature
 # Time constant of the autopilot's correction towards the vertical of the accelerometer.
 ATTITUDE_FILTER_S = 2.0
-GYRO_AND_ACCEL_RATE = GRID_HZ / 25  # noise is given for 25 Hz means of 200 Hz samples
+GYRO_AND_ACCEL_RATE = GRID_HZ / 25  # the noise is stated for 25 Hz means of 200 Hz samples
 SERVO_OUTPUTS = 8
-# The budget gives the vibration in cruise; the force of an imbalance is proportional to the square of the speed.
+# The budget states the vibration in cruise; the force of an imbalance is proportional to the square of the speed.
 CRUISE_REVPS = 100.0
 NEUTRAL_US, THROTTLE_LOW_US, THROTTLE_HIGH_US = 1500.0, 1000.0, 2000.0
 DEFAULT_LINE = PneumaticLine(length_m=0.0, diameter_m=1e-3, cavity_m3=0.0)
@@ -195,7 +195,7 @@ class FlightSensorTruth:
         return self._spline(["north_m", "east_m", "height_m", *velocity])
 
     def _vibration(self, turns: Array, speed: Array) -> Array:
-        """Imbalance of the propeller: at once and twice its speed of rotation, zero when it is stopped."""
+        """Vibration by the propeller's imbalance, at one and two times its speed of rotation; zero when it stops."""
         amplitude = self._errors.noise.vibration_mps2 * (speed / CRUISE_REVPS) ** 2
         return amplitude * (np.sin(2 * np.pi * turns) + np.sin(4 * np.pi * turns) / 2)
 
@@ -205,19 +205,19 @@ class FlightSensorTruth:
 
     @cached_property
     def _followed(self) -> Array:
-        """Temperature of the air as a part within the aircraft follows it, along the truth (n,) [K]."""
+        """Temperature [K] of a part inside the aircraft that follows the air's, along the truth (n,)."""
         kelvin = self._truth["temperature_K"].to_numpy(dtype=float)
         return first_order_lag(kelvin, float(self._t[1] - self._t[0]), PART_S)
 
     @cached_property
     def _cooled(self) -> Array:
-        """Share of the temperature gradient across a transducer that the airstream makes, along the truth (n,)."""
+        """Fraction of the temperature gradient that the airstream causes across a transducer, along the truth (n,)."""
         V = self._truth["V_mps"].to_numpy(dtype=float)
         return first_order_lag(np.minimum(V / COOLING_MPS, 1.5), float(self._t[1] - self._t[0]), COOLING_S)
 
     @cached_property
     def _wander_grid(self) -> tuple[Array, Array]:
-        """Slow GPS errors on a 10 Hz grid: three of position, three of velocity, unit variance."""
+        """Slow GPS errors on a 10 Hz grid, three of position and three of velocity, with unit variance."""
         dt, e = 0.1, self._errors
         n = int(self.duration_s / dt) + 3
         slow = [gauss_markov(e.seed, f"gps wander {i}", n, dt, e.noise.gps_correlation_s) for i in range(3)]
@@ -252,7 +252,7 @@ class FlightSensorTruth:
         return np.interp(self._clipped(t_s), grid, pressures[which])
 
     def _position_factor(self, q_bar: Array, force_z: Array) -> Array:
-        """On the airspeed pressure (n,), by an error of airspeed in proportion to lift. force_z: (n,) [m/s^2]."""
+        """Factor (n,) on the airspeed pressure, for an airspeed error in proportion to lift. force_z: (n,) [m/s^2]."""
         aircraft = self._aircraft
         lift_Pa = -force_z * aircraft.mass_kg / aircraft.geometry.wing_area_m2
         CL = np.clip(lift_Pa / np.maximum(q_bar, 1.0), 0.0, 2.0)
@@ -260,7 +260,7 @@ class FlightSensorTruth:
 
     @cached_property
     def _pressures(self) -> tuple[Array, dict[str, Array]]:
-        """Pressures at the transducers on a 200 Hz grid, lines and systematic errors included."""
+        """Pressures at the transducers on a 200 Hz grid, including lines and systematic errors."""
         grid = np.arange(0.0, self.duration_s + PNEUMATIC_DT_S / 2, PNEUMATIC_DT_S)
         names = ["p_radps", "q_radps", "r_radps", "upwash_rad", "static_pressure_Pa", "temperature_K", "density_kgpm3"]
         names += ["specific_force_z_mps2"]
@@ -315,13 +315,13 @@ class FlightSensorTruth:
         noise = self._errors.noise
         if noise.colored_Pa == 0:
             return np.zeros(n)
-        channel = f"coloured {name}"  # decides the random numbers  # codespell:ignore coloured
+        channel = f"coloured {name}"  # this spelling determines the random numbers  # codespell:ignore coloured
         sequence = gauss_markov(self._errors.seed, channel, n, PNEUMATIC_DT_S, noise.colored_time_s)
         return noise.colored_Pa * sequence
 
 
 def with_hysteresis(x: Array, fraction: float) -> Array:
-    """Hysteresis as a play operator; the width is `fraction` times the range of x (n,)."""
+    """Apply hysteresis as a play operator, whose width is `fraction` times the range of x (n,)."""
     if fraction == 0:
         return x
     half = fraction * float(np.ptp(x)) / 2
@@ -334,7 +334,7 @@ def with_hysteresis(x: Array, fraction: float) -> Array:
 
 
 def _pulses(surface: ControlSurface, angle: Array) -> Array:
-    """Pulse widths [us] for angles; `ControlSurface.pulse_of_angle_us` for arrays."""
+    """Pulse widths [us] for arrays of angles, as `ControlSurface.pulse_of_angle_us` gives for one angle."""
     angles, pulses = np.array(surface.angle_rad), np.array(surface.pulse_us)
     order = np.argsort(angles)
     pulse_us: Array = np.interp(angle, angles[order], pulses[order])

@@ -1,4 +1,4 @@
-"""Lag of a pneumatic line: a tube with a transducer's cavity at its end, as a first-order system."""
+"""Computes the lag of a pneumatic line: a tube with a transducer's cavity at its end, as a first-order system."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,13 @@ from flightpower.flight.aircraft import PneumaticLine
 from flightpower.flight.arrays import Array
 from flightpower.flight.atmosphere import density, viscosity
 
-CELLS, GRID_S = 40, 2.5e-4  # of a tube, and of time, in `step_response`
+CELLS, GRID_S = 40, 2.5e-4  # division of a tube, and step of time, in `step_response`
 
 
 def time_constant_s(line: PneumaticLine, pressure_Pa: float, temperature_K: float) -> float:
     """Low-frequency limit of the response (Bergh & Tijdeman 1965, k = 1).
 
-    Poiseuille's resistance times the compliance of the cavity and of half the tube.
+    It is Poiseuille's resistance times the compliance of the cavity and of half the tube.
     """
     d = line.diameter_m
     tube = np.pi / 4 * d**2 * line.length_m
@@ -25,7 +25,7 @@ def time_constant_s(line: PneumaticLine, pressure_Pa: float, temperature_K: floa
 
 
 class StepResponse(NamedTuple):
-    """Pressure at the end of a line after a unit step at its mouth: at times t [s] from the step on, (m,)."""
+    """Pressure at the end of a line after a unit step at its mouth, at times t [s] since the step, (m,)."""
 
     t_s: Array
     value: Array
@@ -35,7 +35,7 @@ class StepResponse(NamedTuple):
         return np.asarray(np.interp(t, self.t_s, self.value, left=0.0, right=1.0))
 
     def ramp(self, t: Array) -> Array:
-        """Its integral: the response to a ramp of slope one."""
+        """The response to a ramp of slope one, which is the integral of the step response."""
         dt = self.t_s[1] - self.t_s[0]
         integral = np.concatenate([[0.0], np.cumsum((self.value[1:] + self.value[:-1]) / 2) * dt])
         return np.asarray(np.interp(t, self.t_s, integral) + np.maximum(t - self.t_s[-1], 0.0))
@@ -48,8 +48,8 @@ def step_response(
 
     The tube is divided into CELLS of equal length, each with Poiseuille's resistance, the inertia of a parabolic
     profile (4/3 of the gas) and the compliance of its gas; the cavity is at the end. Its mean delay is
-    `time_constant_s`. Within 3 % of Bergh & Tijdeman for lags of 15 ms and more; a shorter tube rings, and its
-    resistance then depends on frequency.
+    `time_constant_s`. The response is within 3 % of Bergh & Tijdeman for lags of 15 ms or more; a shorter tube rings,
+    and its resistance then depends on frequency.
     """
     lag_s = time_constant_s(line, pressure_Pa, temperature_K) + more_lag_s
     t: Array = np.arange(0.0, 12 * lag_s + 0.02, GRID_S)
@@ -57,7 +57,7 @@ def step_response(
         return StepResponse(t, first_order_lag(np.r_[0.0, np.ones(len(t) - 1)], GRID_S, more_lag_s))
     d, length, mu = line.diameter_m, line.length_m / CELLS, viscosity(temperature_K)
     conductance = np.pi * d**4 / (128 * mu * length)
-    # A node at the end of each cell; the volume between two nodes belongs to both by halves.
+    # Each cell has a node at its end; the volume between two nodes is split equally between them.
     volume = np.full(CELLS, np.pi / 4 * d**2 * length)
     volume[-1] = volume[-1] / 2 + line.cavity_m3
     flow = conductance * (2 * np.eye(CELLS) - np.eye(CELLS, k=1) - np.eye(CELLS, k=-1))
@@ -73,7 +73,7 @@ def step_response(
 
 
 def first_order_lag(x: Array, dt: float, tau_s: float) -> Array:
-    """Response of a first-order lag to x (n,), linear between its samples; exact, starting in equilibrium."""
+    """Exact response of a first-order lag to x (n,), which is linear between its samples; it starts in equilibrium."""
     if tau_s <= 0 or len(x) == 0:
         return x
     a = np.exp(-dt / tau_s)
