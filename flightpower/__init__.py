@@ -1,6 +1,7 @@
 """Power required of small electric aircraft: functions for programs (python.md), and the command `flightpower`.
 
-Nothing is imported before it is asked for: NumPy, SciPy and pandas take a second, and the daemon has none of them.
+Nothing is imported before it is used: importing NumPy, SciPy and pandas takes a second, and the daemon has none of
+them.
 """
 
 import importlib

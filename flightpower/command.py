@@ -56,7 +56,7 @@ SIDES = {
 
 
 class Sides(TyperGroup):
-    """Loads only the command that is called or completed; help loads none."""
+    """The separate commands. Only the command that is called or completed is loaded; help loads none."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(SIDES)
@@ -74,9 +74,9 @@ class Sides(TyperGroup):
 
 
 def load(name: str, *, help_alone: bool = False) -> Any:
-    """The command of a side. Raises InputError saying what to install when something that it needs is missing.
+    """Load a separate command. Raises InputError saying what to install if a needed package is missing.
 
-    help_alone : its help is asked for, which is shown where the module can be loaded all the same
+    help_alone : only its help is requested, which is shown even without the packages if the module can be loaded
     """
     side = SIDES[name]
     missing = [module for module in side.needs if find_spec(module) is None]

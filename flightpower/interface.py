@@ -1,7 +1,7 @@
-"""The functions and records that `import flightpower` gives (docs/understand/python.md).
+"""The functions and records that `import flightpower` provides (docs/understand/python.md).
 
-Files are given by their paths. A wrong input raises `InputError`, with one line that says what is wrong, where, and
-what to do. Names end with their unit, which is SI except the options of the commands.
+Files are given by their paths. Wrong input raises `InputError`, with one line that says what is wrong, where, and what
+to do. Names end with their unit, which is an SI unit except in the options of the commands.
 """
 
 import os
@@ -52,12 +52,12 @@ __all__ = [
     "write_report",
 ]
 Paths = str | os.PathLike[str]
-# Of either kind: with drag by runs, or electrical power by the energy balance of the whole flight.
+# A flight of either kind: drag from runs, or electrical power from the energy balance of the whole flight.
 Flight = Analysis | WholeFlightAnalysis
 
 
 def read(path: Paths, columns: Paths | None = None) -> Log | Recording:
-    """A log of the daemon or a table, as messages; a log of an autopilot, as channels.
+    """Read a log of the daemon or a table as messages, or a log of an autopilot as channels.
 
     A truncated log of the daemon is read as far as it goes; `torn` then says why it ends. columns: the map of a table.
     Raises InputError when the file cannot be read.
@@ -68,7 +68,8 @@ def read(path: Paths, columns: Paths | None = None) -> Log | Recording:
 def analyze(
     log: Log | Recording | Paths, options: Options = Options(), progress: Callable[[str], None] = lambda _: None
 ) -> Flight:
-    """Power required from a log with runs, flow angles and motor speed; else electrical power of level flight.
+    """Estimate power required from a log with runs, flow angles and motor speed, otherwise electrical power of level
+    flight.
 
     log : of the daemon or an autopilot, or a table     progress : called with the name of each step
     Raises InputError when the log lacks something, or holds no run.
@@ -78,15 +79,15 @@ def analyze(
 
 
 def tables(flight: Flight) -> dict[str, "pd.DataFrame"]:
-    """The flight as tables by name (docs/use/exports.md): synchronized, states, derived, runs and curves; of a whole
-    flight synchronized, windows and curves."""
+    """The flight as tables by name (docs/use/exports.md): synchronized, states, derived, runs and curves; or, for
+    electrical power from a whole flight, synchronized, windows and curves."""
     return exports.tables_of(flight)
 
 
 def export(flight: Flight, to: str, path: Paths) -> None:
     """Write the tables. to: parquet, csv, mat or mcap. path: a folder for csv and parquet, else a file.
 
-    Raises InputError for another kind, or when it cannot be written.
+    Raises InputError for another kind, or if a file cannot be written.
     """
     exports.export_tables(tables(flight), flight.log, to, Path(path))
 
@@ -102,10 +103,11 @@ def write_report(flight: Flight, folder: Paths) -> None:
 
 
 def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:
-    """The joint estimate of flights of one aircraft: each analyzed here, or its results.json.
+    """Estimate jointly from flights of one aircraft. Each is a flight analyzed here, or its results.json.
 
-    Flights with drag are pooled by drag; if others give electrical power only, all flights that give it are also pooled
-    by that (`other_kind`). Raises InputError where there is no pool, as for flights of two aircraft or installations.
+    Flights with drag are pooled by drag; if other flights give only electrical power, all flights that give it are also
+    pooled by electrical power (`other_kind`). Raises InputError if flights cannot be pooled, such as those of two
+    aircraft or installations.
     """
     if isinstance(flights, str | os.PathLike):
         raise InputError(f"pool({os.fspath(flights)!r}): give a list of flights, or of their results.json")
@@ -113,9 +115,9 @@ def pool(flights: Sequence[Flight | Paths | Mapping[str, Any]]) -> Pool:
 
 
 def compare(a: Pool, b: Pool) -> Comparison:
-    """Power of B against that of A, at the weight and density of A, by a kind of power that both have.
+    """Compare the power of B with that of A at A's weight and density, using a kind of power that both have.
 
-    Raises InputError where there is none, for a flight in both, and where they have no speeds in common.
+    Raises InputError if there is no such kind, if both contain the same flight, or if they have no speeds in common.
     """
     return compare_pools(a, b)
 
@@ -127,8 +129,8 @@ def _results(flight: Flight | Paths | Mapping[str, Any]) -> Path | Mapping[str, 
 
 
 def plan(aircraft: Paths, options: PlanOptions = PlanOptions()) -> FlightPlan:
-    """What to fly for the narrowest interval. aircraft: a file, or the name of a shipped one.
+    """Plan what to fly for the narrowest interval. aircraft: a file, or the name of a shipped aircraft.
 
-    Raises InputError when the aircraft lacks something, or there is no such plan.
+    Raises InputError if the aircraft file lacks a needed key, or there is no such plan.
     """
     return flight_plan(os.fspath(aircraft), options)

@@ -62,7 +62,7 @@ def tray(
     """
     text = resources.files("flightpower.daq").joinpath("tray.example.toml").read_text("utf-8")
     if aircraft is not None:
-        # A JSON string is a TOML string: the backslashes of a Windows path are escaped.
+        # A JSON string is also a TOML string, in which the backslashes of a Windows path are escaped.
         text = text.replace('aircraft = "nexstar" ', f"aircraft = {json.dumps(aircraft, ensure_ascii=False)} ", 1)
     _write(text, output, replace)
 
@@ -83,14 +83,14 @@ def columns(
       flightpower new columns table.csv -o table.csv.columns.toml
       flightpower new columns table.mat -o map.toml
     """
-    draft = importlib.import_module("flightpower.analysis.sources.map_draft")  # needs the laptop's libraries
+    draft = importlib.import_module("flightpower.analysis.sources.map_draft")  # needs libraries of the laptop
     _write(draft.draft(table, output), output, replace)
 
 
 def _write(text: str, output: Path | None, replace: bool) -> None:
     if output is None:
         if isinstance(sys.stdout, TextIOWrapper):
-            sys.stdout.reconfigure(encoding="utf-8")  # the encoding of the files, if it is redirected into one
+            sys.stdout.reconfigure(encoding="utf-8")  # the encoding of files, in case the output is redirected into one
         print(text, end="")
         return
     check_new_file(output, replace=replace)

@@ -101,7 +101,7 @@ def propellers(
 
 
 def _candidates(near: list[Table]) -> list[Table]:
-    """The nearest table, and the nearest measured one."""
+    """The nearest table, and the nearest measured table."""
     return (
         list(dict.fromkeys([near[0], *(table for table in near if table.origin is Origin.MEASURED)][:2]))
         if near
@@ -110,7 +110,7 @@ def _candidates(near: list[Table]) -> list[Table]:
 
 
 def _write(tables: list[Table], folder: Path, replace: bool) -> list[Path]:
-    """Raises InputError before anything is written where there is nothing to write, or a file would be replaced."""
+    """Write the tables. Raises InputError before writing if there is none, or if a file would be replaced."""
     paths = [folder / f"{Path(table.name).stem if table.name.endswith('.csv') else table.name}.csv" for table in tables]
     if not paths:
         raise InputError("-o: no table of --folder matches; nothing was written")

@@ -1,17 +1,17 @@
-"""Entry points of all commands. Each first sees to it that NumPy computes in one thread."""
+"""Entry points of all commands. Each first makes NumPy compute in one thread."""
 
 import importlib
 import os
 import sys
 from collections.abc import Callable
 
-INSTALL = 'pip install ".[analysis,sim]"'  # all that the commands need on a laptop
+INSTALL = 'pip install ".[analysis,sim]"'  # installs all that the commands need on a laptop
 
 
 def _command(module: str) -> Callable[[], None]:
     def main() -> None:
-        # Before NumPy is imported, which reads it. The matrices are small: two threads, which wait for each other, took
-        # half as much processor time again.
+        # This must precede the import of NumPy, which reads the variables. The matrices are small: two threads that
+        # wait for each other took half again as much processor time.
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         os.environ.setdefault("FLIGHTPOWER_PROCESSES", "2")  # `flightpower.analysis.beside`
         try:

@@ -1,6 +1,6 @@
 """The command line of the simulator: `sim fly`, `sim worlds`, `sim tunnel`, `sim trim`, `sim modes`, `sim plot`.
 
-It connects simulator, fake hardware and daemon; no module imports it.
+It connects simulator, fake hardware and daemon, and no module imports it.
 """
 
 import math
@@ -166,7 +166,7 @@ def fly(
 
 
 def _aircraft(name: str, like: str | None, installation: str | None) -> CompleteAircraft:
-    """The aircraft that is flown. Raises InputError where its file lacks a key, and no model for it is given."""
+    """The aircraft to fly. Raises InputError if its file lacks a key and no model is given to fill it in."""
     from flightpower.sim.like import scaled_from, with_installation
 
     if like is None:
@@ -177,7 +177,7 @@ def _aircraft(name: str, like: str | None, installation: str | None) -> Complete
 
 
 def _tray_variant(craft: CompleteAircraft, day: datetime | None, time_of_day_s: float) -> "TrayVariant":
-    """The tray aboard an aircraft at this time [s, UTC] of a day, or of the simulator's own."""
+    """The tray aboard an aircraft at this time of day [s, UTC], on this day or the simulator's default day."""
     from flightpower.hw_fakes.tray import UTC_AT_START, TrayVariant
 
     midnight = day or UTC_AT_START.replace(hour=0, minute=0)
@@ -219,13 +219,13 @@ def _record(
         )
     finally:
         if status is not None:
-            status.unlink(missing_ok=True)  # the page then says that nothing records
+            status.unlink(missing_ok=True)  # without the file the page says that nothing is recording
     if recording.write_error:
         raise StorageError(f"{output / LOG}: cannot be written ({recording.write_error})")
 
 
 def _believed_unix_ns(now: datetime) -> int:
-    """Unix time [ns] of a Pi without a real-time clock after booting: that of its shutdown a minute ago."""
+    """Unix time [ns] that a Pi without a real-time clock has after booting: the time of its shutdown a minute ago."""
     return int((now.timestamp() - 60) * 1e9)
 
 
@@ -269,7 +269,7 @@ def _write_without_hardware(
 
 
 def _compensations(parts: "FakeTray") -> "dict[str, Compensation]":
-    """What the drivers make of the counts of the barometers."""
+    """The drivers' compensations of the barometers' counts."""
     from functools import partial
 
     from flightpower.daq.sensors.ms56xx import MS5611, MS5805, TemperatureTrend, compensate
@@ -388,7 +388,7 @@ def plot(
     print(f"{output}: {len(table)} samples", file=sys.stderr)
 
 
-# Errors that have a value for each axis or sensor, by the name, with its unit, that their size has in a budget.
+# Errors with a value for each axis or sensor, by the name (with its unit) of their size in a budget.
 BY_AXIS = {
     "accel_bias_mps2": "accel_bias", "accel_scale": "accel_scale", "gyro_bias_radps": "gyro_bias",
     "gyro_scale": "gyro_scale", "hard_iron_T": "hard_iron", "soft_iron": "soft_iron", "zero_Pa": "zero",

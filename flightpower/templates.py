@@ -1,4 +1,4 @@
-"""The aircraft file to fill in, made of `flight.aircraft_keys`."""
+"""Makes the aircraft file to fill in from `flight.aircraft_keys`."""
 
 import textwrap
 import tomllib
@@ -14,7 +14,7 @@ WIDTH = 110
 
 
 def blank() -> str:
-    """Required keys to fill in; every other key as a comment."""
+    """The template with required keys to fill in, and every other key as a comment."""
     lines = [
         "# An aircraft file. Fill in what is marked with ?. The rest is optional: to use a line, remove its #,",
         "# and that of the section in brackets above it. docs/use/aircraft.md says which are worth the effort.",
@@ -40,7 +40,7 @@ def blank() -> str:
 
 
 def like(name: str, output: Path | None) -> str:
-    """All keys, filled in as those of a shipped aircraft."""
+    """The template with all keys, filled in with the values of a shipped aircraft."""
     table: dict[str, Any] = tomllib.loads(aircraft_text(name)[0])
     table["name"] = output.stem if output else "mine"
     table["title"] = table["name"]
@@ -65,7 +65,7 @@ def _section(table: dict[str, Any], section: str) -> list[str]:
 
 
 def _general(key: str) -> str:
-    """The key as KEYS has it: elevator and the like are SURFACE, lines LINE."""
+    """The key in the form of KEYS: surfaces such as elevator become SURFACE, and lines become LINE."""
     parts = key.split(".")
     if parts[0] in SURFACES:
         parts[0] = "SURFACE"

@@ -82,8 +82,7 @@ LATCHED = 0x8000  # ALATCH of the INA228's flags: the ready bit stays until it i
 
 
 class FakePowerMonitor:
-    """The part with a shunt of `shunt_ohm` in the battery's negative or positive line. seed: of its oscillator's
-    error."""
+    """The part with a shunt of `shunt_ohm` in the battery's negative or positive line. seed: draws its oscillator."""
 
     def __init__(
         self,

@@ -1,9 +1,9 @@
-"""InvenSense MPU-9250: accelerometer, gyroscope, thermometer and FIFO behind a register map.
+"""A fake InvenSense MPU-9250: accelerometer, gyroscope, thermometer and FIFO behind a register map.
 
 Sections are those of the register map RM-MPU-9250A-00 (rev. 1.4) and of the product specification PS-MPU-9250A-01.
-Bias, noise and misalignment are in the simulator's sensor inputs; range, quantisation, saturation and the digital
-low-pass filter are here. The filter works on inputs every millisecond, before the divider selects some of its outputs:
-vibration above half the divided rate is aliased into the samples, attenuated by the filter.
+Bias, noise and misalignment are in the simulator's sensor inputs; range, quantization, saturation and the digital
+low-pass filter are modeled here. The filter works on inputs every millisecond, before the divider selects some of its
+outputs: vibration above half the divided rate is aliased into the samples, attenuated by the filter.
 
 The chip's axes are the body's (x forward, y right, z down: mounted with its top to the ground).
 """
@@ -36,22 +36,22 @@ RESET_VALUES = {PWR_MGMT_1: 0x01, WHO_AM_I: 0x71}
 READ_ONLY = frozenset([INT_STATUS, *range(ACCEL_XOUT_H, EXT_SENS_DATA_23 + 1), FIFO_COUNTH, FIFO_COUNTL, WHO_AM_I])
 
 # Bits.
-FIFO_MODE_STOP = 0x40  # CONFIG: when full, new samples are dropped rather than the oldest
+FIFO_MODE_STOP = 0x40  # CONFIG: when the FIFO is full, new samples are dropped rather than the oldest
 BYPASS_EN = 0x02  # INT_PIN_CFG
 INT_FIFO_OVERFLOW, INT_RAW_DATA_READY = 0x10, 0x01  # INT_STATUS
 USER_FIFO_EN, USER_I2C_MST_EN, USER_FIFO_RST, USER_SELF_CLEARING = 0x40, 0x20, 0x04, 0x07
 H_RESET, SLEEP = 0x80, 0x40  # PWR_MGMT_1
 
 FIFO_SIZE = 512  # bytes
-# FIFO_EN bits (RM sec. 4.13) to columns of a sample [ax ay az, temperature, gx gy gz], in the order they are stored.
+# Columns of a sample [ax ay az, temperature, gx gy gz] by FIFO_EN bit (RM sec. 4.13), in the order of storage.
 FIFO_COLUMNS = ((0x08, (0, 1, 2)), (0x80, (3,)), (0x40, (4,)), (0x20, (5,)), (0x10, (6,)))
 
 ACCEL_COUNTS_PER_G = (16384, 8192, 4096, 2048)  # PS sec. 3.2, by ACCEL_FS_SEL
 GYRO_COUNTS_PER_DPS = (131, 65.5, 32.8, 16.4)  # PS sec. 3.1, by GYRO_FS_SEL
 TEMPERATURE_COUNTS_PER_K, TEMPERATURE_ZERO_K = 333.87, 273.15 + 21  # PS sec. 3.4.2
-# Filters by DLPF_CFG and A_DLPF_CFG: corner frequency [Hz] (None: above the sampling rate) and delay [s].
-# The gyroscope's delays equal those of a first-order low-pass at its corner plus 2 ms, to 0.4 ms, which is the model
-# here. The accelerometer's exceed it by more; the datasheet does not explain why.
+# Corner frequency [Hz] (None: above the sampling rate) and delay [s] of filters, by DLPF_CFG and A_DLPF_CFG.
+# The gyroscope's delays equal the delay of a first-order low-pass at the corner plus 2 ms, within 0.4 ms; this is the
+# model here. The accelerometer's delays exceed it by more; the datasheet does not explain why.
 GYRO_FILTERS = (
     (None, 0.97e-3),
     (184.0, 2.9e-3),
@@ -74,12 +74,12 @@ ACCEL_FILTERS = (
     (460.0, 1.88e-3),
 )  # RM sec. 4.7
 ACCEL_WITHOUT_FILTER = (None, 0.75e-3)
-INTERNAL_RATE_HZ = 1e3  # of the filters
-WARM_UP = 10  # time constants, after which the start of the filter still counts 5e-5
+INTERNAL_RATE_HZ = 1e3  # rate of the filters
+WARM_UP = 10  # number of time constants after which the filter's initial value still has a weight of 5e-5
 
-START_UP_NS = 11_000_000  # registers can be read and written (PS sec. 3.3.2, typical)
-GYRO_START_UP_S = 35e-3  # from sleep (PS sec. 3.1); the outputs read zero until then
-CLOCK_TOLERANCE = 0.01  # sample rate with the gyroscope's oscillator (PS sec. 3.4.2)
+START_UP_NS = 11_000_000  # time until registers can be read and written (PS sec. 3.3.2, typical)
+GYRO_START_UP_S = 35e-3  # time from sleep (PS sec. 3.1), during which the outputs read zero
+CLOCK_TOLERANCE = 0.01  # of the sample rate with the gyroscope's oscillator (PS sec. 3.4.2)
 
 
 class Sampling(NamedTuple):
@@ -93,12 +93,12 @@ class Sampling(NamedTuple):
 
 
 def gyro_count_radps(full_scale: int) -> float:
-    """A count at GYRO_FS_SEL."""
+    """Size of a count [rad/s] at a value of GYRO_FS_SEL."""
     return float(np.deg2rad(1 / GYRO_COUNTS_PER_DPS[full_scale]))
 
 
 def accel_count_mps2(full_scale: int) -> float:
-    """A count at ACCEL_FS_SEL."""
+    """Size of a count [m/s^2] at a value of ACCEL_FS_SEL."""
     return GRAVITY_MPS2 / ACCEL_COUNTS_PER_G[full_scale]
 
 
@@ -118,7 +118,7 @@ def counts(sensor_truth: SensorTruth, t_s: Array, period_s: float, sampling: Sam
 
 
 class FakeMPU9250:
-    """The part at its address; `bypass` tells whether the magnetometer inside is on the outer bus.
+    """The part at its address; `bypass` says whether the magnetometer inside is on the outer bus.
 
     now_ns: gives the time since the start of `sensor_truth` [ns]. seed: draws factory trim and clock error.
     powered_ns: when its supply came on, on that clock.
@@ -133,7 +133,7 @@ class FakeMPU9250:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply off and on: registers at their defaults, no acknowledge during the start-up time."""
+        """Switch the supply off and on: registers return to their defaults; nothing acknowledges during start-up."""
         self._registers = bytearray(REGISTER_COUNT)
         self._ready_ns = at_ns + START_UP_NS
         self._reset(self._ready_ns)
@@ -156,7 +156,7 @@ class FakeMPU9250:
         self._catch_up(self._awake_ns())
         reply = bytearray()
         while len(reply) < count:
-            if self._pointer == FIFO_R_W:  # the pointer stays: a burst empties the FIFO (RM sec. 4.35)
+            if self._pointer == FIFO_R_W:  # the pointer stays, so a burst empties the FIFO (RM sec. 4.35)
                 reply += self._read_fifo(count - len(reply))
             else:
                 reply.append(self._read_register(self._pointer))
@@ -192,7 +192,7 @@ class FakeMPU9250:
         self._restart_sampling(now_ns)
 
     def _write_register(self, address: int, value: int, now_ns: int) -> None:
-        self._catch_up(now_ns)  # samples up to now have the old settings
+        self._catch_up(now_ns)  # first compute the samples up to now, with the old settings
         if address in READ_ONLY:
             return
         before = self._registers[address]
@@ -229,20 +229,20 @@ class FakeMPU9250:
         del self._fifo[:count]
         if taken:
             self._last_fifo_byte = taken[-1]
-        return taken + bytes([self._last_fifo_byte]) * (count - len(taken))  # empty: the last byte again
+        return taken + bytes([self._last_fifo_byte]) * (count - len(taken))  # an empty FIFO repeats the last byte
 
     # --- sampling ---
 
     def _restart_sampling(self, now_ns: int) -> None:
         self._origin_ns = now_ns
         self._period_ns = 1e9 / self._sample_rate_Hz() / (1 + self.clock_error)
-        self._done = 0  # samples since the origin
+        self._done = 0  # number of samples since the origin
         self._latched_count = len(self._fifo)
         period_s = self._period_ns * 1e-9
         self._blocks = SampleBlocks(self._sample, period_s, now_ns * 1e-9 + period_s)
 
     def _sample_rate_Hz(self) -> float:
-        """RM sec. 4.4 and 4.5: the divider works only on the 1 kHz that the filters 1 to 6 put out."""
+        """Sample rate (RM sec. 4.4 and 4.5): the divider works only on the 1 kHz output of the filters 1 to 6."""
         filter_off = self._registers[GYRO_CONFIG] & 0x03
         dlpf = self._registers[CONFIG] & 0x07
         if filter_off:
@@ -276,7 +276,7 @@ class FakeMPU9250:
         else:
             first = max(first, stop - at_most)
             self._fifo += self._blocks.rows(first, stop)[:, columns].tobytes()
-            del self._fifo[:-FIFO_SIZE]  # by bytes: the rest need not begin with a whole sample
+            del self._fifo[:-FIFO_SIZE]  # cut by bytes: the rest need not begin with a whole sample
 
     def _sample(self, t_s: Array) -> np.ndarray:
         """Counts (n, 7), big-endian: specific force x y z, temperature, angular rate x y z."""
@@ -304,9 +304,10 @@ class FakeMPU9250:
 
 
 class LowPass:
-    """A first-order low-pass and a pure delay; together they have the given delay at low frequency.
+    """A first-order low-pass followed by a pure delay; together they have the given delay at low frequency.
 
-    corner_Hz: -3 dB, None for a pure delay. step_s: between two of its outputs, of which every `stride`-th is a sample.
+    corner_Hz: frequency of -3 dB; None for a pure delay. step_s: time between two of its outputs, of which every
+    `stride`-th is a sample.
     """
 
     def __init__(self, corner_Hz: float | None, delay_s: float, step_s: float, stride: int):
@@ -317,7 +318,7 @@ class LowPass:
         self._pure_s = delay_s - self._pole / (1 - self._pole) * step_s
 
     def input_times(self, t_s: Array) -> Array:
-        """Times [s] of the inputs needed for outputs at `t_s` (n,), evenly spaced; more than n, for the warm-up."""
+        """Times [s] of the inputs needed for outputs at `t_s` (n,), evenly spaced; the warm-up needs more than n."""
         before = t_s[0] + np.arange(-self._warm_up, 0) * self._step_s
         return np.concatenate([before, t_s]) - self._pure_s
 

@@ -1,11 +1,11 @@
-"""TE MS5611-01BA03, MS5607-02BA03 and MS5805-02BA01: PROM, conversion times, and the inverse of the compensation.
+"""Fakes of TE MS5611-01BA03, MS5607-02BA03, MS5805-02BA01: PROM, conversion times, inverse of the compensation.
 
-The two have the same commands and different scale factors (MS5611 datasheet p. 7-11; MS5805 datasheet p. 6-9):
+The parts have the same commands and different scale factors (MS5611 datasheet p. 7-11; MS5805 datasheet p. 6-9):
 
-- The MS5611 has eight PROM words, the CRC in the last four bits of word 7. The MS5805 has seven, the CRC in the first
-  four bits of word 0.
+- The MS5611 has eight PROM words, with the CRC in the last four bits of word 7. The MS5805 has seven, with the CRC in
+  the first four bits of word 0.
 - Second-order terms of the MS5805: below 20 degC T2 = 11 dT^2/2^35, OFF2 = 31 (TEMP-2000)^2/2^3,
-  SENS2 = 63 (TEMP-2000)^2/2^5, nothing more below -15 degC.
+  SENS2 = 63 (TEMP-2000)^2/2^5, and no further term below -15 degC.
 """
 
 from collections.abc import Callable
@@ -19,8 +19,8 @@ from flightpower.hw_fakes.sample_blocks import SampleBlocks
 from flightpower.sim.sensor_truth import SensorTruth
 
 RESET, READ_ADC, CONVERT_D1, CONVERT_D2, READ_PROM = 0x1E, 0x00, 0x40, 0x50, 0xA0
-RELOAD_NS = 2_800_000  # PROM into the registers after a reset (MS5611 datasheet fig. 2)
-# Conversion time, typical and at most [ns], by oversampling code 0, 2, 4 … (MS5611 datasheet p. 3).
+RELOAD_NS = 2_800_000  # time to load the PROM into the registers after a reset (MS5611 datasheet fig. 2)
+# Typical and longest conversion time [ns] by oversampling code 0, 2, 4 … (MS5611 datasheet p. 3).
 CONVERSION_NS = {
     0x0: (540_000, 600_000),
     0x2: (1_060_000, 1_170_000),
@@ -31,7 +31,7 @@ CONVERSION_NS = {
 }
 FULL_COUNT = 2**24 - 1
 PRESSURE_GRID_S = 1e-3
-TEMPERATURE_GRID_S = 0.1  # temperature changes slowly
+TEMPERATURE_GRID_S = 0.1  # step of temperature, which changes slowly
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class MS56xxType:
     off_shift: int  # OFF = C2 2^off_shift + C4 dT / 2^(23 - off_shift)
     sens_shift: int  # SENS = C1 2^sens_shift + C3 dT / 2^(23 - sens_shift)
     cold: SecondOrder
-    colder_off: float  # times (TEMP + 1500)^2 below -15 degC
+    colder_off: float  # factor of (TEMP + 1500)^2 below -15 degC
     colder_sens: float
     oversampling: tuple[int, ...]
 
@@ -71,7 +71,7 @@ MS5611 = MS56xxType(
     colder_sens=11 / 2,
     oversampling=(0x0, 0x2, 0x4, 0x6, 0x8),
 )
-# Sold on boards for an MS5611 (MS5607-02BA03 datasheet p. 8 and 9): other scale factors, the same memory.
+# Sold on boards meant for an MS5611 (MS5607-02BA03 datasheet p. 8 and 9): other scale factors, same memory.
 MS5607 = MS56xxType(
     typical=(46372, 43981, 29059, 27842, 31553, 28165),
     prom_words=8,
@@ -99,7 +99,7 @@ MS5805 = MS56xxType(
 
 
 def crc4(words: list[int]) -> int:
-    """CRC-4 over the words' bytes as they are given (AN520 p. 5): the CRC's own place must be zero."""
+    """CRC-4 over the words' bytes (AN520 p. 5); the CRC's own bits must be zero in `words`."""
     remainder = 0
     for word in words:
         for byte in (word >> 8, word & 0xFF):
@@ -111,7 +111,7 @@ def crc4(words: list[int]) -> int:
 
 
 def draw_prom(part: MS56xxType, seed: int) -> list[int]:
-    """PROM words with coefficients scattered 3 % (1 sigma) around the typical ones, and a CRC that fits."""
+    """Draw PROM words with coefficients scattered by 3 % (1 sigma) about the typical ones, and a matching CRC."""
     draw = np.random.default_rng(seed)
     words = [0] * 8
     words[0] = int(draw.integers(1, 0x1000))
@@ -128,7 +128,7 @@ def temperature_counts(part: MS56xxType, prom: list[int], temperature_K: float) 
     centi_degC = 100 * (temperature_K - 273.15)
     slope = c6 / 2**23
     dT = (centi_degC - 2000) / slope
-    if centi_degC < 2000:  # 2000 + slope dT - t2 dT^2 = wanted, the root near the first-order one
+    if centi_degC < 2000:  # solve 2000 + slope dT - t2 dT^2 = wanted for the root near the first-order root
         t2 = part.cold.t2
         dT = (slope - sqrt(slope**2 - 4 * t2 * (centi_degC - 2000))) / (2 * t2)
     return _clip(round(dT + c5 * 2**8))
@@ -161,7 +161,7 @@ class FakeMS56xx:
     `sensor_truth` [ns]. seed: draws the coefficients and the conversion time, between typical and worst case.
     powered_ns: when its supply came on, on that clock.
 
-    A conversion gives the pressure in the middle of its time; the part does not average.
+    A conversion gives the pressure at the middle of its duration; the part does not average.
     """
 
     def __init__(
@@ -187,7 +187,7 @@ class FakeMS56xx:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply off and on."""
+        """Switch the supply off and on."""
         self._ready_ns = at_ns + RELOAD_NS
         self._conversion: tuple[int, int, int] | None = None  # command, start, end
         self._spoilt = False
@@ -221,7 +221,7 @@ class FakeMS56xx:
         return self.read(count)
 
     def _start(self, command: int, now_ns: int) -> None:
-        """A conversion started within another one gives a wrong result (MS5611 datasheet p. 11)."""
+        """Start a conversion. If it starts during another, its result is wrong (MS5611 datasheet p. 11)."""
         self._spoilt = self._conversion is not None and now_ns < self._conversion[2]
         self._conversion = (command, now_ns, now_ns + self.conversion_ns(command & 0x0F))
 
@@ -231,7 +231,7 @@ class FakeMS56xx:
         return round(typical_ns + self._slowness * (worst_ns - typical_ns))
 
     def _adc(self, now_ns: int) -> int:
-        """The result, once. Zero when there is none; read too early also spoils it (MS5611 datasheet p. 11)."""
+        """The result, readable once; zero if there is none. Reading too early spoils it (MS5611 datasheet p. 11)."""
         if self._conversion is None:
             return 0
         command, start_ns, end_ns = self._conversion

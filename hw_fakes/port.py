@@ -1,16 +1,16 @@
-"""A serial line between a part and a computer: bytes arrive one after another at the baud rate."""
+"""A fake serial line between a part and a computer, on which bytes arrive one after another at the baud rate."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
-BITS_PER_BYTE = 10  # start, eight data, stop
+BITS_PER_BYTE = 10  # start, eight data bits, stop
 RECEIVE_BUFFER = 4095  # bytes the kernel keeps for a slow reader (N_TTY)
 TRANSMIT_BUFFER = 4096  # bytes a part keeps for a slow line; a message that does not fit is lost
 
 
 class SerialDevice(Protocol):
-    """A part with a serial line. It computes what it has sent at each call; nothing runs in the background."""
+    """A part with a serial line. It computes at each call what it has sent; nothing runs in the background."""
 
     @property
     def baud(self) -> int:
@@ -20,11 +20,11 @@ class SerialDevice(Protocol):
         """Messages whose sending began after the last call and up to `until_ns`: (time [ns], bytes), in order."""
 
     def receive(self, data: bytes, at_ns: int) -> None:
-        """`data` has arrived at `at_ns`."""
+        """Receive `data`, which arrived at `at_ns`."""
 
 
 class FakePort:
-    """The computer's end; satisfies `daq.bus.BytePort`.
+    """The computer's end of the line; satisfies `daq.bus.BytePort`.
 
     now_ns: gives the time since the start of the simulation [ns]. Bytes sent before the port was opened are lost.
     At a baud rate other than the part's, both sides receive garbled bytes.
@@ -35,12 +35,12 @@ class FakePort:
         self.baud = baud
         self._now_ns = now_ns
         self._opened_ns = now_ns()
-        self._under_way: deque[tuple[int, bytes]] = deque()  # first bit [ns], bytes
+        self._under_way: deque[tuple[int, bytes]] = deque()  # time of the first bit [ns], and the bytes
         self._line_free_ns = 0
         self._received = bytearray()
 
     def read_available(self) -> bytes:
-        """What has arrived since the last call, perhaps nothing; never waits."""
+        """The bytes that have arrived since the last call, perhaps none; never waits."""
         now_ns = self._now_ns()
         self.collect(now_ns)
         byte_ns = BITS_PER_BYTE * 1e9 / self._device.baud
@@ -57,7 +57,7 @@ class FakePort:
         return taken if self.baud == self._device.baud else garbled(taken)
 
     def collect(self, until_ns: int) -> None:
-        """Move what the part sends up to `until_ns` to the line."""
+        """Move the bytes that the part sends up to `until_ns` to the line."""
         byte_ns = BITS_PER_BYTE * 1e9 / self._device.baud
         for sent_ns, data in self._device.output(until_ns):
             start_ns = max(sent_ns, self._line_free_ns)
@@ -72,5 +72,5 @@ class FakePort:
 
 
 def garbled(data: bytes) -> bytes:
-    """`data` as received at a wrong baud rate: other bytes, the same each time."""
+    """`data` as received at a wrong baud rate: different bytes, but the same each time."""
     return bytes((byte * 167 + 89) & 0xFF for byte in data)

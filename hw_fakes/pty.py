@@ -1,4 +1,4 @@
-"""A fake serial part on a real pseudo-terminal, in real time, for pyserial and for other processes."""
+"""Serves a fake serial part on a real pseudo-terminal, in real time, for pyserial and other processes."""
 
 import os
 import select
@@ -23,10 +23,11 @@ class SerialPort(Protocol):
 
 
 class PtyServer:
-    """Serves `port` on a pseudo-terminal until closed; `path` is what to open.
+    """Serves `port` on a pseudo-terminal until closed; `path` is the path to open.
 
     The baud rate is set by whoever opens the path, as on a real line. Bytes that are not read in time are lost, as
-    when the kernel's buffer of a real line is full. Use it as a context manager. The part's clock must run by itself.
+    when the kernel's buffer of a real line is full. Use it as a context manager. The part's clock must advance by
+    itself.
     """
 
     def __init__(self, port: SerialPort):
@@ -48,7 +49,7 @@ class PtyServer:
         self.close()
 
     def close(self) -> None:
-        """Stop serving; an open line then reads as unplugged."""
+        """Stop serving; an open line then behaves as if unplugged."""
         if not self._stop.is_set():
             self._stop.set()
             self._thread.join()

@@ -1,11 +1,11 @@
-"""Recordings of real parts (`daq run --record-bus`) played back to a driver, byte by byte.
+"""Plays recordings of real parts (`daq run --record-bus`) back to a driver, byte by byte.
 
     recording = load_recording("bench.jsonl")
     for turn in replay(recording, "imu", make):
         turn.samples, turn.failure
 
-`make` takes the recorded buses and makes the driver. Any access of the driver that differs from the next recorded one
-raises `RecordingMismatch`. A transfer that failed in the recording fails again.
+`make` makes the driver on the recorded buses. Any access of the driver that differs from the next recorded one raises
+`RecordingMismatch`. A transfer that failed in the recording fails again.
 """
 
 from collections.abc import Callable, Iterator
@@ -18,11 +18,11 @@ import msgspec
 from flightpower.flight.errors import InputError
 
 FORMAT = "flightpower-bus-recording-1"  # described in daq/bus_recording.py
-REPLY = ("t_ns", "received", "errno", "error")  # keys of a line with the result; the others describe the access
+REPLY = ("t_ns", "received", "errno", "error")  # keys of a line's result; other keys describe the access
 
 
 class RecordingMismatch(AssertionError):
-    """The driver did not do what was recorded."""
+    """The driver's access differs from the recorded access."""
 
 
 class EndOfRecording(Exception):
@@ -31,7 +31,7 @@ class EndOfRecording(Exception):
 
 @dataclass(frozen=True)
 class RecordedTransfers:
-    """A recording. tray, aircraft: texts of the files; lines: by sensor, in order."""
+    """A recording. tray, aircraft: texts of the files; lines: the lines by sensor, in order."""
 
     tray: str
     aircraft: str | None
@@ -39,7 +39,7 @@ class RecordedTransfers:
 
 
 def load_recording(path: str | Path) -> RecordedTransfers:
-    """Raises InputError when the file cannot be read or is not a recording. A torn last line is ignored."""
+    """Load a recording. Raises InputError if it cannot be read or is no recording. A torn last line is ignored."""
     try:
         first, *others = Path(path).read_bytes().splitlines(keepends=True)
         head = msgspec.json.decode(first)
@@ -57,7 +57,7 @@ def load_recording(path: str | Path) -> RecordedTransfers:
 
 
 class Playback:
-    """The lines of one sensor, in order."""
+    """Plays the lines of one sensor, in order."""
 
     def __init__(self, lines: list[dict[str, Any]]):
         self._lines = lines
@@ -68,9 +68,9 @@ class Playback:
         return self._lines[self._next] if self._next < len(self._lines) else None
 
     def play(self, **done: Any) -> dict[str, Any]:
-        """The next line, which must describe what is `done` now.
+        """Return the next line, which must describe the access `done` now.
 
-        Raises RecordingMismatch when it does not, EndOfRecording after the last line, and the OSError that the line
+        Raises RecordingMismatch if it does not, EndOfRecording after the last line, and the OSError that the line
         records.
         """
         line = self.peek()
@@ -101,7 +101,7 @@ class ReplayBuses:
 
 
 class ReplayBus:
-    """Satisfies `daq.bus.I2CBus`."""
+    """A recorded bus; satisfies `daq.bus.I2CBus`."""
 
     def __init__(self, playback: Playback):
         self._playback = playback
@@ -118,7 +118,7 @@ class ReplayBus:
 
 
 class ReplayPort:
-    """Satisfies `daq.bus.BytePort`."""
+    """A recorded port; satisfies `daq.bus.BytePort`."""
 
     def __init__(self, playback: Playback):
         self._playback = playback
@@ -133,7 +133,7 @@ class ReplayPort:
 class ReplayedReading(NamedTuple):
     """One reading of the driver: its samples, or the exception it raised (also while it was made or started)."""
 
-    now_ns: int | None  # None for a start that failed
+    now_ns: int | None  # None if the start failed
     samples: list[Any]
     failure: Exception | None
 
@@ -141,7 +141,7 @@ class ReplayedReading(NamedTuple):
 def replay(recording: RecordedTransfers, sensor: str, make: Callable[[ReplayBuses], Any]) -> Iterator[ReplayedReading]:
     """Play the recording of `sensor` back to its driver; raises RecordingMismatch where the driver differs from it.
 
-    make: from buses to a driver (`daq.sensors.Sensor`), called wherever the recording made one.
+    make: makes a driver (`daq.sensors.Sensor`) on the given buses; it is called wherever the recording made one.
     """
     playback = Playback(recording.lines.get(sensor, []))
     buses = ReplayBuses(playback)

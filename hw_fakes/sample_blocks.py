@@ -1,7 +1,7 @@
-"""Physical values on a part's own sampling grid, fetched many at a time.
+"""Fetches physical values on a part's own sampling grid, many at a time.
 
-`sim.sensor_truth.SensorTruth` is a pure function of time, so values may be fetched early. Fetching them one at a time
-would cost a hundred times as much.
+`sim.sensor_truth.SensorTruth` is a pure function of time, so values may be fetched early. Fetching them one by one
+would take a hundred times as long.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from flightpower.flight.arrays import Array
 class SampleBlocks:
     """Rows of `fetch(t_s)` for t_s = origin_s + k period_s, k = 0, 1, …, fetched `length` rows at a time.
 
-    fetch: from instants (n,) to rows (n, …), one row an instant. The two newest blocks are kept.
+    fetch: gives rows (n, …) for instants (n,), one row per instant. The two newest blocks are kept.
     """
 
     def __init__(self, fetch: Callable[[Array], np.ndarray], period_s: float, origin_s: float = 0.0, length: int = 256):
@@ -37,7 +37,7 @@ class SampleBlocks:
             return self._block(block)[offset : offset + stop - first]
         boundary = (block + 1) * self._length
         head = self._block(block)[offset:]
-        return np.concatenate([head, self.rows(boundary, stop)], dtype=head.dtype)  # or the byte order would be lost
+        return np.concatenate([head, self.rows(boundary, stop)], dtype=head.dtype)  # dtype preserves the byte order
 
     def _block(self, number: int) -> np.ndarray:
         if number not in self._blocks:

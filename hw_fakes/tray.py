@@ -34,15 +34,16 @@ ADDRESSES = {
     "beta": 0x46,
     "airspeed": 0x28,
 }
-# Optional parts of a tray. The schedule of faults does not name them.
+# Optional parts of a tray, which cannot have scheduled faults.
 POWER_MONITOR_ADDRESS, ANALOG_ADDRESS = 0x40, 0x48
-ANALOG_DIVIDER = 11.0  # input 0 of the converter is the battery's voltage through a divider, the others are grounded
+ANALOG_DIVIDER = 11.0  # divider of the battery's voltage for input 0 of the converter; other inputs are grounded
 Device = TypeVar("Device")
 UTC_AT_START = datetime(2016, 5, 14, 9, 30, tzinfo=UTC)
 
 
 class TrayClock(Protocol):
-    """The part of a clock that the tray uses; `hw_fakes.clock.SimulatedClock` and `daq.clock.SystemClock` have it.
+    """The part of a clock's interface that the tray uses, as in `hw_fakes.clock.SimulatedClock` and
+    `daq.clock.SystemClock`.
 
     If the clock has `advance_ns`, it is called with the duration of each bus transfer.
     """
@@ -52,13 +53,13 @@ class TrayClock(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class TrayVariant:
-    """What differs between two trays.
+    """The properties in which trays differ.
 
     powered_for_s: how long the parts have had power; a Pi takes some 20 s to boot, so the parts have started before the
-    daemon reads them. pole_pairs: of the motor. utc_at_start: true UTC now, as GPS time gives it. geoid_m: height of
-    the geoid above the ellipsoid. rpm_with_crc: the pulse counter sends the frames with CRC. gps_on_i2c: the receiver
-    is on the I2C bus, not on its serial line. gps_m10: it is of the generation M10.
-    ms5607: the barometer in the fuselage is an MS5607.
+    daemon reads them. pole_pairs: of the motor. utc_at_start: true UTC at the start, as GPS time gives it. geoid_m:
+    height of the geoid above the ellipsoid. rpm_with_crc: whether the pulse counter sends the frames with CRC.
+    gps_on_i2c: whether the receiver is on the I2C bus instead of its serial line. gps_m10: whether it is of the
+    generation M10. ms5607: whether the barometer in the fuselage is an MS5607.
     """
 
     powered_for_s: float = 20.0
@@ -74,9 +75,9 @@ class TrayVariant:
 class FakeTray:
     """The sensors of the default tray; satisfies `daq.bus.Buses`.
 
-    sensor_truth: physical inputs of the sensors; its time 0 is now. clock: gives the time. seed: draws what differs
-    between two parts of a kind (coefficients, trim, clock errors). faults: what fails, and when; raises InputError for
-    a fault that the device cannot have.
+    sensor_truth: physical inputs of the sensors; its time 0 is now. clock: gives the time. seed: draws the differences
+    between parts of one kind (coefficients, trim, clock errors). faults: scheduled faults; raises InputError for a
+    fault that the device cannot have.
     """
 
     def __init__(
@@ -162,11 +163,11 @@ class FakeTray:
         self.serial_devices: dict[str, SerialDevice] = {device: getattr(self, name) for name, device in ports.items()}
 
     def i2c(self, device: str) -> I2CBus:
-        """The bus of that device name; raises FileNotFoundError as the system would."""
+        """The bus with this device name; raises FileNotFoundError as the system would."""
         return _present(self.buses, device)
 
     def port(self, device: str, baud: int) -> FakePort | FaultyPort:
-        """The serial line of that device name, opened now; raises FileNotFoundError as the system would."""
+        """Open the serial line with this device name; raises FileNotFoundError as the system would."""
         part = _present(self.serial_devices, device)
         name = next(name for name, path in PORTS.items() if path == device)
         faults = [fault for fault in self._faults if fault.device == name]

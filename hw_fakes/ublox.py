@@ -1,6 +1,6 @@
-"""u-blox M8 on its serial or I2C port: UBX navigation solutions, NMEA sentences until disabled, and configuration.
+"""A fake u-blox M8 on its serial or I2C port: UBX navigation solutions, NMEA sentences until disabled, configuration.
 
-Sections are those of the u-blox 8 / M8 receiver description including protocol specification (UBX-13003221).
+Section numbers refer to the u-blox 8 / M8 receiver description including protocol specification (UBX-13003221).
 """
 
 import struct
@@ -25,10 +25,10 @@ NAV_PVT, CFG_PRT, CFG_MSG, CFG_RST, CFG_RATE, CFG_CFG, CFG_NAV5, MON_VER = (
     0x24,
     0x04,
 )
-ACCEPTED_UNREAD = {(CFG, i) for i in (CFG_CFG, 0x16, 0x23, 0x3B, 0x3E, 0x86)}  # no effect on what we send
+ACCEPTED_UNREAD = {(CFG, i) for i in (CFG_CFG, 0x16, 0x23, 0x3B, 0x3E, 0x86)}  # no effect on the messages sent
 PORTABLE, FIRST_AIRBORNE, DYNAMIC_MODELS = 0, 6, (0, 2, 3, 4, 5, 6, 7, 8)  # CFG-NAV5 dynModel (sec. 32.10.19)
 # u-blox does not publish its filters. Assumed here: velocity follows with a first-order lag unless the dynamic model is
-# airborne. Half a second is a tenth of the shortest run, so that tests of whole flights notice.
+# airborne. Half a second is a tenth of the shortest run, so that tests of whole flights reveal it.
 SMOOTHING_S, SMOOTHING_STEP_S = 0.5, 0.05
 PORT_DDC, PORT_UART1 = 0, 1  # CFG-PRT port numbers
 PROTOCOL_UBX, PROTOCOL_NMEA = 0x01, 0x02  # CFG-PRT protocol masks
@@ -36,9 +36,9 @@ SHORTEST_MEASUREMENT_MS = 50
 GPS_EPOCH = datetime(1980, 1, 6, tzinfo=UTC)
 LEAP_SECONDS = 18  # GPS minus UTC since 2017
 WEEK_MS = 7 * 86400 * 1000
-REPLY_NS = 2_000_000  # from a command to its acknowledgment
+REPLY_NS = 2_000_000  # time from a command to its acknowledgment
 SATELLITES_WITH_FIX, SATELLITES_WITHOUT = 12, 2
-# UBX-MON-VER: software, hardware, extensions; each filled with zeros.
+# UBX-MON-VER: software, hardware, extensions; each is padded with zeros.
 VERSION = b"ROM CORE 3.01 (107888)".ljust(30, b"\0") + b"00080000".ljust(10, b"\0")
 VERSION += b"".join(text.ljust(30, b"\0") for text in (b"FWVER=SPG 3.01", b"PROTVER=18.00", b"GPS;GLO;GAL;BDS"))
 DEFAULT_NMEA = {
@@ -48,7 +48,7 @@ DEFAULT_NMEA = {
     0x03: "GSV",
     0x04: "RMC",
     0x05: "VTG",
-}  # sec. 31.2, once an epoch
+}  # sec. 31.2, sent once per epoch
 
 
 def ubx(message_class: int, message_id: int, payload: bytes) -> bytes:
@@ -77,7 +77,7 @@ class FakeUbloxM8:
     """The receiver on the port that is connected to the computer: UART1, or DDC (I2C, `hw_fakes.ublox`).
 
     utc_at_start: true UTC at time 0. geoid_m: height of the geoid above the ellipsoid. baud: baud rate of the saved
-    configuration (9600 in a new receiver). While `fix_lost` is set, there is no fix.
+    configuration (9600 in a new receiver). While `fix_lost` is set, the receiver has no fix.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class FakeUbloxM8:
         self.power_cycle(powered_ns)
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply off and on: the settings are those of the saved configuration."""
+        """Switch the supply off and on: the settings return to the saved configuration."""
         self.baud = self._kept_baud
         self._protocols_out = PROTOCOL_UBX | PROTOCOL_NMEA
         self._dynamic_model = PORTABLE
@@ -138,7 +138,7 @@ class FakeUbloxM8:
         return rate > 0 and self._epoch % rate == 0
 
     def _solutions(self, t_s: Array) -> np.ndarray:
-        """Rows: valid at, fix, latitude, longitude, height, velocity north east down, accuracies h v speed."""
+        """Rows: time of validity, fix, latitude, longitude, height, velocity north east down, accuracies h v speed."""
         g = self._sensor_truth.gps(t_s)
         velocity = g.velocity_ned_mps if self._dynamic_model >= FIRST_AIRBORNE else self._smoothed_velocity(t_s)
         return np.column_stack(
@@ -156,7 +156,7 @@ class FakeUbloxM8:
         )
 
     def _smoothed_velocity(self, t_s: Array) -> Array:
-        """The true velocity through a lag of SMOOTHING_S, (n, 3) north east down."""
+        """The true velocity with a lag of SMOOTHING_S, (n, 3): north, east, down."""
         ages_s = np.arange(0, 6 * SMOOTHING_S, SMOOTHING_STEP_S)
         weights = np.exp(-ages_s / SMOOTHING_S)
         earlier = self._sensor_truth.gps(np.maximum(t_s[:, None] - ages_s, 0.0).ravel()).velocity_ned_mps
@@ -164,7 +164,7 @@ class FakeUbloxM8:
         return smoothed
 
     def _time(self, valid_at_s: float) -> tuple[datetime, int, int]:
-        """UTC to the nearest second, the nanoseconds to it, and the GPS time of week [ms]."""
+        """UTC rounded to a second, the remaining nanoseconds, and the GPS time of week [ms]."""
         utc = self._utc_at_start + timedelta(microseconds=round(valid_at_s * 1e6))
         second = (utc + timedelta(milliseconds=500)).replace(microsecond=0)
         gps = utc - GPS_EPOCH + timedelta(seconds=LEAP_SECONDS)
@@ -257,7 +257,7 @@ class FakeUbloxM8:
             if len(self._received) < 8:
                 return
             length = int.from_bytes(self._received[4:6], "little")
-            if length > 1024:  # no command is so long: these were not sync characters
+            if length > 1024:  # no command is this long, so these were not sync characters
                 del self._received[:2]
                 continue
             if len(self._received) < 8 + length:
@@ -290,7 +290,7 @@ class FakeUbloxM8:
             self._replies.append((reply_ns, answer))
 
     def _configure_port(self, payload: bytes, at_ns: int) -> bool:
-        """UBX-CFG-PRT (sec. 32.10.25): 20 bytes set, 0 or 1 byte polls."""
+        """UBX-CFG-PRT (sec. 32.10.25): 20 bytes set the port; 0 or 1 byte polls it."""
         if len(payload) in (0, 1):
             protocols = struct.pack("<HHHxx", PROTOCOL_UBX | PROTOCOL_NMEA, self._protocols_out, 0)
             settings = struct.pack("<BxHII", self._port_id, 0, self._mode(), self._baud_setting()) + protocols
@@ -305,7 +305,7 @@ class FakeUbloxM8:
         return True
 
     def _mode(self) -> int:
-        """8N1, or the address on the bus in bits 1 to 7."""
+        """The port's mode: 8N1, or the address on the bus in bits 1 to 7."""
         return 0x42 << 1 if self._port_id == PORT_DDC else 0x000008D0
 
     def _baud_setting(self) -> int:
@@ -330,7 +330,8 @@ class FakeUbloxM8:
         return True
 
     def _configure_navigation(self, payload: bytes, at_ns: int) -> bool:
-        """UBX-CFG-NAV5 (sec. 32.10.19): 36 bytes set what their mask names, none polls. Only the model acts."""
+        """UBX-CFG-NAV5 (sec. 32.10.19): 36 bytes set the settings in their mask, none polls. Only the model has
+        effect."""
         if not payload:
             settings = struct.pack("<HBB32x", 0xFFFF, self._dynamic_model, 3)
             self._replies.append((at_ns + REPLY_NS, ubx(CFG, CFG_NAV5, settings)))
@@ -358,9 +359,9 @@ class FakeUbloxM8:
 
 
 VALSET, VALGET, IN_RAM = 0x8A, 0x8B, 0x01
-VALUE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4}  # by bits 28 to 30 of a key (UBX-21035062 sec. 5.2)
+VALUE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4}  # size by bits 28 to 30 of a key (UBX-21035062 sec. 5.2)
 KEY_BAUD, KEY_MODEL, KEY_MEASUREMENT, KEY_NAVIGATION = 0x40520001, 0x20110021, 0x30210001, 0x30210002
-# Keys that differ by port: NAV-PVT, UBX and NMEA out.
+# Keys that differ by port: NAV-PVT, and output of UBX and NMEA.
 KEYS_PVT = {PORT_DDC: 0x20910006, PORT_UART1: 0x20910007}
 KEYS_UBX, KEYS_NMEA = {PORT_DDC: 0x10720001, PORT_UART1: 0x10740001}, {PORT_DDC: 0x10720002, PORT_UART1: 0x10740002}
 KEYS_WITHOUT_EFFECT = frozenset({0x20210003})  # CFG-RATE-TIMEREF
@@ -369,7 +370,7 @@ VERSION_M10 += b"".join(text.ljust(30, b"\0") for text in (b"FWVER=SPG 5.10", b"
 
 
 class FakeUbloxM10(FakeUbloxM8):
-    """The receiver of the generation M10 (u-blox M10 SPG 5.10 interface description, UBX-21035062).
+    """A receiver of the generation M10 (u-blox M10 SPG 5.10 interface description, UBX-21035062).
 
     It refuses the configuration messages of the M8, and is configured by keys: CFG-VALSET and CFG-VALGET (sec. 3.10).
     """
@@ -386,7 +387,7 @@ class FakeUbloxM10(FakeUbloxM8):
             super()._command(message_class, message_id, payload, at_ns)
 
     def _set_values(self, payload: bytes, at_ns: int) -> bool:
-        """All values or, where one key is not known, none."""
+        """Set all values, or none of them if one key is unknown."""
         values, rest = {}, payload[4:]
         while len(rest) > 4:
             key = int.from_bytes(rest[:4], "little")
@@ -434,13 +435,13 @@ def _degrees_minutes(angle_deg: float, digits: int, letters: str) -> str:
     return f"{int(degrees):0{digits}d}{minutes:08.5f},{letters[angle_deg < 0]}"
 
 
-# The I2C side ("DDC"): the stream of the messages behind three register addresses (section "DDC port"). Clock
-# stretching by the receiver is not simulated.
+# The I2C side ("DDC") has the stream of messages behind three register addresses (section "DDC port"). Clock stretching
+# by the receiver is not simulated.
 DDC_ADDRESS = 0x42
 WAITING_HIGH, WAITING_LOW, STREAM = 0xFD, 0xFE, 0xFF
-NOTHING = 0xFF  # value of a register without content
-BUFFER_BYTES = 4096  # of waiting messages; a message that does not fit is lost
-EMPTIED_AFTER_NS = 1_500_000_000  # without any access the buffer is cleared (CFG-PRT, extendedTxTimeout not set)
+NOTHING = 0xFF  # value read from a register without content
+BUFFER_BYTES = 4096  # size of waiting messages; a message that does not fit is lost
+EMPTIED_AFTER_NS = 1_500_000_000  # of no access clear the buffer (CFG-PRT, extendedTxTimeout not set)
 
 
 class FakeUbloxDdc:
@@ -454,13 +455,13 @@ class FakeUbloxDdc:
         self._touched_ns: float = float("-inf")
 
     def power_cycle(self, at_ns: int) -> None:
-        """Supply off and on."""
+        """Switch the supply off and on."""
         self._receiver.power_cycle(at_ns)
         self._register = STREAM
         self._waiting.clear()
 
     def write(self, data: bytes) -> None:
-        """One byte selects a register; more bytes go to the receiver as part of its input stream."""
+        """Receive a write: one byte selects a register; more bytes go to the receiver as part of its input stream."""
         self._catch_up()
         if len(data) == 1:
             self._register = data[0]
@@ -468,7 +469,7 @@ class FakeUbloxDdc:
             self._receiver.receive(data, self._now_ns())
 
     def read(self, count: int) -> bytes:
-        """Read from the selected register on; the stream register, selected after power-on, stays selected."""
+        """Read from the selected register on. The stream register, which power-on selects, stays selected."""
         self._catch_up()
         length = len(self._waiting).to_bytes(2, "big")
         reply = bytearray()
