@@ -39,14 +39,14 @@ daq=${DAQ:-$prefix/bin/daq}
 if [ -z "$root" ] && [ $install_program = yes ]; then
     [ -x $prefix/bin/python ] || python3 -m venv $prefix
     if [ -n "$wheels" ]; then
-        # --force-reinstall: a newer wheel may have the same version number. Its dependencies stay where they suffice.
+        # --force-reinstall: a newer wheel may have the same version number. Its dependencies stay if they suffice.
         $prefix/bin/pip install --quiet --no-index --find-links "$wheels" --upgrade flightpower
         $prefix/bin/pip install --quiet --no-index --find-links "$wheels" --no-deps --force-reinstall flightpower
     else
         $prefix/bin/pip install --quiet --upgrade "$(dirname "$here")"
     fi
-    # What the daemon never loads takes 100 MB of the card: the other dialects of MAVLink, zstandard's second
-    # implementation, the parser of pymavlink's generator, and setuptools.
+    # Remove 100 MB that the daemon never loads: the other dialects of MAVLink, zstandard's second implementation, the
+    # parser of pymavlink's generator, and setuptools.
     packages=$(echo $prefix/lib/python3*/site-packages)
     find "$packages/pymavlink/dialects" -type f ! -name __init__.py ! -path '*/v20/ardupilotmega*' -delete
     find "$packages/zstandard" "$packages/lxml" -type f \( -name '_cffi*.so' -o -path '*/lxml/*.so' \) -delete
@@ -57,7 +57,7 @@ if ! [ -x "$daq" ]; then
     exit 1
 fi
 
-# A tray file that is wrong, or one that it names, is told before the service is stopped for it.
+# An error in the tray file, or in a file that it names, is reported before the service is stopped.
 if [ $install_program = no ] && [ -e "$root/etc/flightpower/tray.toml" ]; then
     "$daq" config --check "$root/etc/flightpower/tray.toml" >/dev/null
 fi

@@ -42,7 +42,7 @@ if [ ! -e "$tray" ]; then
     echo "$tray is the example tray: edit it, then run ${AGAIN:-flightpower-tray}"
 fi
 
-# A tray file that is wrong, or one that it names, is told before the service is stopped for it.
+# An error in the tray file, or in a file that it names, is reported before the service is stopped.
 [ $restart = no ] || "$daq" config --check "$tray" >/dev/null
 # The sandbox permits only the devices of this tray.
 "$daq" config --unit "$tray" > "$dropin/tray.conf.new"

@@ -29,7 +29,7 @@ rm -f "$root/etc/udev/rules.d/60-flightpower.rules"
 rm -f "$root/usr/lib/sysusers.d/flightpower.conf"
 
 if [ "${1:-}" = "--purge-tray" ]; then
-    # What the commands have made; the user's own calibrations and aircraft files stay.
+    # These files were made by the commands; the user's own calibrations and aircraft files stay.
     for name in tray.toml zero.json check.json; do
         rm -f "$root/etc/flightpower/$name"
     done
