@@ -69,7 +69,7 @@ class Zero(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class NotStill(Exception):
-    """The readings are not those of an aircraft at rest. The message has a line for each reason, with advice."""
+    """The readings do not fit an aircraft at rest. The message has a line for each reason, with advice."""
 
 
 def zero_from_samples(samples: Iterable[Sample], *, ticks: int, seconds: float, unix_ns: int) -> Zero:

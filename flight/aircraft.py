@@ -112,8 +112,7 @@ class PneumaticLine:
 
 @dataclass(frozen=True, kw_only=True)
 class ProbeInstallation:
-    """Installation of the five-port probe: position of its tip, upwash at the tip, bending of its boom, pneumatic
-    lines.
+    """Installation of the five-port probe: position of its tip, upwash there, bending of its boom, pneumatic lines.
 
     The defaults are those of a probe on the nose of a small aircraft; `analysis.methods.assumed_values` has their
     standard deviations.
@@ -195,7 +194,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, kw_only=True)
 class Installation:
-    """An installation of probe, tubes and tray. Flights that share an installation name were made without moving any of
+    """An installation of probe, tubes and tray. Flights with the same installation name were made without moving any of
     these.
 
     accelerometer_offset_mps2, accelerometer_scale_fraction : the accelerometers' readings at zero force, and the

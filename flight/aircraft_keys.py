@@ -1,5 +1,4 @@
-"""Every key of the aircraft file, with an example, its meaning, how to measure it, its users, and the default without
-it.
+"""Every key of the aircraft file, with example, meaning, way to measure it, users, and the default without it.
 
 Messages, the template of `flightpower new aircraft` and a page of the site are made from this list;
 `python -m flightpower.flight.aircraft_keys` prints the tables of that page.
@@ -12,7 +11,7 @@ SURFACES, LINES = ("elevator", "aileron", "rudder"), ("alpha", "beta", "airspeed
 
 
 class Key(NamedTuple):
-    """example : as in the file     without : what happens where the key is missing; "" where it is required"""
+    """example : as written in the file     without : consequence if the key is missing; "" if it is required"""
 
     example: str
     meaning: str

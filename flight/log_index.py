@@ -69,7 +69,7 @@ class LogIndex:
     def end_of_file(self, offset: int) -> list[bytes | bytearray]:
         """The bytes that follow the last record, which ends at `offset`: end of data, summary, footer, magic bytes.
 
-        They come in pieces, because joining the index of an hour would take longer than a tick. Do not call `add`
+        They come in pieces, because joining an hour's index would take longer than a tick. Do not call `add`
         afterwards.
         """
         self._close_chunk()

@@ -210,7 +210,7 @@ class Comparison(enum.StrEnum):
     ANGLE_OF_ATTACK = "angle of attack"  # angle of attack with attitude minus flight-path angle
     BAROMETERS = "barometers"  # the barometers with each other
     MOTOR = "motor speed"  # motor speed with the current
-    GPS = "GPS"  # the receiver's fix, accuracy and dynamic model with what is needed
+    GPS = "GPS"  # the receiver's fix, accuracy and dynamic model with the requirements
     SECOND_SENSORS = "second sensors"  # second sensors with the first of their kind
 
 

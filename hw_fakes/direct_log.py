@@ -118,7 +118,7 @@ IMU = mpu9250.Sampling(
     accel_count_mps2=mpu9250.accel_count_mps2(2),
     stride=5,
 )
-MAG_TICK = 16  # the magnetometer's first measurement begins in tick 17
+MAG_TICK = 16  # the magnetometer's first measurement begins in the seventeenth tick
 MAG_PERIOD_NS, MAG_T = ak8963.PERIOD_NS[ak8963.CONTINUOUS_100_HZ], ak8963.FULL_SCALE_T / ak8963.FULL_SCALE_COUNTS
 # The drivers wait for the slowest part at the highest oversampling. Once a second they read temperature instead of
 # pressure.

@@ -18,7 +18,7 @@ VIBRATION_REVPS = 100.0
 class Defects:
     """The defects of an installation. A default value means that there is no such defect.
 
-    poles, poles_entered : magnets of the motor, and what its user entered: motor speed is wrong by their ratio
+    poles, poles_entered : number of the motor's magnets, and the number entered: motor speed is wrong by their ratio
     pulses_lost, pulses_lost_above_revps : share of the motor's pulses that are not counted, above this speed
     vibration_offset_x_mps2 … : offset of the accelerometer by vibration at 100 rev/s; it grows with the speed squared
     imu_gyro_scale, imu_accelerometer_scale : fraction by which the IMU's rates and specific force read high on all axes

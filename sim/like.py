@@ -25,11 +25,11 @@ def scaled_from(text: str, where: str, model: CompleteAircraft) -> CompleteAircr
 
     Lengths grow with the span, moments of inertia with weight times span squared. Aerodynamic coefficients, angles of
     surfaces and battery voltage are those of the model, but the induced drag K = 1/(pi e AR) has the file's aspect
-    ratio and the model's e. The motor's speed keeps or exceeds the model's ratio of thrust to weight, n^2 D^4 / W, and
-    its ratio of the speed of zero thrust to the stalling speed, n D J / sqrt(W/S). Its currents and the battery's
-    energy grow in proportion to the propeller's power, n^3 D^5, and its resistances fall in proportion. The aircraft's
-    text, which is attached to the log, lists in comments which keys are scaled. `where` names the file in the
-    InputErrors that are raised.
+    ratio and the model's e. The motor turns fast enough to give at least the model's ratio of thrust to weight, n^2 D^4
+    / W, and its ratio of the speed of zero thrust to the stalling speed, n D J / sqrt(W/S). Its currents and the
+    battery's energy grow in proportion to the propeller's power, n^3 D^5, and its resistances fall in proportion. The
+    aircraft's text, which is attached to the log, lists in comments which keys are scaled. `where` names the file in
+    the InputErrors that are raised.
     """
     own = parse_aircraft(text, where)
     scaled = _scaled(own, model)

@@ -1,4 +1,4 @@
-"""The folder of a simulated flight: which files it holds, and what must not be replaced there."""
+"""Writes the folder of a simulated flight, and protects the files that must not be replaced there."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress

@@ -23,7 +23,7 @@ Row = Mapping[str, Any]
 
 
 def write_telemetry(path: Path, kinds: Sequence[DataflashMessages]) -> None:
-    """Write a recording. Raises OSError where it cannot be written."""
+    """Write a recording. Raises OSError if it cannot be written."""
     senders = {AUTOPILOT: mavlink.MAVLink(None, AUTOPILOT, 1), GROUND_STATION: mavlink.MAVLink(None, GROUND_STATION, 1)}
     pitots = [kind for kind in kinds if kind.name == "ARSP"][:1]
     control = [kind for kind in kinds if kind.name == "CTUN"]
