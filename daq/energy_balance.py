@@ -36,7 +36,7 @@ class PowerInterval(NamedTuple):
 
 
 class EnergyBalance:
-    """Normal equations of the polar. Each window adds some forty products."""
+    """The normal equations of the polar. Each window of a run adds some forty products to their sums."""
 
     def __init__(self, uncertainty: Uncertainty, static_thrust_excess: tuple[float, float] | None = None) -> None:
         """uncertainty: the aircraft file's, with the errors of thrust and airspeed. static_thrust_excess: the property

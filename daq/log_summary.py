@@ -18,7 +18,7 @@ class TopicSummary(NamedTuple):
     topic: str
     messages: int
     rate_Hz: float
-    failures: str  # "no_reply 12, stale 3"; empty when there were none
+    failures: str  # such as "no_reply 12, stale 3"; empty if there were none
 
 
 class Summary(NamedTuple):

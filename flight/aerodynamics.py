@@ -17,7 +17,7 @@ from flightpower.flight.units import read_table
 
 @dataclass(frozen=True, kw_only=True)
 class Aerodynamics:
-    """Coefficients and derivatives, all dimensionless or per radian; [aerodynamics] of an aircraft file."""
+    """Coefficients and derivatives, all dimensionless or per radian: the section [aerodynamics] of an aircraft file."""
 
     CL0: float
     CLa: float
@@ -65,7 +65,7 @@ def drag_coefficient(CL: Number, *, CD0: Number, K: Number, CL_minD: Number) -> 
 
 
 def stalled_fraction(alpha: Number, aero: Aerodynamics) -> Number:
-    """0 in attached flow, 1 when fully separated; a smooth step at the positive and at the negative stall angle."""
+    """A smooth step at the positive and the negative stall angle, from 0 in attached to 1 in fully separated flow."""
     above = np.tanh((alpha - aero.stall_angle_rad) / aero.stall_width_rad)
     below = np.tanh((alpha + aero.stall_angle_rad) / aero.stall_width_rad)
     return 1 + (above - below) / 2

@@ -49,7 +49,7 @@ def records(stream: IO[bytes], allowed: int) -> Iterator[McapRecord | Messages]:
 
 
 def _records(stream: IO[bytes], allowed: int, messages: dict[int, Messages]) -> Iterator[McapRecord | Messages]:
-    """Yield the records; collects the messages of several chunks in `messages`, by channel, before yielding them."""
+    """Yield the records, but first collect the messages of several chunks in `messages`, by channel."""
     _check_magic(stream)
     total = returned = 0
     while True:
