@@ -27,6 +27,7 @@ Q = Quantity
 # Words that show that a name means another quantity: a set point, a servo's supply voltage, one cell, the time of day.
 UNSPECIFIC = r"(?!.*\b(indicated|calibrated|equivalent|ground|demand|desired|target|set ?point|sp|error)\b)"
 PROPULSION = r"(?!.*\b(cells?|servos?|[rt]x|receiver|bec|vcc|board|time|date|state|mode|limit|waypoint|wp|mission)\b)"
+NO_PRESSURE = r"(?!.*\b(temp|temperature|alt|altitude|height|density)\b)"  # named by the port, the level or the air
 VECTOR = r"(.*\.)?v(el|elocity)? {}"  # one component of a vector
 CLIMB = r".*\bclimb( ?rate)?\b.*|vspd|vs|vario|.*\bvertical speed\b.*"  # rates that are positive up
 # Patterns for a column's name, without a unit in brackets and in lower case, by quantity; earlier patterns are better
@@ -50,8 +51,8 @@ NAMES: dict[Quantity, tuple[str, ...]] = {
     Q.STATIC_PRESSURE: (
         r".*static pressure.*",
         r".*\bbaro(meter)? press.*",
-        r".*\b(p static|static|ps)\b.*",
-        r"pressure.*",
+        rf"{NO_PRESSURE}.*\b(p static|static|ps)\b.*",
+        rf"{NO_PRESSURE}pressure.*",
     ),
     Q.HEIGHT: (
         r".*(baro|pressure) (alt|height).*",

@@ -243,6 +243,15 @@ def test_a_draft_reads_short_names_units_in_names_and_a_clock_by_its_course(tmp_
     assert "specific_force_down" not in drafted(tmp_path, rates.iloc[:2000])
 
 
+def test_temperature_and_height_named_by_static_pressure_are_no_pressure(tmp_path: Path) -> None:
+    """288 K are as possible as 288 hPa, and a height of 1000 m as 1000 hPa."""
+    names = {"oat_K": "static_temperature_K", "height_m": "pressure_altitude_m"}
+    result = drafted(tmp_path, TRUE.drop(columns="ps_Pa").rename(columns=names).iloc[:2000])
+    assert "static_pressure" not in result
+    assert result["air_temperature"] == ("static_temperature_K", "K", 1.0)
+    assert result["height"] == ("pressure_altitude_m", "m", 1.0)
+
+
 @pytest.mark.parametrize("unit", ["deg", "rad"])
 def test_small_angles_have_the_unit_of_the_others(tmp_path: Path, unit: str) -> None:
     """A heading of 15 to 25 degrees may be one in radians that has no wraps; a pitch of 2 degrees may not be in
