@@ -46,7 +46,7 @@ def pool_results(results: Sequence[Path | Mapping[str, Any] | Results]) -> Pool:
 
 
 def of_kind(pool: Pool, kind: Kind) -> Pool | None:
-    """Return the pool of the same flights by a kind of power; None if no flight has it. Raises InputError if they
+    """Return a pool of the same flights by another kind of power; None if no flight has it. Raises InputError if they
     cannot be pooled by it.
     """
     if pool.kind is kind or pool.other_kind:

@@ -118,7 +118,7 @@ class FlightForces:
         CL, CD = stability_axes((m * ax - thrust_N) / qS_N, m * az / qS_N, alpha)
         cov_CL_alpha = -m * self.cov_az_alpha / qS_N
         J = V / (n * self.propeller.diameter_m)
-        beyond_N = self.propeller.continuation_error(J, 60 * n) * rho * n**2 * self.propeller.diameter_m**4
+        continuation_N = self.propeller.continuation_error(J, 60 * n) * rho * n**2 * self.propeller.diameter_m**4
         columns = {
             "CL": CL,
             "CD": CD + cov_CL_alpha * np.cos(alpha),
@@ -126,7 +126,7 @@ class FlightForces:
             "qS_over_m_mps2": qS_N / m,
             "thrust_along_V_over_m_mps2": thrust_N * np.cos(alpha) / m,
             THRUST_RATE: np.gradient(without_gaps(thrust_N * np.cos(alpha) / m), self.t_s),
-            "thrust_beyond_over_m_mps2": beyond_N * np.cos(alpha) / m,
+            "thrust_beyond_over_m_mps2": continuation_N * np.cos(alpha) / m,
             "J": J,
             "V": V,
             "alpha": alpha,

@@ -40,7 +40,7 @@ ALONG = ("V", "alpha", "gamma", "climb", "bank", "Vdot", "rho", "J")  # columns 
 
 @dataclass(frozen=True)
 class MethodInputs:
-    """The runs of one flight, and the tables (from `input_tables`) over the rows of the runs to which methods apply.
+    """The runs of one flight, and tables (from `input_tables`) with the rows of those runs that the methods use.
 
     tables : the first is along the trajectory, without corrections; the next are along the trajectory perturbed by each
         independent error of one standard deviation; the next are each corrected for one of `errors`, as if it were one

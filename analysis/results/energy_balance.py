@@ -127,14 +127,14 @@ def against_field_table(
 
     required : points of the curve from which the table is computed; the table's relative interval is at least theirs
     """
-    by_flight, drag = (np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points]).T
+    battery, drag = (np.array([(p.speed_mps, p.power_W, p.power_lo_W, p.power_hi_W) for p in points]).T
                    for points in (electrical.points, required))  # fmt: skip
-    rows = [row for row in table if by_flight[0, 0] <= row.speed_mps <= by_flight[0, -1] and not row.extrapolated]
+    rows = [row for row in table if battery[0, 0] <= row.speed_mps <= battery[0, -1] and not row.extrapolated]
     if not rows:
         return []
     V, table_W = np.array([(row.speed_mps, row.battery_W) for row in rows]).T
     (_, power_W, lo_W, hi_W), (_, drag_W, drag_lo_W, drag_hi_W) = (
-        [np.interp(V, curve[0], values) for values in curve] for curve in (by_flight, drag)
+        [np.interp(V, curve[0], values) for values in curve] for curve in (battery, drag)
     )
     allowed = np.hypot((hi_W - lo_W) / 2 / power_W, (drag_hi_W - drag_lo_W) / 2 / drag_W)
     ratio = np.abs(np.log(power_W / table_W)) / allowed

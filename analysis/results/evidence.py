@@ -250,7 +250,7 @@ def _thrust_deviations(statistics: PoolingStatistics) -> list[_Deviation]:
 
 
 def _kinds_of_runs(compared: RunAgainstOthers | msgspec.UnsetType) -> Iterator[Evidence]:
-    """Compare accelerations with decelerations of a curve by energy, which has no corrections of thrust."""
+    """Compare acceleration with deceleration runs if the curve is by their energy, which does not correct thrust."""
     limit = noise_limit(1)
     if compared is msgspec.UNSET or abs(compared.z) <= limit:
         return

@@ -73,7 +73,7 @@ class RestSettings(Settings):
     flying_s: float = setting(
         2.0, "s", "q_c above its zero by the dynamic pressure of flight for this time is flight, not wind"
     )
-    significant: float = setting(4.0, "1", "a drift of more standard errors is corrected")
+    significant_drift: float = setting(4.0, "standard errors", "a larger drift of a zero is corrected")
     zero_drift: Mapping[str, float] = setting(
         {"Pa": 3.0, "rad/s": 0.01},
         "Pa, rad/s",

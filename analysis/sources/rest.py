@@ -111,7 +111,7 @@ def zeros(
         (first, first_error), (last, last_error) = (mean_at_rest(table[name], some, step_s) for some in (before, after))
         drift[name] = last - first if before and after else 0.0
         drift_error[name] = float(np.hypot(first_error, last_error)) if before and after else float("nan")
-        if abs(drift[name]) > REST.significant * drift_error[name]:
+        if abs(drift[name]) > REST.significant_drift * drift_error[name]:
             drifting[name] = np.array([_middle(table, before), _middle(table, after)]), np.array([first, last])
             notes.append(
                 f"The zero of {_channel_name(name)} moved by {_with_unit(name, drift[name], drift_error[name])} between"

@@ -113,7 +113,7 @@ def _counted(head: Sequence[str], rows: Sequence[str], separator: str) -> list[s
         if count > len(head) and any(cell.strip() for cell in _cells(row, separator)[len(head) :]):
             raise InputError(
                 f"has {len(head)} names for {count} cells in a row ({sum(n == count for n in counts)} of {len(rows)}"
-                " rows have as many), so that it is not known which cell is which: complete its line of names"
+                " rows have that many), so that it is not known which cell is which: complete its line of names"
             )
     usual = Counter(counts).most_common(1)[0][0]
     if usual < len(head):

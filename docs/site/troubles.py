@@ -70,7 +70,7 @@ EVIDENCE: Mapping[EvidenceKind, Trouble] = {
         "State the delay in the tray file, or turn the filter off.",
     ),
     EvidenceKind.OTHER_BLADES: Trouble(
-        "In decelerations the propeller brakes otherwise than the aircraft file says.",
+        "In decelerations the propeller's drag differs from what the aircraft file says.",
         "Set `propulsion.beyond_zero_thrust`: do the blades fold, windmill or stop?",
     ),
     EvidenceKind.THRUST_TABLE: Trouble("Thrust is not that of the propeller's table.", POLES),
@@ -257,7 +257,7 @@ def messages() -> Iterator[Message]:
 
 
 def _words(node: ast.expr) -> str:
-    """The text of a message, … for what varies."""
+    """Return a message's text, with … in place of each part that varies."""
     match node:
         case ast.Constant(value=str(text)):
             return text

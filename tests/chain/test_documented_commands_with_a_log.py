@@ -73,8 +73,8 @@ OF_SIX_SIDES = {"calibrate imu log.mcap": ""}
 ON_THE_GROUND = {
     "transducer-column": OF_A_COLUMN, "run-up": OF_A_RUN_UP, "six-sides": OF_SIX_SIDES, "boom-weights": OF_A_BOOM
 }  # fmt: skip
-TABLE = "python -m flightpower.flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
-RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_RESULTS, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_SIX_SIDES, *OF_A_BOOM, PLAN, TABLE}
+MAKE_TABLE = "python -m flightpower.flight.propeller_files apce_10x5_kt0821_5000.txt > mine.csv"
+RUN_HERE = {PX4_LOG, *OF_A_FLIGHT, *OF_RESULTS, *OF_A_COLUMN, *OF_A_RUN_UP, *OF_SIX_SIDES, *OF_A_BOOM, PLAN, MAKE_TABLE}
 # Patterns of commands that a test runs with other file names, shorter input or one option less; and that test.
 RUN_ELSEWHERE = {
     "flightpower open.*": "analysis/pages/open/test_open_command.py",
@@ -218,7 +218,7 @@ def test_a_table_of_uiuc_becomes_ours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    module, source, _, written = TABLE.removeprefix("python -m ").split()
+    module, source, _, written = MAKE_TABLE.removeprefix("python -m ").split()
     Path(source).write_text(UIUC, "utf-8")
     monkeypatch.setattr(sys, "argv", [module, source])
     monkeypatch.delitem(sys.modules, module)

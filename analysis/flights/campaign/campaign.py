@@ -105,9 +105,9 @@ def run(
         monitor.step(job.name, text)
 
     place = processors(work.analyze, jobs, step) if scheduler is None else cluster(scheduler, work.analyze, step)
-    with place as computers:
+    with place as workers:
         for job, partial, outcome in run_jobs(
-            (planned_job.job for planned_job in planned.values()), computers, new_folder
+            (planned_job.job for planned_job in planned.values()), workers, new_folder
         ):
             if outcome.storage:
                 raise StorageError(outcome.error.replace(str(partial), str(output / job.name)))

@@ -82,7 +82,7 @@ def by_air(windows: Windows, mass_kg: float, V_mps: float, sigma_w_mps: float, t
 
 
 def by_efficiency(windows: Windows, thrust_power_W: Array, share: float) -> Array:
-    """Covariance (n, n) [W^2] due to the form of the efficiency, which is wrong by the fraction `share` of it."""
+    """Covariance (n, n) [W^2] of an efficiency whose curve has another shape, wrong by the fraction `share` of it."""
     return np.asarray(
         share**2 * np.outer(thrust_power_W, thrust_power_W) * np.exp(-_lags(windows) / RESIDUALS.efficiency_s)
     )

@@ -112,7 +112,7 @@ WINDOWS = BalanceWindows()
 
 @dataclass(frozen=True)
 class Residuals(Settings):
-    """Settings for the parts of the balance's residuals: motion of the air, form of the efficiency, angle of attack."""
+    """Settings for the balance's residuals: motion of the air, shape of the efficiency curve, angle of attack."""
 
     efficiency_share: Normal = setting(Normal(0.05, 0.35), "1, ln", "error of the efficiency's form; estimated, too")
     efficiency_s: float = setting(10.0, "s", "how long it lasts: a maneuver")

@@ -90,7 +90,7 @@ def _modes(events: Sequence[Event], panel: int, end_s: float) -> list[Bars]:
 
 
 def _messages(events: Sequence[Event], panel: int, end_s: float) -> list[Points]:
-    """Return a mark for each message, for the cursor to read."""
+    """Return a mark for each message; its text is shown where the cursor is over it."""
     return [
         Points(
             x=np.array([min(max(event.t_s, 0.0), end_s)]), y=np.array([0.85]), panel=panel, color=INK, size=9,

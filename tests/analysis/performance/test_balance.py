@@ -14,7 +14,7 @@ V = np.linspace(11.5, 25.0, 20)
 
 
 def forces(thrust: np.ndarray, sine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unbalanced force along and across the path [N], with the angle of attack that balances it across."""
+    """Return the net force along and across the path [N], at the angle of attack for which that across is zero."""
     qS = AT.rho * V**2 / 2 * AT.wing_area_m2
     low, high = np.full_like(thrust, 0.0), np.full_like(thrust, 3.0)
 
