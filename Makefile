@@ -54,8 +54,7 @@ demo: $(READY) ## fly, record and analyze a simulated Nexstar; the report lands 
 	$(BIN)/analyze out/demo/log.mcap
 
 picture: demo $(VENV)/.dev ## renew the pictures of README and pages: curve, report, card, route, by Chromium
-	$(BIN)/python benchmarks/picture.py out/demo docs/power-required.png
-	PYTHONPATH=. $(BIN)/python benchmarks/page_pictures.py out/demo docs/figures
+	PYTHONPATH=. $(BIN)/python benchmarks/page_pictures.py out/demo docs
 
 test: $(VENV)/.dev ## every claim by one seed or flight, for daily work
 	$(IN_NAMESPACE) $(BIN)/pytest -n $(WORKERS) --dist loadgroup

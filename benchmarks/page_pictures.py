@@ -1,6 +1,6 @@
-"""Takes pictures of pages for the documentation in Chromium: report, page of `flightpower open`, card, route.
+"""Takes pictures for the documentation in Chromium: curve with truth, report, page of `flightpower open`, card, route.
 
-.venv/bin/python benchmarks/page_pictures.py out/demo docs/figures
+.venv/bin/python benchmarks/page_pictures.py out/demo docs
 """
 
 import base64
@@ -13,9 +13,16 @@ import tempfile
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
+import pandas as pd
 import typer
 
-from flightpower.sim.output_folder import LOG
+from flightpower.analysis.pages.charts.figure import Dash, Line
+from flightpower.analysis.pages.charts.power import power_required
+from flightpower.analysis.pages.charts.style import ORANGE
+from flightpower.analysis.pages.charts.svg import chart, chart_style
+from flightpower.analysis.records.flight import Results
+from flightpower.sim.output_folder import CURVE, LOG
 from tests.browser import Browser, started
 
 PROGRAM = (sys.executable, "-m", "flightpower")
@@ -28,11 +35,13 @@ LEGS = "9 km 045, 8 km 135 +50 m, 12 km 250"
 
 def main(
     flight: Annotated[Path, typer.Argument(help="Folder of a simulated flight that was analyzed.")],
-    output: Annotated[Path, typer.Argument(help="Folder for the pictures.")],
+    docs: Annotated[Path, typer.Argument(help="Folder of the documentation.")],
 ) -> None:
-    report, log = (flight / LOG).with_suffix(".report").resolve(), flight / LOG
+    report, log, output = (flight / LOG).with_suffix(".report").resolve(), flight / LOG, docs / "figures"
     with started() as browser, tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        (folder / "curve.html").write_text(curve_page(report / "results.json", flight / CURVE), "utf-8")
+        take(browser, folder / "curve.html", (0, 1000, 560), docs / "power-required.webp")
         take(browser, report / "report.html", (0, 1000, 1000), output / "report.webp")
         results = ("--results", str(report / "results.json"), "--wind", "5 m/s from 270 deg")
         subprocess.run([*PROGRAM, "route", "--legs", LEGS, *results, "--map", str(folder / "route.svg")], check=False)
@@ -51,6 +60,26 @@ def main(
             take(browser, address, (BELOW_THE_FOLDER, 1100, 900), output / "local-page.webp", CURVE_DONE)
         finally:
             served.terminate()
+
+
+def curve_page(results_file: Path, truth_file: Path) -> str:
+    """Return a page with the report's curve and the simulator's, over the same speeds."""
+    results = msgspec.json.decode(results_file.read_bytes(), type=Results)
+    figure = power_required(results)
+    figure.height_px = 460
+    speeds = [float(V) for mark in figure.marks for V in mark.x]
+    truth = pd.read_csv(truth_file)
+    truth = truth[truth["speed_mps"].between(min(speeds), max(speeds))]
+    figure.add(
+        Line(
+            x=truth["speed_mps"].to_numpy(), y=truth["power_W"].to_numpy(), color=ORANGE, width=4, dash=Dash.DOTTED,
+            name="truth (simulator)",
+        )
+    )  # fmt: skip
+    title = f"{results.aircraft.title}: power required, from one simulated flight of two and a half minutes"
+    style = f"body {{ font: 16px sans-serif; margin: 16px }} h1 {{ font-size: 18px }} {chart_style()}"
+    head = f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><style>{style}</style>'
+    return f"{head}<h1>{title}</h1>{chart(figure, 'curve', title)}</html>"
 
 
 def take(

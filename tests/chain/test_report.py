@@ -3,6 +3,7 @@
 import csv
 import html
 import re
+import sys
 from pathlib import Path
 
 import msgspec
@@ -11,6 +12,9 @@ import pytest
 
 from flightpower.analysis.records.flight import Results
 from tests.browser import AXE, CHROMIUM, NO_AXE, Browser
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import page_pictures
 
 pytestmark = pytest.mark.xdist_group("chain")
 
@@ -189,3 +193,9 @@ def test_the_path_is_written_with_the_error_of_every_state(flown: Path) -> None:
     assert np.allclose(np.diff(times), 0.2)
     errors = np.array([float(row["pitch_rad_error"]) for row in rows])
     assert np.all(errors > 1e-5) and np.median(errors) < np.radians(0.5)
+
+
+def test_the_picture_of_the_readme_has_the_curve_and_the_simulator_s(flown: Path) -> None:
+    """Both are drawn over the same speeds, by the charts of the report."""
+    page = page_pictures.curve_page(flown / "log.report" / "results.json", flown / page_pictures.CURVE)
+    assert 'data-entry="truth (simulator)"' in page and 'data-entry="power required"' in page
