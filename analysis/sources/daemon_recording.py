@@ -28,6 +28,12 @@ NOTE = "The pitot's pressure is taken as dynamic pressure: without flow angles t
 
 def recording_of(log: Log) -> FlightRecording:
     """Return a daemon log's channels. Their clock starts at the first airspeed message, or else the first GPS one."""
+    recorded = _recording(log)
+    return replace(recorded, notes=(*recorded.notes, NOTE))
+
+
+def _recording(log: Log) -> FlightRecording:
+    """Return the channels as recorded, with notes on the log but none on the airspeed."""
     start_ns = _start_ns(log)
     channels: dict[str, Channel] = {}
     for name, (topic, field) in CHANNELS.items():
@@ -45,7 +51,7 @@ def recording_of(log: Log) -> FlightRecording:
     version = log.metadata.get("flightpower", {}).get("version", "")
     missing = ", ".join(topic for topic in TOPICS_FOR_DRAG if not log.entries.get(topic))
     lacks = f"The log lacks {missing}, which drag needs: the electrical power of level flight is given instead."
-    notes = (*log.metadata.get(TABLE, {}).values(), *((lacks, NOTE) if missing else (NOTE,)))
+    notes = (*log.metadata.get(TABLE, {}).values(), *((lacks,) if missing else ()))
     if log.torn:
         notes = (f"The log is {log.incomplete}.", *notes)
     return FlightRecording(
@@ -67,18 +73,13 @@ def recording_with_air_data(log: Log, table: pd.DataFrame) -> FlightRecording:
     The pressure at a probe's center port falls with angle of attack, by 5 % at 8 deg for a hemisphere. Outside the
     probe's calibrated angles there are no samples. table : from `air.air_data`
     """
-    as_recorded = recording_of(log)
+    recorded = _recording(log)
     on_ground = table["q_c_Pa"].to_numpy() <= flying_Pa(speed_scale_of(table))
     ground_Pa = np.where(on_ground, table["q_c_Pa"], np.nan)
     pressure_Pa = np.where(table["flying"], table["qbar_Pa"], ground_Pa)
     after_start_s = (log.entries["/imu"][0].time_ns - _start_ns(log)) / 1e9
     pressure = channel(table.index.to_numpy() + after_start_s, pressure_Pa)
-    return replace(
-        as_recorded,
-        channels={**as_recorded.channels, AIRSPEED_PRESSURE: pressure},
-        notes=tuple(note for note in as_recorded.notes if note != NOTE),
-        zeroed=True,
-    )
+    return replace(recorded, channels={**recorded.channels, AIRSPEED_PRESSURE: pressure}, zeroed=True)
 
 
 def _start_ns(log: Log) -> int:
