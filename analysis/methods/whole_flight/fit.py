@@ -177,11 +177,11 @@ def most_probable_fit(
     covariance = np.asarray(np.linalg.inv(information), dtype=float)
     by_residual = solve_triangular(factor, jacobian[: len(residual)], lower=True, trans="T", check_finite=False)
     gain = -covariance @ by_residual.T
-    finite = np.where(np.isfinite(sigma), sigma, 1.0)
+    scale = np.where(np.isfinite(sigma), sigma, 1.0)
     evidence = (
         float(np.sum(whitened(factor, residual) ** 2) + np.sum(((parameters - mean) / sigma) ** 2))
         + 2 * float(np.sum(np.log(np.diag(factor))))
-        + float(np.linalg.slogdet(information * np.outer(finite, finite))[1])
+        + float(np.linalg.slogdet(information * np.outer(scale, scale))[1])
     )
     return Fit(parameters, covariance, gain, residual[:n], gust_mps, gust_s, evidence)
 
