@@ -33,6 +33,7 @@ from flightpower.analysis.methods import consider as covariance
 from flightpower.analysis.methods import motor_lag, motor_speed
 from flightpower.analysis.methods.consider import JointEstimate, joint_estimate, noise_covariance
 from flightpower.analysis.methods.forces import THRUST_BY_MOTOR_SPEED, THRUST_RATE, FlightForces, MotorSpeedError
+from flightpower.analysis.methods.regression import rows_of
 from flightpower.analysis.methods.rejected_assumptions import Assumption, rejected_assumptions
 from flightpower.analysis.methods.settings import MOTOR_SPEED, REGRESSION
 from flightpower.analysis.methods.thrust_prior import J_REFERENCE, THRUST, stand_measurements
@@ -360,7 +361,7 @@ def _segments(forces: pd.DataFrame, level: NDArray[np.bool_], runs: list[Maneuve
     inputs = INPUTS | {name: name for name in (THRUST_RATE, THRUST_BY_MOTOR_SPEED) if name in forces}
     table = np.stack([forces[name].to_numpy() for name in (*inputs.values(), "CD")])
     for run in runs:
-        rows = slice(np.searchsorted(t_s, run.start_s), np.searchsorted(t_s, run.end_s, side="right"))
+        rows = rows_of(t_s, run)
         measured = table[:, rows]
         data = measured
         if np.isnan(measured).any():

@@ -18,7 +18,7 @@ from flightpower.analysis.maneuvers.kinds import Maneuver
 from flightpower.analysis.methods import consider as covariance
 from flightpower.analysis.methods.causes import CAUSES, ErrorEstimate, error_prior_sigma
 from flightpower.analysis.methods.forces import FlightForces
-from flightpower.analysis.methods.regression import PolarRegression, Table, Tables, columns_of, rows_of
+from flightpower.analysis.methods.regression import PolarRegression, Tables, rows_of
 from flightpower.analysis.methods.settings import REGRESSION
 from flightpower.analysis.methods.thrust_prior import J_REFERENCE
 from flightpower.analysis.records.flight import Cause
@@ -218,8 +218,8 @@ class Method(MethodDescription):
     two_term : whether its form lacks CL_minD
     """
 
-    regression: Callable[[Table, list[Maneuver], Aircraft], PolarRegression]
-    points: Callable[[Table, list[Maneuver], Aircraft], list[SteadyPoint]] | None = None
+    regression: Callable[[Tables, list[Maneuver], Aircraft], PolarRegression]
+    points: Callable[[Tables, list[Maneuver], Aircraft], list[SteadyPoint]] | None = None
     two_term: bool = False
 
 
@@ -318,13 +318,13 @@ def _missing_term(CL: Array, A: Array) -> Array:
     return _outer(np.array([A0, -A1, A2]))
 
 
-def _notes(A: Array, table: Table, runs: list[Maneuver]) -> tuple[str, ...]:
+def _notes(A: Array, tables: Tables, runs: list[Maneuver]) -> tuple[str, ...]:
     notes = []
     _, _, A2 = A
     if A2 <= 0:
         notes.append("the drag polar curves downward in this fit: the range of lift coefficients flown is too narrow")
-    t_s, (covered,) = columns_of(table, ["covered"])
-    outside = 1 - float(np.nanmean(np.concatenate([covered[rows_of(t_s, run)] for run in runs])))
+    covered = [tables.columns["covered"][rows_of(tables.t_s, run)] for run in runs]
+    outside = 1 - float(np.nanmean(np.concatenate(covered)))
     if outside > STATISTICS.unmentioned_share:
         notes.append(f"{100 * outside:.0f} % of its data lie outside the propeller table")
     return tuple(notes)

@@ -26,7 +26,7 @@ import numpy as np
 from flightpower.analysis.maneuvers.kinds import LEVEL_RUNS, LOAD_FACTOR_MANEUVERS, Maneuver
 from flightpower.analysis.methods.causes import CAUSES
 from flightpower.analysis.methods.method import Method
-from flightpower.analysis.methods.regression import RunRegression, Table, TimeSeriesRegression, columns_of, run_data
+from flightpower.analysis.methods.regression import RunRegression, Tables, TimeSeriesRegression, run_data
 from flightpower.analysis.records.flight import Cause
 from flightpower.analysis.trajectory.settings import SHOWN
 from flightpower.flight.aircraft import Aircraft
@@ -77,9 +77,9 @@ def _direct_method(
 ) -> Method:
     """A regression of drag on lift with the uncorrected propeller table. taken_as_measured: other uncorrected errors"""
 
-    def regression(table: Table, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
+    def regression(tables: Tables, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
         regressions = []
-        for run, t, data in run_data(table, runs, tuple(columns.values())):
+        for run, t, data in run_data(tables, runs, tuple(columns.values())):
             f = {quantity: data[column] for quantity, column in columns.items()}
             drag, lift = drag_and_lift(f)
             CL = lift / f["qS_over_m"]
@@ -120,12 +120,12 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def regression(table: Table, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
+def regression(tables: Tables, runs: list[Maneuver], _: Aircraft) -> TimeSeriesRegression:
     """Regress the work of drag since the start of a run on integrals of qS V, qS V CL, qS V CL^2, all over mass."""
-    if _constant(table, "gust_mps") > SHOWN.turbulent_mps:
+    if _constant(tables, "gust_mps") > SHOWN.turbulent_mps:
         raise InputError("too turbulent for the energy method: gusts change the speed as slowly as the run does")
     regressions = []
-    for run, t, data in run_data(table, runs, COLUMNS):
+    for run, t, data in run_data(tables, runs, COLUMNS):
         V, height, thrust_over_m, qS_over_m, alpha, bank = (data[name] for name in COLUMNS)
         CL = (g / np.cos(bank) - thrust_over_m * np.sin(alpha)) / qS_over_m  # level: n_z = 1 (2.19)
         energy = V**2 / 2 + g * height  # (2.23)
@@ -133,32 +133,31 @@ def regression(table: Table, runs: list[Maneuver], _: Aircraft) -> TimeSeriesReg
         X = np.stack([_integral(qS_over_m * V * CL**i, t) for i in range(3)], axis=-1)
         # The energy at the start is not known better than at any other instant, so only differences count.
         X, work = X - X.mean(axis=-2, keepdims=True), work - work.mean(axis=-1, keepdims=True)
-        regressions.append(RunRegression(run.name, t, X, work, CL, partial(_work_of_gusts, table, t, V)))
+        regressions.append(RunRegression(run.name, t, X, work, CL, partial(_work_of_gusts, tables, t, V)))
     return TimeSeriesRegression(regressions)
 
 
-def _work_of_gusts(table: Table, t: Array, V: Array) -> Array:
+def _work_of_gusts(tables: Tables, t: Array, V: Array) -> Array:
     """Covariance (n, n) of the work that gusts add over a run, about its mean [(m^2/s^2)^2].
 
     Air rising at w adds g w per second; a gust u along the flight path adds V times the change of u.
     """
     apart_s = np.abs(t[:, None] - t)
-    vertical, along = (_gust_covariance(table, name, apart_s) for name in ("gust", "gust_along"))
+    vertical, along = (_gust_covariance(tables, name, apart_s) for name in ("gust", "gust_along"))
     integral = np.tril(np.full_like(apart_s, t[1] - t[0]))
     center = np.eye(len(t)) - 1 / len(t)
     by_vertical, by_along = center @ integral * g, center * V
     return by_vertical @ vertical @ by_vertical.T + by_along @ along @ by_along.T
 
 
-def _constant(table: Table, name: str) -> float:
+def _constant(tables: Tables, name: str) -> float:
     """The value of a column that is the same in all rows."""
-    _, (column,) = columns_of(table, [name])
-    return float(column.flat[0])
+    return float(tables.columns[name].flat[0])
 
 
-def _gust_covariance(table: Table, name: str, apart_s: Array) -> Array:
+def _gust_covariance(tables: Tables, name: str, apart_s: Array) -> Array:
     """Covariance [m^2/s^2] of first-order gusts at instants apart_s (n, n) from each other."""
-    sigma_mps, time_s = (_constant(table, f"{name}_{unit}") for unit in ("mps", "s"))
+    sigma_mps, time_s = (_constant(tables, f"{name}_{unit}") for unit in ("mps", "s"))
     return np.asarray(sigma_mps**2 * np.exp(-apart_s / time_s))
 
 

@@ -34,16 +34,6 @@ class Tables:
         return Tables(self.t_s, {name: column.reshape(-1, len(self.t_s))[0] for name, column in self.columns.items()})
 
 
-Table = pd.DataFrame | Tables
-
-
-def columns_of(table: Table, names: Sequence[str]) -> tuple[Array, list[Array]]:
-    """Times (n,) [s], and the columns with these names."""
-    if isinstance(table, Tables):
-        return table.t_s, [table.columns[name] for name in names]
-    return table.index.to_numpy(), [table[name].to_numpy() for name in names]
-
-
 def rows_of(t_s: Array, run: Maneuver) -> slice:
     """The rows of a run in a table with the times t_s (n,)."""
     return slice(*np.searchsorted(t_s, (run.start_s, np.nextafter(run.end_s, np.inf))))
@@ -57,13 +47,12 @@ class RunData(NamedTuple):
     columns: dict[str, Array]
 
 
-def run_data(table: Table, runs: list[Maneuver], columns: tuple[str, ...]) -> list[RunData]:
+def run_data(tables: Tables, runs: list[Maneuver], columns: tuple[str, ...]) -> list[RunData]:
     """The columns over each run, with gaps interpolated. Raises InputError when no run has all columns."""
-    t, values = columns_of(table, columns)
-    run_data = []
+    t, run_data = tables.t_s, []
     for run in runs:
         rows = rows_of(t, run)
-        data = [_interpolated(column[..., rows]) for column in values]
+        data = [_interpolated(tables.columns[name][..., rows]) for name in columns]
         if len(t[rows]) >= REGRESSION.fewest_blocks and all(np.isfinite(column).all() for column in data):
             run_data.append(RunData(run, t[rows], dict(zip(columns, data, strict=True))))
     if not run_data:

@@ -19,7 +19,7 @@ import numpy as np
 from flightpower.analysis.maneuvers.kinds import STEADY, Maneuver
 from flightpower.analysis.methods.causes import CAUSES
 from flightpower.analysis.methods.method import Method, SteadyPoint
-from flightpower.analysis.methods.regression import THREE_TERM, TWO_TERM, PointRegression, Table, columns_of, rows_of
+from flightpower.analysis.methods.regression import THREE_TERM, TWO_TERM, PointRegression, Tables, rows_of
 from flightpower.analysis.methods.settings import REGRESSION, STEADY_POINTS
 from flightpower.analysis.records.flight import Cause
 from flightpower.analysis.settings import EVIDENCE, FLOWN
@@ -50,12 +50,11 @@ class SteadyMeans(NamedTuple):
         return np.asarray(2 * self.lift_N / (self.rho * self.V**2 * aircraft.geometry.wing_area_m2))
 
 
-def steady_means(table: Table, runs: list[Maneuver], aircraft: Aircraft) -> SteadyMeans:
+def steady_means(tables: Tables, runs: list[Maneuver], aircraft: Aircraft) -> SteadyMeans:
     """The means of all steady runs. Raises InputError when none has thrust data."""
     m = aircraft.mass_kg
-    t_s, (*columns, gusts_mps, gusts_s) = columns_of(table, (*COLUMNS, "gust_mps", "gust_s"))
-    values = dict(zip(COLUMNS, columns, strict=True))
-    gust_mps, gust_s = float(gusts_mps.flat[0]), float(gusts_s.flat[0])
+    t_s, values = tables.t_s, {name: tables.columns[name] for name in COLUMNS}
+    gust_mps, gust_s = (float(tables.columns[name].flat[0]) for name in ("gust_mps", "gust_s"))
     rows = []
     for run in runs:
         within = rows_of(t_s, run)
@@ -110,9 +109,9 @@ def _different(speeds: Array) -> int:
     return different
 
 
-def steady_points(table: Table, runs: list[Maneuver], aircraft: Aircraft) -> list[SteadyPoint]:
+def steady_points(tables: Tables, runs: list[Maneuver], aircraft: Aircraft) -> list[SteadyPoint]:
     """The steady points as lift and drag coefficients, which hold for any weight and density."""
-    points = steady_means(table, runs, aircraft)
+    points = steady_means(tables, runs, aircraft)
     unit_W = points.rho * points.V**3 * aircraft.geometry.wing_area_m2 / 2  # power at C_D = 1
     columns = (
         points.lift_coefficient(aircraft),
@@ -155,8 +154,8 @@ def steady_method(
     regression : function of (points, aircraft) that gives X (n, 3) and z (n,), which is proportional to power
     """
 
-    def point_regression(table: Table, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
-        points = steady_means(table, runs, aircraft)
+    def point_regression(tables: Tables, runs: list[Maneuver], aircraft: Aircraft) -> PointRegression:
+        points = steady_means(tables, runs, aircraft)
         require_speeds(points, terms.shape[1])
         X, z = regression(points, aircraft)
         sigma = z * points.power_error_W / points.power_W

@@ -131,6 +131,11 @@ def measured(f: pd.DataFrame, scale: float = 0.0, slope: float = 0.0, **sensor_e
     )
 
 
+def tables_of(table: pd.DataFrame) -> Tables:
+    """Return a data frame, with its times as index, as a table for the methods."""
+    return Tables(table.index.to_numpy(), {name: column.to_numpy(dtype=float) for name, column in table.items()})
+
+
 def same_everywhere(table: pd.DataFrame, runs: list[Maneuver]) -> MethodInputs:
     """Return the inputs of all methods for a flight that no error changes, with a single trajectory error."""
     errors = tuple(error_prior_sigma(AIRCRAFT.uncertainty))

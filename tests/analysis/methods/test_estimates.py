@@ -17,6 +17,7 @@ from constructed import (
     measured,
     polar,
     same_everywhere,
+    tables_of,
 )
 
 from flightpower.analysis.curve import Condition, Polar, power_required
@@ -151,7 +152,7 @@ def points(speeds, A: np.ndarray, kind: str, bank: float = 0.0):
 @pytest.mark.parametrize(("method", "kind"), [(PIW_VIW_THREE, "steady"), (ENERGY, "acceleration")])
 def test_lift_in_a_turn_is_weight_over_the_cosine_of_bank(method: Method, kind: str) -> None:
     table, runs = points(SPEEDS, polar(), kind, bank=0.4)
-    assert method.regression(table, runs, AIRCRAFT).coefficients() == pytest.approx(polar(), rel=1e-4)
+    assert method.regression(tables_of(table), runs, AIRCRAFT).coefficients() == pytest.approx(polar(), rel=1e-4)
 
 
 @pytest.mark.parametrize("CL_minD", [0.2, -0.2])
@@ -165,7 +166,9 @@ def test_the_missing_term_is_the_error_of_a_two_term_fit_for_a_CL_minD_of_0_2(CL
     inputs = same_everywhere(table, runs)
     two, three = (estimate_with(method, inputs) for method in (PIW_VIW_TWO, PIW_VIW_THREE))
     missing = two.systematic - three.systematic
-    assert missing == pytest.approx(_missing_term(PIW_VIW_TWO.regression(table, runs, AIRCRAFT).CL, polar(0.0)))
+    assert missing == pytest.approx(
+        _missing_term(PIW_VIW_TWO.regression(tables_of(table), runs, AIRCRAFT).CL, polar(0.0))
+    )
 
 
 def test_fallback_knows_how_its_polar_changes_with_thrust() -> None:

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
-from constructed import AIRCRAFT, STEP_S, S, W, flown, polar
+from constructed import AIRCRAFT, STEP_S, S, W, flown, polar, tables_of
 
 from flightpower.analysis.curve import Condition, Polar, power_required
 from flightpower.analysis.estimation.noise import NORMAL_95
@@ -42,9 +42,15 @@ def joined(parts: list[pd.DataFrame], kind: str) -> tuple[pd.DataFrame, list[Man
     return pd.concat(parts), runs
 
 
+def as_tables(parts: list[pd.DataFrame], kind: str) -> tuple[Tables, list[Maneuver]]:
+    """Join parts of a flight as a table for the methods, with each part as a run."""
+    table, runs = joined(parts, kind)
+    return tables_of(table), runs
+
+
 def coefficients(method: Method, parts: list[pd.DataFrame], kind: str) -> np.ndarray:
     table, runs = joined(parts, kind)
-    return method.regression(table, runs, AIRCRAFT).coefficients()
+    return method.regression(tables_of(table), runs, AIRCRAFT).coefficients()
 
 
 SPEEDS = (11.6, 13.5, 16.0, 19.0, 22.8)  # 38 to 75 ft/s
@@ -75,7 +81,7 @@ def test_error_of_two_terms_at_low_speed_is_as_in_method_section_2(CL_minD: floa
     condition = Condition(W, 1.225, S)
     V = np.linspace(11.58, 22.86, 30)  # 38 to 75 ft/s
     table, runs = joined([flown(np.full(20, v), polar(CL_minD), 1.225) for v in V], "steady")
-    regression = PIW_VIW_TWO.regression(table, runs, AIRCRAFT)
+    regression = PIW_VIW_TWO.regression(tables_of(table), runs, AIRCRAFT)
     assert isinstance(regression, PointRegression)
     equal = dataclasses.replace(regression, sigma=np.ones(len(V)))
     true, classic, weighted = (
@@ -96,24 +102,24 @@ def test_both_forms_of_w_over_delta_are_equal() -> None:
 def test_piw_and_viw_are_independent_of_weight_and_density() -> None:
     """Equal lift coefficients at another weight and density give equal PIW and VIW (2.3), (2.5), to rounding."""
     A = polar()
-    here = joined(steady(A), "steady")
+    here = as_tables(steady(A), "steady")
     heavier = dataclasses.replace(AIRCRAFT, mass=dataclasses.replace(AIRCRAFT.mass, weight_N=1.3 * W))
     factor = np.sqrt(1.3 * 1.15 / 0.9)
     there = [flown(np.full(60, factor * V), A, 0.9, weight_N=1.3 * W) for V in SPEEDS]
     points = piw_viw(steady_means(*here, AIRCRAFT), AIRCRAFT)
-    other = piw_viw(steady_means(*joined(there, "steady"), heavier), heavier)
+    other = piw_viw(steady_means(*as_tables(there, "steady"), heavier), heavier)
     assert np.array(other) == pytest.approx(np.array(points), rel=1e-9)
 
 
 def test_piw_is_power_at_the_standard_weight_and_sea_level() -> None:
     A = polar()
-    PIW, VIW = piw_viw(steady_means(*joined(steady(A), "steady"), AIRCRAFT), AIRCRAFT)
+    PIW, VIW = piw_viw(steady_means(*as_tables(steady(A), "steady"), AIRCRAFT), AIRCRAFT)
     standard = Condition(AIRCRAFT.mass.standard_weight_N, SEA_LEVEL_DENSITY, S)
     assert PIW == pytest.approx(power_required(VIW, Polar(A, NO_COVARIANCE), standard)[0], rel=1e-9)
 
 
 def test_points_hold_for_another_weight_and_density() -> None:
-    points = steady_points(*joined(steady(polar()), "steady"), AIRCRAFT)
+    points = steady_points(*as_tables(steady(polar()), "steady"), AIRCRAFT)
     A = polar()
     for point in points:
         assert point.CD == pytest.approx(A[0] + A[1] * point.CL + A[2] * point.CL**2, rel=1e-9)
@@ -166,7 +172,7 @@ def test_tables_of_several_errors_at_once_give_what_each_gives_alone(method: Met
     columns = {name: np.stack([wrong[name].to_numpy() for wrong in tables]) for name in table}
     columns["rho"], columns["bank"] = table["rho"].to_numpy(), table["bank"].to_numpy()
     together = method.regression(Tables(table.index.to_numpy(), columns), runs, AIRCRAFT).coefficients()
-    alone = np.array([method.regression(wrong, runs, AIRCRAFT).coefficients() for wrong in tables])
+    alone = np.array([method.regression(tables_of(wrong), runs, AIRCRAFT).coefficients() for wrong in tables])
     assert np.ptp(alone[:, 0]) > 1e-6, "the tables must give different polars"
     assert together == pytest.approx(alone, rel=1e-8)
 
@@ -251,11 +257,11 @@ def test_energy_is_refused_in_rough_air() -> None:
 def test_vertical_gusts_increase_the_error_of_a_steady_point() -> None:
     """The added error is weight times sigma sqrt(2 T/t) of vertical wind, with 0.15 m/s, 4 s and 11.8 s: 4.7 W."""
     parts = steady(polar())
-    calm = steady_means(*joined(parts, "steady"), AIRCRAFT).power_error_W
+    calm = steady_means(*as_tables(parts, "steady"), AIRCRAFT).power_error_W
     for part in parts:
         part["gust_mps"] = 0.15
     gusty = steady_means(
-        pd.concat(parts), joined([p.copy() for p in steady(polar())], "steady")[1], AIRCRAFT
+        tables_of(pd.concat(parts)), joined([p.copy() for p in steady(polar())], "steady")[1], AIRCRAFT
     ).power_error_W
     assert np.sqrt(gusty**2 - calm**2) == pytest.approx(0.15 * np.sqrt(2 * 4 / 11.8) * W, rel=1e-6)
 
@@ -286,7 +292,7 @@ def test_energy_s_interval_contains_the_work_of_gusts() -> None:
             w, u = colored(0.15, 2.0), colored(0.25, 9.0)
             part["height_measured"] += np.cumsum(w) * STEP_S - part["V"] * u / GRAVITY_MPS2
         table, runs = joined(parts, "acceleration")
-        regression = ENERGY.regression(table, runs, AIRCRAFT)
+        regression = ENERGY.regression(tables_of(table), runs, AIRCRAFT)
         power, error = power_required(V, Polar(regression.coefficients(), regression.noise_covariance()), condition)
         hits.append(np.abs(power - true) < NORMAL_95 * error)
     assert np.mean(hits, axis=0).min() > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 100)

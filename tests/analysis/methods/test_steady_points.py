@@ -1,10 +1,12 @@
 """Means over a steady run give the power, lift and standard error that mechanics and statistics require."""
 
+from dataclasses import replace
+
 import numpy as np
-import pandas as pd
 import pytest
 
 from flightpower.analysis.maneuvers.kinds import STEADY, Maneuver
+from flightpower.analysis.methods.regression import Tables
 from flightpower.analysis.methods.steady_points import (
     SteadyMeans,
     _error_of_mean,
@@ -24,19 +26,19 @@ STEP_S, SECONDS, RHO, SPEED = 0.2, 40.0, 1.1, 15.0
 RUN = Maneuver(STEADY, slice(None), 0.0, SECONDS, SPEED, SPEED, 0.0)
 
 
-def table(**columns) -> pd.DataFrame:
+def table(**columns) -> Tables:
     """Return a level, steady flight along the body's x axis; `columns` replaces its columns."""
     t = np.arange(0.0, SECONDS + STEP_S / 2, STEP_S)
     still = {
         "thrust_x_over_m_mps2": 1.0, "alpha": 0.0, "V": SPEED, "Vdot": 0.0, "gamma": 0.0, "climb": 0.0, "bank": 0.0,
         "rho": RHO, "static_Pa": 95e3, "temperature_K": 290.0, "gust_mps": 0.0, "gust_s": 1.0,
     }  # fmt: skip
-    return pd.DataFrame({name: np.broadcast_to(x, t.shape) for name, x in (still | columns).items()}, index=t)
+    return Tables(t, {name: np.broadcast_to(x, t.shape) for name, x in (still | columns).items()})
 
 
 def test_power_is_that_of_thrust_less_the_rates_of_kinetic_and_potential_energy() -> None:
     """Thrust is inclined by alpha, with a climb of 0.3 m/s and an acceleration of 0.01 m/s^2, all constant."""
-    t = table().index.to_numpy()
+    t = table().t_s
     V = SPEED + 0.01 * (t - t.mean())
     means = steady_means(table(V=V, Vdot=0.01, climb=0.3, alpha=0.1, thrust_x_over_m_mps2=1.5), [RUN], NEXSTAR)
     expected = M * (1.5 * np.cos(0.1) * SPEED - 0.01 * SPEED - g * 0.3)
@@ -58,7 +60,7 @@ def test_the_standard_error_is_that_of_table_gusts_and_scatter() -> None:
     gusty = steady_means(table(gust_mps=0.2, gust_s=3.0), [RUN], NEXSTAR)
     gust_W = M * g * 0.2 * np.sqrt(2 * 3.0 / SECONDS)
     assert gusty.power_error_W == pytest.approx([np.hypot(gust_W, 0.005 * power_W)])
-    n = len(table())
+    n = len(table().t_s)
     errors = [
         float(steady_means(table(Vdot=np.random.default_rng(seed).normal(0, 0.3, n)), [RUN], NEXSTAR).power_error_W[0])
         for seed in range(100)
@@ -69,15 +71,15 @@ def test_the_standard_error_is_that_of_table_gusts_and_scatter() -> None:
 
 def test_a_pilot_s_speed_changes_and_climbs_are_no_scatter_of_drag() -> None:
     """If thrust exactly makes up for them, the point is as certain as one without, wherever the log's time begins."""
-    wave = np.sin(np.arange(len(table())) / 9.0)
+    wave = np.sin(np.arange(len(table().t_s)) / 9.0)
     flown = table(Vdot=0.3 * wave, gamma=0.02 * wave, thrust_x_over_m_mps2=1.0 + 0.3 * wave + g * np.sin(0.02 * wave))
-    flown.index += 500.0
+    flown = replace(flown, t_s=flown.t_s + 500.0)
     late = Maneuver(STEADY, slice(None), 500.0, 500.0 + SECONDS, SPEED, SPEED, 0.0)
     means = steady_means(flown, [late], NEXSTAR)
     assert means.power_error_W == pytest.approx(0.005 * means.power_W)
     scattered = table(thrust_x_over_m_mps2=1.0 + 0.3 * wave)
     before = steady_means(scattered, [RUN], NEXSTAR).power_error_W
-    scattered.index += 500.0
+    scattered = replace(scattered, t_s=scattered.t_s + 500.0)
     assert steady_means(scattered, [late], NEXSTAR).power_error_W == pytest.approx(before)
 
 
@@ -107,7 +109,7 @@ def test_speeds_less_than_8_per_cent_apart_are_one_and_power_must_be_positive() 
 
 
 def test_a_run_with_fewer_than_ten_thrust_values_is_no_point() -> None:
-    thrust = np.full(len(table()), np.nan)
+    thrust = np.full(len(table().t_s), np.nan)
     thrust[20:30] = 1.0
     assert steady_means(table(thrust_x_over_m_mps2=thrust), [RUN], NEXSTAR).power_W == pytest.approx([M * SPEED])
     thrust[29] = np.nan
@@ -133,7 +135,7 @@ def test_the_error_of_what_is_regressed_is_as_large_a_share_as_that_of_power() -
         return np.ones((len(points.V), 3)), points.power_W / points.V
 
     method = steady_method("test", "test", "", np.array([[1.0], [0.0], [0.0]]), drag)
-    noisy = 1.0 + np.random.default_rng(0).normal(0, 0.1, len(table()))
+    noisy = 1.0 + np.random.default_rng(0).normal(0, 0.1, len(table().t_s))
     assert method.regression is not None
     regression = method.regression(table(thrust_x_over_m_mps2=noisy), [RUN], NEXSTAR)
     assert regression.sigma / regression.z == pytest.approx(seen[0].power_error_W / seen[0].power_W)
