@@ -124,13 +124,13 @@ class RunShares(NamedTuple):
 class DynamicEstimate:
     """A drag polar with its covariance, and data for the report.
 
-    `joint`, `convergence` and `shares` are None, and `folding_gain` is 0, if another method gave the estimate.
+    `joint`, `convergence` and `shares` are None, and `other_blades_gain` is 0, if another method gave the estimate.
     verdict : reason why the estimation ended, in words
     values : (5,) of POLAR and THRUST
     noise, systematic : the parts (5, 5) of their covariance due to noise and to errors common to all runs
     joint : the estimate together with the sensor errors, for the joint estimate of several flights
     convergence : of the regression of drag     shares : contributions of the runs
-    folding_gain : gain of the log likelihood if the blades fold beyond zero thrust although they are assumed to
+    other_blades_gain : gain of the log likelihood if the blades fold beyond zero thrust although they are assumed to
         windmill, or the other way around; 0 where no run has such thrust
     """
 
@@ -146,7 +146,7 @@ class DynamicEstimate:
     joint: JointEstimate | None = None
     convergence: Convergence | None = None
     shares: RunShares | None = None
-    folding_gain: float = 0.0
+    other_blades_gain: float = 0.0
 
 
 class _Nominal(NamedTuple):
@@ -232,12 +232,12 @@ def estimate_polar(
         joint=joint,
         convergence=fit.convergence,
         shares=_run_shares(fit, polar_part(noise)),
-        folding_gain=_folding_gain(nominal, runs),
+        other_blades_gain=_other_blades_gain(nominal, runs),
     )
 
 
-def _folding_gain(nominal: _Nominal, runs: list[Maneuver]) -> float:
-    """Compute `DynamicEstimate.folding_gain`."""
+def _other_blades_gain(nominal: _Nominal, runs: list[Maneuver]) -> float:
+    """Compute `DynamicEstimate.other_blades_gain`."""
     forces, propeller = nominal.flight_forces, nominal.flight_forces.propeller
     thrust = np.concatenate(
         [segment_fit.segment.u["thrust_along_V_over_m"] for segment_fit in nominal.fit.segment_fits]

@@ -187,8 +187,8 @@ def _nodes_at(model: PerformanceModel, conditions: Sequence[Condition]) -> list[
     if _throttle(model):
         full = full_throttle_performances(model, conditions, GRID.speeds)
     return [
-        _node(*arguments)
-        for arguments in zip(flights, full, [condition.weight_N for condition in conditions], strict=True)
+        _node(flight, performance, condition.weight_N)
+        for flight, performance, condition in zip(flights, full, conditions, strict=True)
     ]
 
 

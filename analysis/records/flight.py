@@ -801,7 +801,7 @@ class Results(WithCurves, frozen=True, kw_only=True):
     runs_against_others: list[RunAgainstOthers] = []
     # Gain of the log likelihood if the propeller, beyond zero thrust, folds although it is assumed to windmill, or the
     # other way around; absent where no run has such thrust.
-    folding_gain: float | msgspec.UnsetType = msgspec.field(default=msgspec.UNSET, name="other_blades")
+    other_blades_gain: float | msgspec.UnsetType = msgspec.field(default=msgspec.UNSET, name="other_blades")
     # From the energy of the runs, if that gives the curve and both kinds were flown.
     accelerations_against_decelerations: RunAgainstOthers | msgspec.UnsetType = msgspec.UNSET
     disagreements: list[DisagreementResult] = []

@@ -109,7 +109,7 @@ def assemble(
         single_runs=[methods.method_result(estimate, condition, flown_CL[1]) for estimate in drag.single_runs],
         runs_against_others=drag.runs_against_others,
         accelerations_against_decelerations=drag.accelerations_against_decelerations or msgspec.UNSET,
-        folding_gain=drag.main.folding_gain or msgspec.UNSET,
+        other_blades_gain=drag.main.other_blades_gain or msgspec.UNSET,
         disagreements=drag.disagreements,
         path=flight_found.path_result(trajectory, agreement, flight.prior_conflict),
         speed_over_motor_constant=speed_over_motor_constant(flight.table, aircraft.propulsion),

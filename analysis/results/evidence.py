@@ -316,7 +316,7 @@ def _motor_lag(statistics: PoolingStatistics | None) -> Iterator[Evidence]:
 
 def _folding_or_windmilling(results: Results) -> Iterator[Evidence]:
     """Judge whether the propeller's other behavior beyond zero thrust (folding, windmilling) fits the runs better."""
-    gain, limit = results.folding_gain, MOTOR_SPEED.least_errors**2 / 2
+    gain, limit = results.other_blades_gain, MOTOR_SPEED.least_errors**2 / 2
     if gain is msgspec.UNSET or gain <= limit:
         return
     yield Evidence(

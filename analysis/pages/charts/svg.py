@@ -312,15 +312,15 @@ def path(x: Array, y: Array, *, dots: bool = False) -> str:
         if not math.isfinite(one_x + one_y):
             before = before if dots else None
             continue
-        start_point = round(one_x), round(one_y)
+        point = round(one_x), round(one_y)
         if before is None:
-            parts.append(f"M{start_point[0]} {start_point[1]}{'z' if dots else 'l'}")
+            parts.append(f"M{point[0]} {point[1]}{'z' if dots else 'l'}")
         else:
-            dx, dy = start_point[0] - before[0], start_point[1] - before[1]
+            dx, dy = point[0] - before[0], point[1] - before[1]
             parts.append(
                 f"{'m' if dots else '' if dx < 0 else ' '}{dx}{'' if dy < 0 else ' '}{dy}{'z' if dots else ''}"
             )
-        before = start_point
+        before = point
     return "".join(parts).replace("l ", "l").replace("lM", "M").removesuffix("l")
 
 

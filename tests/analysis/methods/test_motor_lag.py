@@ -55,6 +55,8 @@ def test_runs_with_little_thrust_tell_blades_that_fold_from_those_that_windmill(
     means["ax_mps2"] = means["ax_mps2"] + np.random.default_rng(5).normal(0, 0.02, len(f))
     right = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER)
     wrong = estimate_polar(trajectory, runs, AIRCRAFT, PROPELLER.with_beyond_zero_thrust(FOLD))
-    assert right.folding_gain < -18 and wrong.folding_gain > 18
+    assert right.other_blades_gain < -18 and wrong.other_blades_gain > 18
     level, runs = accelerations_and_decelerations()
-    assert estimate_polar(measured(level), runs, AIRCRAFT, PROPELLER).folding_gain == 0.0, "thrust never gets near zero"
+    assert estimate_polar(measured(level), runs, AIRCRAFT, PROPELLER).other_blades_gain == 0.0, (
+        "thrust never gets near zero"
+    )
